@@ -1,0 +1,68 @@
+"""Every exception this package raises on purpose.
+
+A message names what was seen, the rule, and what to do next.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class LiberoMaxError(Exception):
+    """Root of the family. None of these is ever a failure of the policy under test."""
+
+
+class OptionError(LiberoMaxError):
+    """A command-line or ini option has a value that cannot be used."""
+
+
+class ManifestError(LiberoMaxError):
+    """A manifest is unreadable, incomplete or contradicts itself."""
+
+
+class AdapterError(LiberoMaxError):
+    """A policy adapter cannot be loaded or breaks the Policy contract."""
+
+
+class ActionError(AdapterError):
+    """A policy returned actions of the wrong shape, or actions that are not finite."""
+
+
+class ChangeError(LiberoMaxError):
+    """A change is malformed or cannot be applied to this world."""
+
+
+class SubstrateError(LiberoMaxError):
+    """A substrate cannot build or restore what was asked for."""
+
+
+class EntityError(SubstrateError):
+    """A world has no entity of that name."""
+
+
+class SimulatorError(LiberoMaxError):
+    """The simulation itself broke: a state that is not finite, a renderer that does not answer."""
+
+
+class ProtocolError(LiberoMaxError):
+    """A pair is not a valid measurement: the prefixes differ, or the event fired twice."""
+
+
+class ReportError(LiberoMaxError):
+    """Results cannot be read, written or aggregated."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A sentence that names the closest known word and lists the others; empty where none is known.
+
+    Args:
+        name: What was written.
+        known: Every valid spelling.
+    """
+    valid = sorted(known)
+    if not valid:
+        return ""
+    close = difflib.get_close_matches(name, valid, n=1, cutoff=0.5)
+    hint = f"Did you mean {close[0]!r}? " if close else ""
+    return f"{hint}Known: {', '.join(valid)}."

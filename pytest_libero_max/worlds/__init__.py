@@ -1,0 +1,1 @@
+"""Worlds: the scenes in which episodes are played, behind one contract."""

@@ -1,0 +1,238 @@
+"""What a world is: one scene that can be reset, stepped, looked at, copied and compared.
+
+Everything above this room (changes, policies, the pair runner) knows worlds only through
+:class:`World`. The two substrates, ``embedded`` and ``libero``, stand behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from pytest_libero_max.cases import Case
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Observation = Mapping[str, NDArray[Any]]
+"""LIBERO's own keys: ``agentview_image``, ``robot0_eye_in_hand_image`` ((H, W, 3) uint8, OpenGL row
+order, so ``image[::-1]`` is upright), ``robot0_eef_pos`` (3, m, world), ``robot0_eef_quat`` (4, xyzw),
+``robot0_gripper_qpos`` (2, m), ``robot0_gripper_qvel`` (2), ``robot0_joint_pos`` (7, rad) and
+``robot0_joint_vel`` (7, rad/s)."""
+
+CONTROL_HZ = 20
+ACTION_DIM = 7
+NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+"""Hold the pose with the gripper open: LIBERO's settle action."""
+
+CAMERAS = ("agentview", "robot0_eye_in_hand")
+"""The two cameras a LIBERO policy sees, in the order in which LIBERO lists them."""
+
+EntityKind = Literal["object", "fixture", "surface"]
+
+
+@dataclass(frozen=True)
+class Entity:
+    """Something a case can name.
+
+    Attributes:
+        name: Instance name as in the task's BDDL, for example ``akita_black_bowl_1``.
+        category: LIBERO category, for example ``akita_black_bowl``.
+        kind: ``object`` has a free joint, ``fixture`` is bolted to the scene (its drawers and knobs may
+            move), ``surface`` is the table or the floor.
+        body: Name of its root body in the MuJoCo model.
+        support: The entity it is declared to rest on at reset, or None.
+    """
+
+    name: str
+    category: str
+    kind: EntityKind
+    body: str
+    support: str | None = None
+
+
+class PixelFilter(Protocol):
+    """A change of what a camera delivers: a pure, hashable, frozen function of its arguments."""
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        """Return the altered image.
+
+        Args:
+            image: (H, W, 3) uint8. Must not be written to.
+            camera: Camera name, for example ``agentview``.
+            step: Control steps since the filter was added; 0 for a look right after it was added.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class WorldState:
+    """Everything the future of a world depends on, as a value that never aliases the live world.
+
+    Attributes:
+        scene: The scene it was taken from; restoring into another scene is refused.
+        physics: MuJoCo's integration state, float64.
+        model: The alterable model fields by name.
+        controller: Controller and gripper state that MuJoCo does not hold, float64.
+        steps: Control steps since reset.
+        filters: Active pixel filters with the step at which each was added.
+        parked: Names of the entities taken out of the scene with the pose (7, m and wxyz) each had then.
+    """
+
+    scene: str
+    physics: Array
+    model: Mapping[str, NDArray[Any]]
+    controller: Array
+    steps: int
+    filters: tuple[tuple[PixelFilter, int], ...]
+    parked: tuple[tuple[str, tuple[float, ...]], ...]
+
+
+@runtime_checkable
+class World(Protocol):
+    """One scene, built once and reused for every case that shares it.
+
+    Between calls the world is always *settled in its own state*: positions, contacts and camera frames
+    belong to the current joint positions. Rendering happens inside :meth:`observe` and nowhere else.
+    """
+
+    @property
+    def scene(self) -> str:
+        """Stable key, for example ``embedded/libero_spatial/0``."""
+        ...
+
+    @property
+    def model(self) -> mujoco.MjModel: ...
+
+    @property
+    def data(self) -> mujoco.MjData: ...
+
+    @property
+    def entities(self) -> Mapping[str, Entity]: ...
+
+    @property
+    def steps(self) -> int:
+        """Control steps since reset (1 step = 50 ms)."""
+        ...
+
+    @property
+    def filters(self) -> tuple[tuple[PixelFilter, int], ...]: ...
+
+    @property
+    def parked(self) -> tuple[str, ...]:
+        """Entities currently taken out of the scene, in the order in which they were parked."""
+        ...
+
+    def reset(self, init: int) -> None:
+        """Start over from initial state ``init``; every trace of an earlier episode is gone.
+
+        Raises:
+            SubstrateError: The scene has no such initial state.
+        """
+        ...
+
+    def step(self, action: Sequence[float] | Array) -> None:
+        """Play one control step (50 ms) of a (7,) action; components beyond +-1 are clipped by the controller.
+
+        Raises:
+            ActionError: Wrong shape or a component that is not finite.
+            SimulatorError: The state is no longer finite.
+        """
+        ...
+
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
+        """Proprioception, and one (size, size, 3) uint8 image for each camera named; see :data:`Observation`."""
+        ...
+
+    def snapshot(self) -> WorldState: ...
+
+    def restore(self, state: WorldState) -> None: ...
+
+    def digest(self) -> bytes:
+        """32-byte fingerprint of the snapshot: equal states, equal digests, bit for bit."""
+        ...
+
+    def succeeded(self) -> bool:
+        """Whether the task's goal predicates hold now."""
+        ...
+
+    def position(self, entity: str) -> Array:
+        """(3,) m, world: the free joint of an object, the root body of a fixture.
+
+        Raises:
+            EntityError: No such entity; the message suggests the closest name.
+        """
+        ...
+
+    def pose(self, entity: str) -> tuple[Array, Array]:
+        """Position (3,) in m and orientation (4,) wxyz, both in the world frame."""
+        ...
+
+    def end_effector(self) -> Array:
+        """(3,) m, world: the grip site between the fingers."""
+        ...
+
+    def contacts(self, entity: str) -> tuple[str, ...]:
+        """Sorted names of what touches the entity now: entities, ``robot0``, ``gripper0``."""
+        ...
+
+    # What changes use. Nothing else writes to a world from outside.
+
+    def alter(self, field: str, index: int | slice, value: Any) -> None:
+        """Write ``model.<field>[index] = value`` for an alterable field and bring derived data up to date.
+
+        Raises:
+            SubstrateError: The field is not one that a reset restores.
+        """
+        ...
+
+    def place(self, entity: str, position: Sequence[float] | Array, quaternion: Sequence[float] | Array | None = None) -> None:
+        """Put an entity somewhere else, at rest; the orientation (wxyz) stays unless given. Nothing else moves."""
+        ...
+
+    def park(self, entity: str, position: Sequence[float] | Array) -> None:
+        """Take an object out of the scene: unseen, untouchable and weightless at ``position`` until unparked."""
+        ...
+
+    def unpark(self, entity: str, position: Sequence[float] | Array, quaternion: Sequence[float] | Array | None = None) -> None:
+        """Bring a parked object back, at rest, by default in the orientation it had when it was parked."""
+        ...
+
+    def parked_pose(self, entity: str) -> tuple[Array, Array]:
+        """Position (3,) and quaternion (4,) wxyz that a parked entity had when it was parked."""
+        ...
+
+    def add_filter(self, filter: PixelFilter) -> None:
+        """Let every later image of every camera pass through ``filter``, after those already there."""
+        ...
+
+    def close(self) -> None:
+        """Give back GL contexts and memory. The world cannot be used afterwards."""
+        ...
+
+
+class Substrate(Protocol):
+    """Builds worlds and keeps them for reuse."""
+
+    @property
+    def name(self) -> str: ...
+
+    def world(self, case: Case) -> World:
+        """The world that plays ``case``: built on first use, shared by every case of the same scene.
+
+        Raises:
+            SubstrateError: The substrate cannot build this case; the message says what it lacks.
+        """
+        ...
+
+    def fingerprint(self) -> Mapping[str, str]:
+        """What could change a result: package versions, a digest of the assets, the GL backend."""
+        ...
+
+    def close(self) -> None: ...
