@@ -108,6 +108,11 @@ class World(Protocol):
         ...
 
     @property
+    def language(self) -> str:
+        """The task's instruction as the benchmark gives it to a policy."""
+        ...
+
+    @property
     def model(self) -> mujoco.MjModel: ...
 
     @property
@@ -192,7 +197,12 @@ class World(Protocol):
         """
         ...
 
-    def place(self, entity: str, position: Sequence[float] | Array, quaternion: Sequence[float] | Array | None = None) -> None:
+    def place(
+        self,
+        entity: str,
+        position: Sequence[float] | Array,
+        quaternion: Sequence[float] | Array | None = None,
+    ) -> None:
         """Put an entity somewhere else, at rest; the orientation (wxyz) stays unless given. Nothing else moves."""
         ...
 
@@ -200,7 +210,12 @@ class World(Protocol):
         """Take an object out of the scene: unseen, untouchable and weightless at ``position`` until unparked."""
         ...
 
-    def unpark(self, entity: str, position: Sequence[float] | Array, quaternion: Sequence[float] | Array | None = None) -> None:
+    def unpark(
+        self,
+        entity: str,
+        position: Sequence[float] | Array,
+        quaternion: Sequence[float] | Array | None = None,
+    ) -> None:
         """Bring a parked object back, at rest, by default in the orientation it had when it was parked."""
         ...
 

@@ -1,0 +1,72 @@
+"""The change contract: something that alters a world, and nothing but what it declares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from pytest_libero_max.worlds.contract import World
+
+Factor = str
+"""What a change may touch: ``camera:<name>``, ``light``, ``material``, ``pixels``, ``robot``,
+``instruction``, or ``pose:<entity>``."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a change found and what it left, as plain JSON values.
+
+    Attributes:
+        operation: Name of the change's operation.
+        factors: What it was allowed to touch, sorted.
+        before: Measured values just before, by name with unit suffix.
+        after: The same names, just after.
+    """
+
+    operation: str
+    factors: tuple[Factor, ...]
+    before: Mapping[str, Any]
+    after: Mapping[str, Any]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "operation": self.operation,
+            "factors": list(self.factors),
+            "before": dict(self.before),
+            "after": dict(self.after),
+        }
+
+
+@runtime_checkable
+class Change(Protocol):
+    """A frozen value that alters a world when it is told to; *when* is somebody else's business."""
+
+    operation: ClassVar[str]
+    """The name manifests use."""
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        """Everything :meth:`apply` may touch. All else stays bit-identical."""
+        ...
+
+    def apply(self, world: World) -> Evidence:
+        """Alter the world now.
+
+        Raises:
+            ChangeError: The world lacks what the change needs.
+            EntityError: It names an entity the world does not have.
+        """
+        ...
+
+    def scaled(self, strength: float) -> Change:
+        """The same change at another magnitude; ``scaled(0)`` alters nothing, ``scaled(1)`` is the change itself.
+
+        Raises:
+            ChangeError: ``strength`` is not within 0 to 1, or the change cannot be divided.
+        """
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """The change as a manifest spells it, ``operation`` included."""
+        ...

@@ -1,0 +1,1 @@
+"""Policies: the contract, loading an adapter, wrappers."""

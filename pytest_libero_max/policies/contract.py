@@ -1,0 +1,148 @@
+"""What a policy is: told of each episode, asked for actions, never shown more than it declares."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.worlds.contract import CAMERAS, Observation, World
+
+Arm = Literal["base", "dynamic"]
+
+
+@dataclass(frozen=True)
+class PolicySpec:
+    """What a policy declares about itself; part of every result.
+
+    Attributes:
+        name: Shown in reports.
+        horizon: H, the most actions a query may return.
+        query_interval: Q, how many of them are executed before the next query; at most H.
+        cameras: The images it wants in every observation. None are rendered for an empty tuple.
+        image_size: Side of the square images, pixels.
+        privileged: Whether it reads the simulator's state through ``episode.world``.
+
+    Raises:
+        AdapterError: A value breaks its rule.
+    """
+
+    name: str
+    horizon: int = 1
+    query_interval: int = 1
+    cameras: tuple[str, ...] = CAMERAS
+    image_size: int = 256
+    privileged: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise AdapterError("name='' but a policy needs a name; it labels the report.")
+        for field in ("horizon", "query_interval", "image_size"):
+            value = getattr(self, field)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise AdapterError(
+                    f"{field}={value!r} of policy {self.name!r}, but must be an integer of at least 1."
+                )
+        if self.query_interval > self.horizon:
+            raise AdapterError(
+                f"query_interval={self.query_interval} > horizon={self.horizon} of policy {self.name!r}: "
+                "a query returns at most H actions, so no more than H can be executed before the next (Q <= H). "
+                "Lower Q or raise H."
+            )
+        if isinstance(self.cameras, str):
+            raise AdapterError(
+                f"cameras={self.cameras!r} of policy {self.name!r}, but must be a tuple of names."
+            )
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+
+    def to_dict(self) -> dict[str, Any]:
+        return {**asdict(self), "cameras": list(self.cameras)}
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What a policy is told when an episode begins.
+
+    Attributes:
+        suite: LIBERO suite.
+        task_index: Index of the task in its source's registry.
+        instruction: What to do, in words.
+        seed: The policy seed of the case, the same in both arms.
+        max_steps: Policy steps the episode may take.
+        world: The live world for a policy that declares itself privileged, otherwise None. Read only.
+    """
+
+    suite: str
+    task_index: int
+    instruction: str
+    seed: int
+    max_steps: int
+    world: World | None = None
+
+
+@dataclass(frozen=True)
+class Query:
+    """One call for actions.
+
+    Attributes:
+        index: Number of this query in the episode, from 0.
+        step: Policy steps executed before it.
+        instruction: What to do, in words.
+        seed: Derived from (policy seed, query index) alone: a policy that draws from nothing else repeats
+            itself exactly, whatever order servers see its queries in.
+    """
+
+    index: int
+    step: int
+    instruction: str
+    seed: int
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """The two methods and one attribute every adapter has.
+
+    A policy with memory also offers ``snapshot() -> object`` and ``restore(object)``, so that the Dynamic
+    rollout can begin with the memory Base had at the event. Without them the policy must be a function
+    of the observation and the query; ``reset`` is called at the start of both rollouts.
+    """
+
+    spec: PolicySpec
+
+    def reset(self, episode: Episode) -> None:
+        """Forget everything: a new episode begins."""
+        ...
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        """Actions for the coming steps, (n, 7) with Q <= n <= H, within [-1, 1]."""
+        ...
+
+
+@runtime_checkable
+class RemembersPolicy(Policy, Protocol):
+    """A policy whose memory can be copied."""
+
+    def snapshot(self) -> object: ...
+
+    def restore(self, memory: object) -> None: ...
+
+
+def query_seed(policy_seed: int, index: int) -> int:
+    """Seed of a query, 0 to 2**32 - 1: the first four bytes of SHA-256 of ``libero-max-query|seed|index``."""
+    digest = hashlib.sha256(f"libero-max-query|{policy_seed}|{index}".encode()).digest()
+    return int.from_bytes(digest[:4], "big")
+
+
+__all__ = [
+    "Arm",
+    "Episode",
+    "Policy",
+    "PolicySpec",
+    "Query",
+    "RemembersPolicy",
+    "query_seed",
+]
