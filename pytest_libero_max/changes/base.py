@@ -60,7 +60,7 @@ class Change(Protocol):
         ...
 
     def scaled(self, strength: float) -> Change:
-        """The same change at another magnitude; ``scaled(0)`` alters nothing, ``scaled(1)`` is the change itself.
+        """The same change at another magnitude: ``scaled(0)`` alters nothing, ``scaled(1)`` is the change.
 
         Raises:
             ChangeError: ``strength`` is not within 0 to 1, or the change cannot be divided.

@@ -1,0 +1,28 @@
+"""The change that changes nothing: what an all-or-nothing change is at strength 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.fields import ManifestFields, strength_of
+from pytest_libero_max.worlds.contract import World
+
+
+@dataclass(frozen=True)
+class Nothing(ManifestFields):
+    """Leave the world as it is."""
+
+    operation: ClassVar[str] = "nothing"
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset()
+
+    def apply(self, world: World) -> Evidence:
+        return Evidence(self.operation, (), {}, {})
+
+    def scaled(self, strength: float) -> Nothing:
+        strength_of(self.operation, strength)
+        return self

@@ -1,0 +1,320 @@
+"""Changes of where things are: moved, taken out of the scene, brought back into it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.fields import (
+    ManifestFields,
+    Vector3,
+    flag,
+    integer,
+    items,
+    number,
+    strength_of,
+    text,
+    vector3,
+)
+from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
+from pytest_libero_max.worlds.contract import World
+
+
+@dataclass(frozen=True)
+class MoveObject(ManifestFields):
+    """Move an object or a fixture, keeping its orientation; it is at rest afterwards.
+
+    A move by nothing leaves the world bit-identical: it does not even stop what was moving.
+
+    Attributes:
+        object: The entity to move.
+        delta_position_m: Added to its position, world frame.
+        support_entity: What it stands on before and after; a note.
+        distance_m: Length of the move; a note.
+        direction_xy: Direction of the move, unit vector; a note.
+        calibration: How the direction was chosen; a note.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "move_object"
+
+    object: str
+    delta_position_m: Vector3
+    support_entity: str | None = None
+    distance_m: float | None = None
+    direction_xy: tuple[float, float] | None = None
+    calibration: str | None = None
+
+    def __post_init__(self) -> None:
+        text("move_object.object", self.object)
+        self._set("delta_position_m", vector3("move_object.delta_position_m", self.delta_position_m))
+        if self.support_entity is not None:
+            text("move_object.support_entity", self.support_entity)
+        if self.distance_m is not None:
+            self._set("distance_m", number("move_object.distance_m", self.distance_m, 0.0))
+        if self.direction_xy is not None:
+            where = "move_object.direction_xy"
+            given = items(where, self.direction_xy, 2)
+            self._set(
+                "direction_xy", tuple(number(f"{where}[{i}]", v, -1.0, 1.0) for i, v in enumerate(given))
+            )
+        if self.calibration is not None:
+            text("move_object.calibration", self.calibration)
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return _pose_factors([self.object])
+
+    def apply(self, world: World) -> Evidence:
+        _require_in_scene(world, self.operation, "object", self.object)
+        if world.entities[self.object].kind == "surface":
+            raise ChangeError(
+                f"move_object.object={self.object!r} is the surface that others stand on and cannot be moved."
+                " Name an object or a fixture."
+            )
+        before = _measure(world, [self.object])
+        if any(self.delta_position_m):
+            world.place(self.object, world.position(self.object) + self.delta_position_m)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world, [self.object]))
+
+    def scaled(self, strength: float) -> MoveObject:
+        """The move with its length multiplied by ``strength``."""
+        s = strength_of(self.operation, strength)
+        if s == 1.0:
+            return self
+        x, y, z = self.delta_position_m
+        distance = None if self.distance_m is None else self.distance_m * s
+        return replace(self, delta_position_m=(x * s, y * s, z * s), distance_m=distance)
+
+
+@dataclass(frozen=True)
+class RemoveObject(ManifestFields):
+    """Take an object out of the scene: unseen, untouchable and unmoved until it is inserted again.
+
+    All or nothing: it cannot be scaled to anything between.
+
+    Attributes:
+        object: The object to take out.
+        offworld_position_m: Where it is kept meanwhile, world frame.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "remove_object"
+
+    object: str
+    offworld_position_m: Vector3
+
+    def __post_init__(self) -> None:
+        text("remove_object.object", self.object)
+        self._set(
+            "offworld_position_m", vector3("remove_object.offworld_position_m", self.offworld_position_m)
+        )
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return _pose_factors([self.object])
+
+    def apply(self, world: World) -> Evidence:
+        _require_in_scene(world, self.operation, "object", self.object)
+        kind = world.entities[self.object].kind
+        if kind != "object":
+            raise ChangeError(
+                f"remove_object.object={self.object!r} is a {kind}, but only objects can be taken out. "
+                f"{did_you_mean(self.object, _objects(world))}"
+            )
+        before = _measure(world, [self.object])
+        world.park(self.object, self.offworld_position_m)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world, [self.object]))
+
+    def scaled(self, strength: float) -> RemoveObject | Nothing:
+        """The removal at strength 1, nothing at strength 0; there is nothing between."""
+        return self if _all_or_nothing(self.operation, strength) else Nothing()
+
+
+@dataclass(frozen=True)
+class Placement(ManifestFields):
+    """Where an object that was taken out comes back.
+
+    Attributes:
+        object: The object.
+        relative_to: The anchor: an entity whose position at that moment is the origin of the offset.
+        offset_m: From the anchor to the object, world frame.
+        preserve_initial_z: Keep the height the object had when it was taken out, whatever the offset's z.
+        support_entity: What it then stands on; a note.
+        placement_rule: How the offset was chosen; a note.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "placement"
+
+    object: str
+    relative_to: str
+    offset_m: Vector3
+    preserve_initial_z: bool
+    support_entity: str | None = None
+    placement_rule: str | None = None
+
+    def __post_init__(self) -> None:
+        where = self.operation
+        text(f"{where}.object", self.object)
+        text(f"{where}.relative_to", self.relative_to)
+        self._set("offset_m", vector3(f"{where}.offset_m", self.offset_m))
+        flag(f"{where}.preserve_initial_z", self.preserve_initial_z)
+        if self.support_entity is not None:
+            text(f"{where}.support_entity", self.support_entity)
+        if self.placement_rule is not None:
+            text(f"{where}.placement_rule", self.placement_rule)
+
+
+@dataclass(frozen=True)
+class InsertObstacle(Placement):
+    """Bring one object back, next to an anchor, in the orientation it had when it was taken out.
+
+    All or nothing: it cannot be scaled to anything between. Fields as in :class:`Placement`.
+    """
+
+    operation: ClassVar[str] = "insert_obstacle"
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return _pose_factors([self.object])
+
+    def apply(self, world: World) -> Evidence:
+        return _insert(world, self.operation, [self])
+
+    def scaled(self, strength: float) -> InsertObstacle | Nothing:
+        """The insertion at strength 1, nothing at strength 0; there is nothing between."""
+        return self if _all_or_nothing(self.operation, strength) else Nothing()
+
+
+@dataclass(frozen=True)
+class InsertDistractors(ManifestFields):
+    """Bring several objects back at once, each in the orientation it had when it was taken out.
+
+    All or nothing: it cannot be scaled to anything between.
+
+    Attributes:
+        placements: Where each of them comes back; every object once.
+        distractor_count: How many there are.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "insert_distractors"
+
+    placements: tuple[Placement, ...]
+    distractor_count: int
+
+    def __post_init__(self) -> None:
+        where = "insert_distractors"
+        if not isinstance(self.placements, list | tuple) or not self.placements:
+            raise ChangeError(f"{where}.placements={self.placements!r}, but must be a non-empty list.")
+        placements = tuple(_placement(f"{where}.placements[{i}]", v) for i, v in enumerate(self.placements))
+        self._set("placements", placements)
+        names = [placement.object for placement in placements]
+        if len(set(names)) < len(names):
+            raise ChangeError(f"{where}.placements name {names!r}, but every object may come back only once.")
+        if integer(f"{where}.distractor_count", self.distractor_count) != len(placements):
+            raise ChangeError(
+                f"{where}.distractor_count={self.distractor_count!r}, but there are "
+                f"{len(placements)} placements. Make them equal."
+            )
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return _pose_factors(placement.object for placement in self.placements)
+
+    def apply(self, world: World) -> Evidence:
+        return _insert(world, self.operation, self.placements)
+
+    def scaled(self, strength: float) -> InsertDistractors | Nothing:
+        """The insertion at strength 1, nothing at strength 0; there is nothing between."""
+        return self if _all_or_nothing(self.operation, strength) else Nothing()
+
+
+def _placement(where: str, value: Any) -> Placement:
+    if isinstance(value, Placement):
+        return value
+    if not isinstance(value, dict):
+        raise ChangeError(f"{where}={value!r}, but must be an object that describes a placement.")
+    if "operation" in value:
+        raise ChangeError(f"{where} has the unknown field 'operation'; a placement is not a change.")
+    try:
+        return Placement.from_dict(value)
+    except ChangeError as error:
+        raise ChangeError(f"{where}: {error}") from error
+
+
+def _insert(world: World, operation: str, placements: Iterable[Placement]) -> Evidence:
+    placements = tuple(placements)
+    names = [placement.object for placement in placements]
+    for placement in placements:
+        _require_known(world, placement.object)
+        _require_in_scene(world, operation, "relative_to", placement.relative_to)
+        if placement.object not in world.parked:
+            raise ChangeError(
+                f"{operation}.object={placement.object!r} is in the scene already and cannot be brought back."
+                " Take it out in the event's setup (remove_object), and insert it once."
+            )
+    # All targets are computed before anything moves, and nothing moves unless everything can.
+    targets = []
+    for placement in placements:
+        position = world.position(placement.relative_to) + placement.offset_m
+        if placement.preserve_initial_z:
+            position[2] = world.parked_pose(placement.object)[0][2]
+        targets.append(position)
+    before = _measure(world, names)
+    for name, target in zip(names, targets, strict=True):
+        world.unpark(name, target)
+    return Evidence(operation, tuple(sorted(_pose_factors(names))), before, _measure(world, names))
+
+
+def _all_or_nothing(operation: str, strength: float) -> bool:
+    s = strength_of(operation, strength)
+    if s not in (0.0, 1.0):
+        raise ChangeError(
+            f"strength={strength!r}, but {operation} is all or nothing: an object is there or it is not. "
+            "Use 0 or 1."
+        )
+    return s == 1.0
+
+
+def _require_known(world: World, entity: str) -> None:
+    if entity not in world.entities:
+        raise EntityError(f"entity={entity!r} is not in the scene. {did_you_mean(entity, world.entities)}")
+
+
+def _require_in_scene(world: World, operation: str, field: str, entity: str) -> None:
+    _require_known(world, entity)
+    if entity in world.parked:
+        raise ChangeError(
+            f"{operation}.{field}={entity!r} has been taken out of the scene. "
+            "Insert it first, or name an entity that is there."
+        )
+
+
+def _pose_factors(names: Iterable[str]) -> frozenset[Factor]:
+    return frozenset(f"pose:{name}" for name in names)
+
+
+def _objects(world: World) -> list[str]:
+    return [name for name, entity in world.entities.items() if entity.kind == "object"]
+
+
+def _measure(world: World, names: Iterable[str]) -> dict[str, Any]:
+    poses = {name: world.pose(name) for name in names}
+    return {
+        "position_m": {name: [float(v) for v in position] for name, (position, _) in poses.items()},
+        "quaternion_wxyz": {name: [float(v) for v in quaternion] for name, (_, quaternion) in poses.items()},
+        "taken_out": [name for name in poses if name in world.parked],
+    }

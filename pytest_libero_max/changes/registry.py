@@ -1,0 +1,51 @@
+"""From the operation names of manifests to changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pytest_libero_max.changes.base import Change
+from pytest_libero_max.changes.camera import ShiftCamera
+from pytest_libero_max.changes.light import SetLighting
+from pytest_libero_max.changes.material import SetVisualTheme
+from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.pixels import SetSensorCorruption
+from pytest_libero_max.changes.poses import InsertDistractors, InsertObstacle, MoveObject, RemoveObject
+from pytest_libero_max.errors import ChangeError, did_you_mean
+
+_KINDS = (
+    SetLighting,
+    ShiftCamera,
+    SetVisualTheme,
+    SetSensorCorruption,
+    MoveObject,
+    RemoveObject,
+    InsertDistractors,
+    InsertObstacle,
+    Nothing,
+)
+
+OPERATIONS: tuple[str, ...] = tuple(kind.operation for kind in _KINDS)
+"""Every operation a manifest may name."""
+
+_BY_OPERATION = {kind.operation: kind for kind in _KINDS}
+
+
+def change_from_dict(raw: Mapping[str, Any]) -> Change:
+    """Build a change from its manifest object, checking every field.
+
+    Args:
+        raw: ``operation`` and its parameters; ``change_from_dict(x).to_dict() == x``.
+
+    Raises:
+        ChangeError: The operation or a field is unknown, a field is missing, or a value breaks its rule.
+    """
+    if not isinstance(raw, Mapping):
+        raise ChangeError(f"change={raw!r}, but must be an object with an operation and its parameters.")
+    operation = raw.get("operation")
+    if not isinstance(operation, str) or operation not in _BY_OPERATION:
+        raise ChangeError(
+            f"operation={operation!r} is not a change. {did_you_mean(str(operation), OPERATIONS)}"
+        )
+    return _BY_OPERATION[operation].from_dict(raw)
