@@ -26,6 +26,9 @@ class PolicySpec:
         cameras: The images it wants in every observation. None are rendered for an empty tuple.
         image_size: Side of the square images, pixels.
         privileged: Whether it reads the simulator's state through ``episode.world``.
+        repeatable: Whether the same observation and query give the same bytes again. The pair runner checks
+            it on policies without a snapshot; False, for a server whose arithmetic varies, switches that
+            check off.
 
     Raises:
         AdapterError: A value breaks its rule.
@@ -37,6 +40,7 @@ class PolicySpec:
     cameras: tuple[str, ...] = CAMERAS
     image_size: int = 256
     privileged: bool = False
+    repeatable: bool = True
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -50,8 +54,8 @@ class PolicySpec:
         if self.query_interval > self.horizon:
             raise AdapterError(
                 f"query_interval={self.query_interval} > horizon={self.horizon} of policy {self.name!r}: "
-                "a query returns at most H actions, so no more than H can be executed before the next (Q <= H). "
-                "Lower Q or raise H."
+                "a query returns at most H actions, so no more than H can be executed before the next "
+                "(Q <= H). Lower Q or raise H."
             )
         if isinstance(self.cameras, str):
             raise AdapterError(

@@ -1,0 +1,204 @@
+"""Checks of a policy: has it the members of the contract, and are its actions ones that can be played?"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import ActionError, AdapterError
+from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, RemembersPolicy
+from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
+
+Actions = NDArray[np.float64]
+
+
+def check_policy(policy: Any, where: str) -> Policy:
+    """Return ``policy`` if it has every member of the Policy contract.
+
+    Args:
+        policy: What an adapter offers.
+        where: How to name it in an error, for example ``adapter.py:policy``.
+
+    Raises:
+        AdapterError: A member is missing, is of the wrong type, or cannot be called the way it will be.
+    """
+    if not hasattr(policy, "spec"):
+        raise AdapterError(
+            f"{where} ({type(policy).__name__}) has no attribute 'spec', but a policy declares itself with "
+            "a PolicySpec. Add `spec = PolicySpec(name=...)`."
+        )
+    if not isinstance(policy.spec, PolicySpec):
+        raise AdapterError(
+            f"{where}.spec={policy.spec!r}, but must be a PolicySpec. Write `spec = PolicySpec(name=...)`."
+        )
+    _check_method(policy, "reset", where, "episode")
+    _check_method(policy, "predict", where, "observation", "query")
+    offered = [name for name in ("snapshot", "restore") if hasattr(policy, name)]
+    if len(offered) == 1:
+        missing = "restore" if offered == ["snapshot"] else "snapshot"
+        raise AdapterError(
+            f"{where} offers {offered[0]} but not {missing}; a policy with memory has both, one without has "
+            f"neither. Add {missing}."
+        )
+    if offered:
+        _check_method(policy, "snapshot", where)
+        _check_method(policy, "restore", where, "memory")
+    checked: Policy = policy
+    return checked
+
+
+def remembers(policy: Policy) -> bool:
+    """Whether the policy's memory can be copied (see :class:`RemembersPolicy`)."""
+    return hasattr(policy, "snapshot") and hasattr(policy, "restore")
+
+
+def check_actions(value: Any, spec: PolicySpec) -> Actions:
+    """The answer to a query as a fresh C-contiguous (n, 7) float64 array, Q <= n <= H.
+
+    A single action may come as a (7,) vector, which counts as n = 1 and so is enough only for Q = 1.
+    Components beyond +-1 are left alone: the controller clips them, as it does for LIBERO.
+
+    Raises:
+        ActionError: Not numbers, not that shape, too few, too many, or not finite.
+    """
+    expected = f"an (n, {ACTION_DIM}) array with {spec.query_interval} <= n <= {spec.horizon}"
+    try:
+        given = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise ActionError(
+            f"policy {spec.name!r} returned a {type(value).__name__} that is no array ({error}), but predict "
+            f"must return {expected}."
+        ) from error
+    if given.dtype.kind not in "fiu":
+        raise ActionError(
+            f"policy {spec.name!r} returned {type(value).__name__} of dtype {given.dtype}, but predict must "
+            f"return {expected} of real numbers."
+        )
+    actions = np.array(given, dtype=np.float64, order="C")
+    if actions.ndim == 1:
+        actions = actions.reshape(1, -1)
+    if actions.ndim != 2 or actions.shape[1] != ACTION_DIM:
+        raise ActionError(
+            f"policy {spec.name!r} returned actions of shape {given.shape}, but predict must return "
+            f"{expected}."
+        )
+    count = len(actions)
+    if count < spec.query_interval:
+        raise ActionError(
+            f"policy {spec.name!r} returned {count} action(s), but query_interval={spec.query_interval} are "
+            f"executed before the next query: return {expected}, or lower Q."
+        )
+    if count > spec.horizon:
+        raise ActionError(
+            f"policy {spec.name!r} returned {count} actions > horizon={spec.horizon}, but a query returns at "
+            f"most H. Return actions[: self.spec.horizon], or raise H."
+        )
+    finite = np.isfinite(actions)
+    if not finite.all():
+        row, column = (int(i) for i in np.argwhere(~finite)[0])
+        raise ActionError(
+            f"policy {spec.name!r} returned actions[{row}, {column}]={actions[row, column]}, but every "
+            "component must be finite. Find where the policy divides by zero or overflows."
+        )
+    return actions
+
+
+def start(policy: Policy, episode: Episode) -> None:
+    """``policy.reset(episode)``.
+
+    Raises:
+        AdapterError: It raised; the original is chained.
+    """
+    try:
+        policy.reset(episode)
+    except Exception as error:
+        raise _raised(policy, "reset", error) from error
+
+
+def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
+    """The policy's checked answer to a query, (n, 7) with Q <= n <= H.
+
+    Raises:
+        ActionError: The answer cannot be played; see :func:`check_actions`.
+        AdapterError: The policy raised; the original is chained.
+    """
+    try:
+        answer = policy.predict(observation, query)
+    except Exception as error:
+        raise _raised(policy, f"predict, query {query.index} at step {query.step}", error) from error
+    try:
+        return check_actions(answer, policy.spec)
+    except ActionError as error:
+        raise ActionError(f"query {query.index} at step {query.step}: {error}") from error
+
+
+def copy_memory(policy: Policy) -> object:
+    """``policy.snapshot()``, or None for a policy that has none.
+
+    Raises:
+        AdapterError: It raised; the original is chained.
+    """
+    if not remembers(policy):
+        return None
+    remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
+    try:
+        return remembering.snapshot()
+    except Exception as error:
+        raise _raised(policy, "snapshot", error) from error
+
+
+def restore_memory(policy: Policy, memory: object) -> None:
+    """``policy.restore(memory)``, for a policy that :func:`remembers`.
+
+    Raises:
+        AdapterError: It raised; the original is chained.
+    """
+    remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
+    try:
+        remembering.restore(memory)
+    except Exception as error:
+        raise _raised(policy, "restore", error) from error
+
+
+def _check_method(policy: Any, name: str, where: str, *arguments: str) -> None:
+    form = f"{name}({', '.join(arguments)})"
+    if not hasattr(policy, name):
+        raise AdapterError(
+            f"{where} ({type(policy).__name__}) has no method {name!r}, but a policy has "
+            f"reset(episode) and predict(observation, query). Add {form}."
+        )
+    method = getattr(policy, name)
+    if not callable(method):
+        raise AdapterError(f"{where}.{name}={method!r} is not callable, but must be the method {form}.")
+    try:
+        signature = inspect.signature(method)
+    except ValueError:  # an extension method that does not tell its signature
+        return
+    try:
+        signature.bind(*arguments)
+    except TypeError as error:
+        raise AdapterError(
+            f"{where}.{name}{signature} cannot be called as {form}: {error}. Give it these arguments."
+        ) from None
+
+
+def locate(error: BaseException, file: str) -> str | None:
+    """``name.py, line n``: the innermost place in ``file`` through which the error went, or None."""
+    frames = traceback.extract_tb(error.__traceback__)
+    line = next((frame.lineno for frame in reversed(frames) if frame.filename == file), None)
+    return None if line is None else f"{Path(file).name}, line {line}"
+
+
+def _raised(policy: Policy, what: str, error: Exception) -> AdapterError:
+    module = sys.modules.get(type(policy).__module__)
+    place = locate(error, getattr(module, "__file__", None) or "")
+    return AdapterError(
+        f"policy {policy.spec.name!r} raised {type(error).__name__} in {what}"
+        f"{f' ({place})' if place else ''}: {error}. Repair the adapter and play the pair again."
+    )
