@@ -1,0 +1,88 @@
+"""The released scenarios, regenerated from the released task catalogue."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cases import Case, load_manifest
+from pytest_libero_max.changes import change_from_dict
+from pytest_libero_max.construction.eligibility import eligible_events
+from pytest_libero_max.construction.events import resolve_event
+from pytest_libero_max.construction.identity import Identity
+from pytest_libero_max.construction.metadata import TaskMetadata, metadata_from_catalog
+from pytest_libero_max.construction.records import scenario_record
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", REPOSITORY.parent / "shared" / "official"))
+MANIFEST = OFFICIAL / "libero_max_pro_model_comparison_800.json"
+CATALOG = OFFICIAL / "pro_task_catalog.json"
+
+pytestmark = pytest.mark.skipif(
+    not (MANIFEST.is_file() and CATALOG.is_file()),
+    reason="the released manifests are not here; set LIBERO_MAX_OFFICIAL to their folder",
+)
+
+
+@pytest.fixture(scope="module")
+def catalog() -> list[dict]:
+    return json.loads(CATALOG.read_text())["tasks"]
+
+
+@pytest.fixture(scope="module")
+def tasks(catalog: list[dict]) -> dict[tuple[str, str, int], TaskMetadata]:
+    keys = ((row["pro_category"], row["task_suite_name"], row["task_index"]) for row in catalog)
+    return dict(zip(keys, map(metadata_from_catalog, catalog), strict=True))
+
+
+def spelled(value: object) -> str:
+    return json.dumps(value, sort_keys=True)  # tells -0.0 from 0.0 and 1 from 1.0
+
+
+def regenerated(case: Case, tasks: dict) -> dict:
+    identity = Identity("pro", case.suite, case.task_index, case.init_state_index, case.source_category)
+    task = tasks[case.source_category, case.suite, case.task_index]
+    return scenario_record(identity, resolve_event(case.event.name, case.event.variant, task, identity))
+
+
+def test_every_released_scenario_is_regenerated(tasks):
+    manifest = load_manifest(MANIFEST)
+    assert len(manifest) == 800
+    differing = [
+        case.case_id
+        for case in manifest
+        if spelled(regenerated(case, tasks)) != spelled(case.record["scenario"])
+    ]
+    assert differing == []
+
+
+def test_every_released_case_id_is_regenerated():
+    for case in load_manifest(MANIFEST):
+        identity = Identity("pro", case.suite, case.task_index, case.init_state_index, case.source_category)
+        assert identity.case_id(case.event.name, case.event.variant) == case.case_id
+
+
+def test_every_released_change_survives_reading_and_writing():
+    for case in load_manifest(MANIFEST):
+        for raw in (case.event.change, *case.event.setup):
+            assert spelled(change_from_dict(raw).to_dict()) == spelled(raw)
+
+
+def test_the_manifest_keeps_its_bytes():
+    assert load_manifest(MANIFEST).to_json() == MANIFEST.read_text()
+
+
+def test_derived_metadata_equals_the_catalogue(catalog):
+    for row in catalog:
+        task = metadata_from_catalog(row)
+        assert list(task.goal_entities) == row["goal_entity_order"]
+        assert list(task.distractors) == row["distractor_objects"]
+        assert task.primary_target == row["primary_target"]
+        assert task.trigger_entity == row["trigger_entity"]
+        assert task.primary_receptacle == row["primary_receptacle"]
+        assert task.planar(task.primary_target) == row["supports_target_relocation"]
+        assert task.planar(task.primary_receptacle) == row["supports_receptacle_relocation"]
+        assert list(eligible_events(task)) == row["eligible_change_types"]
+        for name, placement in row["initial_placements"].items():
+            assert task.support(name) == placement["support_entity"]
