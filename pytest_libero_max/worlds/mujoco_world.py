@@ -1,0 +1,476 @@
+"""What every world on MuJoCo shares: entities, alterations, parking, snapshots, digests, images.
+
+A subclass adds a robot: how one control step is played, which controller state MuJoCo does not hold,
+where the grip site is, what proprioception says and when the task is solved.
+
+Between calls ``mj_step1`` has always been done for the current state, so positions, contacts and
+camera frames belong to it. A control step may therefore start with actuation and end with the next
+``mj_step1`` (see :mod:`pytest_libero_max.worlds.stepping`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from hashlib import blake2b
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import ActionError, EntityError, SimulatorError, SubstrateError, did_you_mean
+from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds.contract import (
+    ACTION_DIM,
+    CAMERAS,
+    Array,
+    Entity,
+    Image,
+    PixelFilter,
+    WorldState,
+)
+
+gl.prepare()  # MuJoCo reads the backend while it is imported
+
+import mujoco  # noqa: E402
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.rendering import Renderer
+
+ALTERABLE = (
+    "body_pos",
+    "body_quat",
+    "cam_fovy",
+    "cam_pos",
+    "cam_quat",
+    "geom_conaffinity",
+    "geom_contype",
+    "geom_group",
+    "geom_matid",
+    "geom_rgba",
+    "light_active",
+    "light_ambient",
+    "light_cutoff",
+    "light_diffuse",
+    "light_dir",
+    "light_exponent",
+    "light_pos",
+    "light_specular",
+    "mat_emission",
+    "mat_rgba",
+    "mat_shininess",
+    "mat_specular",
+    "mat_texid",
+    "mat_texrepeat",
+    "site_rgba",
+)
+"""Model fields that may change after compilation. All of them are part of a snapshot and of the digest,
+and a reset writes the compiled values back."""
+
+HIDDEN_GROUP = 5
+"""Geoms of this group are never drawn; parked objects are put into it."""
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_WARNINGS = {
+    "positions": mujoco.mjtWarning.mjWARN_BADQPOS,
+    "velocities": mujoco.mjtWarning.mjWARN_BADQVEL,
+    "accelerations": mujoco.mjtWarning.mjWARN_BADQACC,
+}
+_UNIT_TOLERANCE = 1e-3
+
+
+class MujocoWorld(ABC):
+    """The part of :class:`pytest_libero_max.worlds.contract.World` that does not depend on the robot.
+
+    Args:
+        scene: Stable key of the scene, for example ``embedded/libero_spatial/0``.
+        language: The task's instruction.
+        model: The compiled model, already complete; its current values are what a reset restores.
+        data: Its data.
+        entities: What a case can name. Objects need exactly one free joint on their root body.
+        robot_prefixes: Body name prefixes and the name under which :meth:`contacts` reports them.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        language: str,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        entities: Mapping[str, Entity],
+        robot_prefixes: Mapping[str, str] | None = None,
+    ) -> None:
+        self._scene = scene
+        self._language = language
+        self._model = model
+        self._data = data
+        self._entities = dict(entities)
+        self._steps = 0
+        self._filters: tuple[tuple[PixelFilter, int], ...] = ()
+        self._parked: dict[str, tuple[float, ...]] = {}
+        self._renderer: Renderer | None = None
+        self._compiled = {field: getattr(model, field).copy() for field in ALTERABLE}
+        self._body = {name: self._body_id(entity) for name, entity in self._entities.items()}
+        self._joint = {
+            name: self._free_joint(name) for name, entity in self._entities.items() if entity.kind == "object"
+        }
+        prefixes = robot_prefixes or {"robot0_": "robot0", "mount0_": "robot0", "gripper0_": "gripper0"}
+        self._owner = self._geom_owners(prefixes)
+
+    # What a subclass adds.
+
+    @abstractmethod
+    def _initial_qpos(self, init: int) -> Array:
+        """Joint positions of initial state ``init``; raises SubstrateError where there is none."""
+
+    @abstractmethod
+    def _reset_controller(self) -> None:
+        """Put the controller into its state at the start of an episode; kinematics are up to date."""
+
+    @abstractmethod
+    def _controller_state(self) -> Array:
+        """A copy of the controller and gripper state that MuJoCo does not hold, float64."""
+
+    @abstractmethod
+    def _set_controller_state(self, state: Array) -> None:
+        """Write back what :meth:`_controller_state` returned."""
+
+    @abstractmethod
+    def _control_step(self, action: Array) -> None:
+        """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent."""
+
+    @abstractmethod
+    def _proprioception(self) -> dict[str, Array]:
+        """LIBERO's non-image observations, freshly copied."""
+
+    @abstractmethod
+    def end_effector(self) -> Array: ...
+
+    @abstractmethod
+    def succeeded(self) -> bool: ...
+
+    def _after_step(self) -> None:  # noqa: B027 - most worlds have nothing to do here
+        """Follow-up of a step or a reset that writes alterable fields, such as a burner's glow."""
+
+    # The contract.
+
+    @property
+    def scene(self) -> str:
+        return self._scene
+
+    @property
+    def language(self) -> str:
+        return self._language
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        return self._model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        return self._data
+
+    @property
+    def entities(self) -> Mapping[str, Entity]:
+        return self._entities
+
+    @property
+    def steps(self) -> int:
+        return self._steps
+
+    @property
+    def filters(self) -> tuple[tuple[PixelFilter, int], ...]:
+        return self._filters
+
+    @property
+    def parked(self) -> tuple[str, ...]:
+        return tuple(self._parked)
+
+    def reset(self, init: int) -> None:
+        qpos = self._initial_qpos(init)
+        self._write_model(self._compiled)
+        mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[:] = qpos
+        self._steps, self._filters, self._parked = 0, (), {}
+        self._settle()
+        self._reset_controller()
+        self._after_step()
+
+    def step(self, action: Sequence[float] | Array) -> None:
+        self._control_step(self._checked_action(action))
+        self._steps += 1
+        for what, warning in _WARNINGS.items():
+            if self._data.warning[warning].number:
+                raise SimulatorError(
+                    f"{self._scene}: {what} are no longer finite after control step {self._steps}. "
+                    "The episode is lost; reset the world."
+                )
+        self._after_step()
+
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
+        observation: dict[str, NDArray[Any]] = dict(self._proprioception())
+        for camera in cameras:
+            observation[f"{camera}_image"] = self._image(camera, size)
+        return observation
+
+    def snapshot(self) -> WorldState:
+        return WorldState(
+            scene=self._scene,
+            physics=_frozen(self._physics()),
+            model={field: _frozen(getattr(self._model, field).copy()) for field in ALTERABLE},
+            controller=_frozen(self._controller_state()),
+            steps=self._steps,
+            filters=self._filters,
+            parked=tuple(self._parked.items()),
+        )
+
+    def restore(self, state: WorldState) -> None:
+        if state.scene != self._scene:
+            raise SubstrateError(
+                f"A state of scene {state.scene!r} cannot be restored into {self._scene!r}: states belong to "
+                "the scene they were taken from."
+            )
+        self._write_model(state.model)
+        mujoco.mj_resetData(self._model, self._data)  # warnings and left-overs outside the state go
+        mujoco.mj_setState(self._model, self._data, state.physics, _STATE)
+        self._set_controller_state(state.controller)
+        self._steps, self._filters, self._parked = state.steps, state.filters, dict(state.parked)
+        self._settle()
+
+    def digest(self) -> bytes:
+        fingerprint = blake2b(digest_size=32)
+        fingerprint.update(self._physics().tobytes())
+        for field in ALTERABLE:
+            fingerprint.update(getattr(self._model, field).tobytes())
+        fingerprint.update(self._controller_state().tobytes())
+        rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters)
+        fingerprint.update(repr(rest).encode())
+        return fingerprint.digest()
+
+    def position(self, entity: str) -> Array:
+        return self.pose(entity)[0]
+
+    def pose(self, entity: str) -> tuple[Array, Array]:
+        name = self._known(entity)
+        if name in self._joint:
+            address = self._qpos_address(name)
+            values = self._data.qpos[address : address + 7]
+            return values[:3].copy(), values[3:].copy()
+        body = self._body[name]
+        return self._model.body_pos[body].copy(), self._model.body_quat[body].copy()
+
+    def contacts(self, entity: str) -> tuple[str, ...]:
+        number = self._owner_names.index(self._known(entity))
+        pairs = self._owner[self._data.contact.geom[: self._data.ncon]]
+        touching = {int(other) for pair in pairs if number in pair for other in pair}
+        return tuple(sorted(self._owner_names[other] for other in touching - {number, -1}))
+
+    def alter(self, field: str, index: int | slice, value: Any) -> None:
+        if field not in ALTERABLE:
+            raise SubstrateError(
+                f"field={field!r} is not a model field that a reset restores, so it must not be altered. "
+                f"{did_you_mean(field, ALTERABLE)}"
+            )
+        getattr(self._model, field)[index] = value
+        self._settle()
+
+    def place(
+        self,
+        entity: str,
+        position: Sequence[float] | Array,
+        quaternion: Sequence[float] | Array | None = None,
+    ) -> None:
+        name = self._known(entity)
+        if name in self._parked:
+            raise SubstrateError(f"{name!r} is parked, so it cannot be placed: unpark it there instead.")
+        self._write_pose(name, _position(position), None if quaternion is None else _quaternion(quaternion))
+        self._settle()
+
+    def park(self, entity: str, position: Sequence[float] | Array) -> None:
+        name = self._free(entity)
+        if name in self._parked:
+            raise SubstrateError(f"{name!r} is already parked.")
+        where = _position(position)
+        at, orientation = self.pose(name)
+        self._parked[name] = (*at.tolist(), *orientation.tolist())
+        self._write_pose(name, where, None)
+        geoms = self._geoms(name)
+        self._model.geom_contype[geoms] = 0
+        self._model.geom_conaffinity[geoms] = 0
+        self._model.geom_group[geoms] = HIDDEN_GROUP
+        self._settle()
+        # At rest the bias of a free body is its weight and depends on its own pose alone: the applied
+        # force cancels it to the last bit, so its acceleration is zero and it stays where it is.
+        dofs = self._dofs(name)
+        self._data.qfrc_applied[dofs] = self._data.qfrc_bias[dofs]
+
+    def unpark(
+        self,
+        entity: str,
+        position: Sequence[float] | Array,
+        quaternion: Sequence[float] | Array | None = None,
+    ) -> None:
+        name = self._free(entity)
+        orientation = self.parked_pose(name)[1] if quaternion is None else _quaternion(quaternion)
+        where = _position(position)
+        if name not in self._parked:
+            raise SubstrateError(f"{name!r} is not parked. {did_you_mean(name, self._parked)}")
+        del self._parked[name]
+        geoms = self._geoms(name)
+        for field in ("geom_contype", "geom_conaffinity", "geom_group"):
+            getattr(self._model, field)[geoms] = self._compiled[field][geoms]
+        self._data.qfrc_applied[self._dofs(name)] = 0.0
+        self._write_pose(name, where, orientation)
+        self._settle()
+
+    def parked_pose(self, entity: str) -> tuple[Array, Array]:
+        name = self._known(entity)
+        if name not in self._parked:
+            raise SubstrateError(f"{name!r} is not parked. {did_you_mean(name, self._parked)}")
+        values = np.array(self._parked[name])
+        return values[:3], values[3:]
+
+    def add_filter(self, filter: PixelFilter) -> None:
+        if " at 0x" in repr(filter):
+            raise SubstrateError(
+                f"filter={filter!r}: the digest knows a filter by its repr, so that has to say everything "
+                "the filter depends on. Make it a frozen dataclass with a __call__ method."
+            )
+        self._filters = (*self._filters, (filter, self._steps))
+
+    def close(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    # Inside.
+
+    def _settle(self) -> None:
+        """Bring derived data up to date with the current state, which stays as it is."""
+        mujoco.mj_step1(self._model, self._data)
+
+    def _physics(self) -> Array:
+        state = np.empty(mujoco.mj_stateSize(self._model, _STATE))
+        mujoco.mj_getState(self._model, self._data, state, _STATE)
+        return state
+
+    def _write_model(self, fields: Mapping[str, NDArray[Any]]) -> None:
+        for field in ALTERABLE:
+            getattr(self._model, field)[:] = fields[field]
+
+    def _write_pose(self, name: str, position: Array, quaternion: Array | None) -> None:
+        if name not in self._joint:
+            body = self._body[name]
+            self._model.body_pos[body] = position
+            if quaternion is not None:
+                self._model.body_quat[body] = quaternion
+            return
+        address, dofs = self._qpos_address(name), self._dofs(name)
+        self._data.qpos[address : address + 3] = position
+        if quaternion is not None:
+            self._data.qpos[address + 3 : address + 7] = quaternion
+        self._data.qvel[dofs] = 0.0
+        self._data.qacc_warmstart[dofs] = 0.0  # the solver must not start from forces felt elsewhere
+
+    def _image(self, camera: str, size: int) -> Image:
+        if self._renderer is None:
+            from pytest_libero_max.worlds.rendering import Renderer
+
+            self._renderer = Renderer(self._model, self._data)
+        image = self._renderer.render(camera, size)
+        for filter, since in self._filters:
+            image.flags.writeable = False
+            filtered = filter(image, camera, self._steps - since)
+            if filtered.shape != image.shape or filtered.dtype != np.uint8:
+                raise SubstrateError(
+                    f"filter={filter!r} returned {filtered.dtype} {filtered.shape} for a uint8 {image.shape} "
+                    "image: a pixel filter keeps shape and type."
+                )
+            image = filtered
+        return image if image.flags.writeable else image.copy()
+
+    def _checked_action(self, action: Sequence[float] | Array) -> Array:
+        values = np.array(action, dtype=np.float64)
+        if values.shape != (ACTION_DIM,):
+            raise ActionError(f"action.shape={values.shape}, but a control step takes ({ACTION_DIM},).")
+        if not np.isfinite(values).all():
+            raise ActionError(f"action={values.tolist()} has a component that is not finite.")
+        return values
+
+    def _known(self, entity: str) -> str:
+        if entity not in self._entities:
+            hint = did_you_mean(entity, self._entities)
+            raise EntityError(f"{self._scene} has no entity {entity!r}. {hint}")
+        return entity
+
+    def _free(self, entity: str) -> str:
+        if self._known(entity) not in self._joint:
+            kind = self._entities[entity].kind
+            raise SubstrateError(f"{entity!r} is a {kind}: only objects have a free joint and can be parked.")
+        return entity
+
+    def _body_id(self, entity: Entity) -> int:
+        body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, entity.body)
+        if body < 0:
+            raise SubstrateError(f"{self._scene} has no body {entity.body!r} for entity {entity.name!r}.")
+        return int(body)
+
+    def _free_joint(self, name: str) -> int:
+        body = self._body[name]
+        joint = int(self._model.body_jntadr[body])
+        if joint < 0 or self._model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+            raise SubstrateError(f"{self._scene}: object {name!r} has no free joint on body {body}.")
+        return joint
+
+    def _qpos_address(self, name: str) -> int:
+        return int(self._model.jnt_qposadr[self._joint[name]])
+
+    def _dofs(self, name: str) -> slice:
+        first = int(self._model.jnt_dofadr[self._joint[name]])
+        return slice(first, first + 6)
+
+    def _geoms(self, name: str) -> NDArray[np.intp]:
+        return np.flatnonzero(self._owner == self._owner_names.index(name))
+
+    def _geom_owners(self, prefixes: Mapping[str, str]) -> NDArray[np.int64]:
+        """For each geom the index into ``_owner_names`` of what it belongs to, or -1.
+
+        A geom belongs to the nearest of its body's ancestors that is an entity's root, unless its body
+        is one of the robot's. What hangs from the world body itself belongs to an entity of that body.
+        """
+        self._owner_names = [*self._entities, *sorted(set(prefixes.values()))]
+        roots = {self._body[name]: number for number, name in enumerate(self._entities)}
+        owner_of_body = np.full(self._model.nbody, -1)
+        for body in range(self._model.nbody):
+            label = mujoco.mj_id2name(self._model, mujoco.mjtObj.mjOBJ_BODY, body) or ""
+            robot = next((owner for prefix, owner in prefixes.items() if label.startswith(prefix)), None)
+            parent = int(self._model.body_parentid[body])
+            if robot is not None:
+                owner_of_body[body] = self._owner_names.index(robot)
+            elif body in roots:
+                owner_of_body[body] = roots[body]
+            elif parent != 0:
+                owner_of_body[body] = owner_of_body[parent]
+        owners: NDArray[np.int64] = owner_of_body[self._model.geom_bodyid]
+        return owners
+
+
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
+
+
+def _position(values: Sequence[float] | Array) -> Array:
+    position = np.array(values, dtype=np.float64)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise SubstrateError(f"position={values!r}: three finite numbers in metres are needed.")
+    return position
+
+
+def _quaternion(values: Sequence[float] | Array) -> Array:
+    """A unit quaternion; one that is already of unit length to the last digits keeps its bits."""
+    quaternion = np.array(values, dtype=np.float64)
+    length = float(np.linalg.norm(quaternion)) if quaternion.shape == (4,) else np.nan
+    if not abs(length - 1.0) <= _UNIT_TOLERANCE:
+        raise SubstrateError(f"quaternion={values!r}: four numbers w, x, y, z of unit length are needed.")
+    return quaternion if abs(length - 1.0) <= 1e-9 else quaternion / length

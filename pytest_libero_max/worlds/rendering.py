@@ -1,0 +1,119 @@
+"""Images of a world, straight from MuJoCo: no shadows, no reflections, OpenGL row order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.errors import SimulatorError, SubstrateError, did_you_mean
+from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds.contract import Image
+
+gl.prepare()
+
+import mujoco  # noqa: E402
+
+OFFSAMPLES = 0
+"""Samples per pixel. Multisampling costs a third of the time in software and changes edges only."""
+
+MAX_GEOMS = 2000
+MAX_SIZE = 4096
+DRAWN_GROUPS = (1, 2)
+"""Geom groups in an image, as in LIBERO: 0 holds collision shapes, 3 and more are never drawn."""
+
+_SKIPPED = (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION)
+
+
+class Renderer:
+    """Draws one model from its cameras.
+
+    The GL context is made with the first image and belongs to this renderer alone; it is made current
+    before every use, so any number of renderers can live in one process and thread.
+
+    Args:
+        model: Its textures are uploaded when the context is made and again never.
+        data: Its derived values must be up to date whenever :meth:`render` is called.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._model = model
+        self._data = data
+        self._gl: Any = None
+        self._context: Any = None
+        self._scene: Any = None
+        self._side = 0
+
+    def render(self, camera: str, size: int) -> Image:
+        """One image, (size, size, 3) uint8, freshly allocated, bottom row first.
+
+        Raises:
+            SubstrateError: No such camera, or a size that cannot be drawn.
+            SimulatorError: No OpenGL backend is available.
+        """
+        number = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+        if number < 0:
+            known = [self._model.camera(i).name for i in range(self._model.ncam)]
+            hint = did_you_mean(camera, known)
+            raise SubstrateError(f"camera={camera!r} does not exist in this scene. {hint}")
+        if not 1 <= size <= MAX_SIZE:
+            raise SubstrateError(f"size={size!r}: images are 1 to {MAX_SIZE} pixels wide.")
+        self._prepare(size)
+        self._camera.fixedcamid = number
+        mujoco.mjv_updateScene(
+            self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
+        viewport = mujoco.MjrRect(0, 0, size, size)
+        mujoco.mjr_render(viewport, self._scene, self._context)
+        image: Image = np.empty((size, size, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(image, None, viewport, self._context)
+        return image
+
+    def close(self) -> None:
+        """Free the context. The renderer makes a new one if it is used again."""
+        if self._gl is None:
+            return
+        self._gl.make_current()
+        self._context.free()
+        self._gl.free()
+        self._gl = self._context = self._scene = None
+
+    def _prepare(self, size: int) -> None:
+        if self._gl is not None and size > self._side:
+            self.close()
+        if self._gl is None:
+            self._open(max(size, 256))
+        self._gl.make_current()
+        # The context keeps its own copy of which texture a material shows.
+        self._context.mat_texid[: self._model.mat_texid.size] = self._model.mat_texid.ravel()
+        self._context.mat_texrepeat[: self._model.mat_texrepeat.size] = self._model.mat_texrepeat.ravel()
+
+    def _open(self, side: int) -> None:
+        context = _gl_context(gl.require())
+        try:
+            self._gl = context(side, side)
+        except Exception as error:  # whatever the driver raises, it means that images cannot be had
+            raise SimulatorError(f"The OpenGL backend {gl.prepare()!r} gives no context: {error}") from error
+        self._gl.make_current()
+        self._side = side
+        self._model.vis.global_.offwidth = side
+        self._model.vis.global_.offheight = side
+        self._model.vis.quality.offsamples = OFFSAMPLES
+        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
+        for flag in _SKIPPED:
+            self._scene.flags[flag] = 0
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+
+
+def _gl_context(backend: str) -> Any:
+    """MuJoCo's own context class for a backend, whatever ``MUJOCO_GL`` was when MuJoCo was imported."""
+    if backend == "egl":
+        from mujoco.egl import GLContext
+    else:
+        from mujoco.osmesa import GLContext
+    return GLContext
