@@ -1,0 +1,135 @@
+"""One set of pairs measured: outcomes, intervals, test, coverage and stale actions together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.exposure import Exposure, expose
+from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change, wilson
+from pytest_libero_max.stats.outcomes import BoolArray, Outcomes, Ratio, boolean, tabulate
+from pytest_libero_max.stats.significance import McNemar, mcnemar
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Columns of measured pairs, one row a pair.
+
+    Attributes:
+        base: (n,) bool, Base completed the task.
+        dynamic: (n,) bool, Dynamic did.
+        triggered: (n,) bool, the event fired.
+        responded: (n,) bool, a query followed it.
+        stale: (n,) int, stale actions; -1 where the event never fired.
+        source: (n,) labels; strata of the fixed-composition bootstrap.
+
+    Raises:
+        ReportError: The columns differ in length or contradict each other.
+    """
+
+    base: BoolArray
+    dynamic: BoolArray
+    triggered: BoolArray
+    responded: BoolArray
+    stale: NDArray[np.int64]
+    source: NDArray[np.str_]
+
+    def __post_init__(self) -> None:
+        lengths = {name: len(column) for name, column in vars(self).items()}
+        if len(set(lengths.values())) > 1:
+            raise ReportError(f"Columns of pairs have the lengths {lengths}, but must have one.")
+        if (self.responded & ~self.triggered).any():
+            raise ReportError("A pair has a query after an event that never fired; its record is damaged.")
+        if ((self.stale >= 0) != self.triggered).any():
+            raise ReportError(
+                "Stale actions must be counted in exactly the triggered pairs; a record is damaged."
+            )
+
+    def __len__(self) -> int:
+        return len(self.base)
+
+    @classmethod
+    def of(
+        cls,
+        base: ArrayLike,
+        dynamic: ArrayLike,
+        triggered: ArrayLike,
+        responded: ArrayLike,
+        stale: ArrayLike,
+        source: ArrayLike,
+    ) -> Pairs:
+        """Build the columns from any sequences."""
+        return cls(
+            boolean(base, "base"),
+            boolean(dynamic, "dynamic"),
+            boolean(triggered, "triggered"),
+            boolean(responded, "responded"),
+            np.asarray(stale, dtype=np.int64),
+            np.asarray(source, dtype=np.str_),
+        )
+
+    def where(self, mask: BoolArray) -> Pairs:
+        """The pairs for which ``mask`` is true."""
+        return Pairs(**{name: column[mask] for name, column in vars(self).items()})
+
+
+@dataclass(frozen=True)
+class PairedResult:
+    """Everything reported about one set of pairs; rates are over all of them unless said otherwise.
+
+    Attributes:
+        outcomes: The four counts, with all ratios that follow from them.
+        base: Interval of the Base success rate.
+        dynamic: Interval of the Dynamic success rate.
+        conditional_regression: Interval of the share of Base successes lost.
+        change: Paired change, resampling all pairs alike.
+        change_by_source: Paired change, resampling within each source.
+        mcnemar: Exact test of (1, 0) against (0, 1).
+        trigger_coverage: Pairs whose event fired, of all.
+        response_coverage: Pairs with a query after the event, of all.
+        trigger_interval: Interval of the trigger coverage.
+        response_interval: Interval of the response coverage.
+        exposure: Stale actions.
+        given_response: The four counts among the pairs with a query after the event: a diagnostic that must
+            never be mixed with the full-denominator outcomes.
+    """
+
+    outcomes: Outcomes
+    base: Interval | None
+    dynamic: Interval | None
+    conditional_regression: Interval | None
+    change: MeanChange | None
+    change_by_source: MeanChange | None
+    mcnemar: McNemar
+    trigger_coverage: Ratio
+    response_coverage: Ratio
+    trigger_interval: Interval | None
+    response_interval: Interval | None
+    exposure: Exposure
+    given_response: Outcomes
+
+
+def measure(pairs: Pairs) -> PairedResult:
+    """Compute the result of a set of pairs; every value without a denominator is None."""
+    outcomes = tabulate(pairs.base, pairs.dynamic)
+    differences = pairs.dynamic.astype(np.int64) - pairs.base
+    triggered = Ratio(int(pairs.triggered.sum()), len(pairs))
+    responded = Ratio(int(pairs.responded.sum()), len(pairs))
+    return PairedResult(
+        outcomes=outcomes,
+        base=wilson(outcomes.base),
+        dynamic=wilson(outcomes.dynamic),
+        conditional_regression=wilson(outcomes.conditional_regression),
+        change=mean_change(differences),
+        change_by_source=mean_change(differences, pairs.source),
+        mcnemar=mcnemar(outcomes.regression, outcomes.change_associated_success),
+        trigger_coverage=triggered,
+        response_coverage=responded,
+        trigger_interval=wilson(triggered),
+        response_interval=wilson(responded),
+        exposure=expose(pairs.stale[pairs.responded], unanswered=triggered.count - responded.count),
+        given_response=tabulate(pairs.base[pairs.responded], pairs.dynamic[pairs.responded]),
+    )
