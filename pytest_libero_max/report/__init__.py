@@ -1,0 +1,1 @@
+"""A run on disk: the durable pairs, and everything that is computed from them."""

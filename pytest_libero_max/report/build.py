@@ -1,0 +1,376 @@
+"""From records to the report: one JSON document, the same bytes for the same pairs in any order."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pytest_libero_max.cases import EVENTS, FAMILIES, Case, Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.plan import PlannedPair
+from pytest_libero_max.report.store import StoredRun, read_pairs
+from pytest_libero_max.stats.breakdown import (
+    FLOOR_BASE_RATE,
+    MacroAverage,
+    Split,
+    at_floor,
+    breakdown,
+    largest_split,
+    macro_average,
+)
+from pytest_libero_max.stats.exposure import Exposure
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange
+from pytest_libero_max.stats.outcomes import Outcomes, Ratio
+from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
+
+REPORT_VERSION = 1
+REPORT_NAME = "report.json"
+
+METHODS = {
+    "confidence": CONFIDENCE,
+    "rates": "Wilson score interval",
+    "paired_change": "exact percentile bootstrap over pairs; by_source keeps the pairs of each source",
+    "mcnemar": "exact two-sided test of regressions against gains",
+    "stale_actions": "over pairs with a query after the event; quantiles by inverse CDF",
+    "macro": "unweighted mean over source categories; secondary to the rates over all pairs",
+    "floor": f"true where Base success is below {FLOOR_BASE_RATE:g}; a small change is no robustness there",
+    "breakdowns": "descriptive; groups hold different cases, so differences between them are no effects",
+}
+
+DIMENSIONS: Mapping[str, Callable[[PlannedPair], str]] = {
+    "event": lambda pair: pair.event,
+    "family": lambda pair: pair.family,
+    "suite": lambda pair: pair.suite,
+    "source": lambda pair: pair.source,
+    "category": lambda pair: pair.category,
+    "severity": lambda pair: pair.severity,
+    "variant": lambda pair: pair.event_variant,
+    "difficulty": lambda pair: "none" if pair.difficulty is None else str(pair.difficulty),
+}
+"""How pairs are grouped in ``by``."""
+
+EMBEDDED_NOTE = (
+    "Measured on the embedded substrate: it shares tasks, protocol and events with the genuine one, not its "
+    "images. Its scores are not comparable with published ones."
+)
+
+
+def build_report(
+    records: Iterable[PairRecord],
+    errors: Iterable[PairError],
+    planned_cases: Iterable[Case | PlannedPair],
+    provenance: Json,
+) -> Json:
+    """Compute the report of a run.
+
+    Rates over the planned pairs are in ``headline`` and are withheld (None, with the reason) while a pair
+    is missing or invalid. Everything else is over the played pairs, and each block says how many were
+    planned and played.
+
+    Args:
+        records: Measured pairs in any order.
+        errors: Pairs that could not be measured. One whose case has a record as well was repaired and does
+            not count.
+        planned_cases: Every assigned case.
+        provenance: See :func:`~pytest_libero_max.report.provenance.collect`.
+
+    Raises:
+        ReportError: A pair occurs twice or was never planned, or the records are of several policies.
+    """
+    planned = sorted(
+        (PlannedPair.of(case) if isinstance(case, Case) else case for case in planned_cases),
+        key=lambda pair: pair.case_id,
+    )
+    played = _by_case(records, {pair.case_id: pair for pair in planned})
+    failed = {error.case_id: error for error in errors if error.case_id not in played}
+    _require_planned(failed, {pair.case_id: pair for pair in planned})
+    measured = [pair for pair in planned if pair.case_id in played]
+    columns = _columns([played[pair.case_id] for pair in measured])
+    overall = measure(columns)
+    counts = _counts(planned, played, failed)
+    substrate = provenance["substrate"]["name"]
+    groups = {name: _group(planned, measured, columns, label, name) for name, label in DIMENSIONS.items()}
+    return {
+        "schema_version": REPORT_VERSION,
+        "pairs": counts,
+        "headline": _headline(counts, overall),
+        "substrate": {
+            "name": substrate,
+            "scores_comparable_with_published": False if substrate == "embedded" else None,
+            "note": EMBEDDED_NOTE if substrate == "embedded" else None,
+        },
+        "overall": _block(overall, len(planned)),
+        "by": {
+            name: {label: _block(result, total) for label, (result, total) in group.items()}
+            for name, group in groups.items()
+        },
+        "macro": {
+            "category": _macro(macro_average([result.outcomes for result, _ in groups["category"].values()]))
+        },
+        "largest_split": _split(largest_split(_variants(planned, groups["variant"]))),
+        "methods": METHODS,
+        "provenance": provenance,
+    }
+
+
+def rebuild_report(path: Path) -> Json:
+    """Compute the report from a ``pairs.jsonl`` (or its folder) alone.
+
+    Raises:
+        ReportError: The file is missing or damaged.
+    """
+    return report_of(read_pairs(path))
+
+
+def report_of(stored: StoredRun) -> Json:
+    """The report of a run as read from disk."""
+    return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
+
+
+def report_json(report: Json) -> str:
+    """The content of ``report.json``: fields in the report's order, a final newline."""
+    return json.dumps(report, indent=1, allow_nan=False) + "\n"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file so that a reader sees the old content or the new, never half of it.
+
+    Raises:
+        ReportError: It cannot be written.
+    """
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        raise ReportError(f"Cannot write {path}: {error}. Give a folder you can write to.") from error
+
+
+def _by_case(records: Iterable[PairRecord], planned: Mapping[str, PlannedPair]) -> dict[str, PairRecord]:
+    played: dict[str, PairRecord] = {}
+    for record in records:
+        if record.case_id in played:
+            raise ReportError(
+                f"case_id={record.case_id!r} was measured twice; a case counts once. Keep one of the records."
+            )
+        played[record.case_id] = record
+    _require_planned(played, planned)
+    for case_id, record in played.items():
+        if record.case_digest != planned[case_id].case_digest:
+            raise ReportError(
+                f"The record of case_id={case_id!r} has case_digest={record.case_digest!r}, but the planned "
+                f"case has {planned[case_id].case_digest!r}: another case was played. Play it again."
+            )
+    policies = sorted({json.dumps(record.policy, sort_keys=True) for record in played.values()})
+    if len(policies) > 1:
+        raise ReportError(
+            f"The records are of {len(policies)} policies ({' and '.join(policies[:2])}), but a report is of "
+            "one. Compare runs instead of mixing them."
+        )
+    return played
+
+
+def _require_planned(pairs: Mapping[str, object], planned: Mapping[str, PlannedPair]) -> None:
+    strays = sorted(pairs.keys() - planned.keys())
+    if strays:
+        raise ReportError(
+            f"case_id={strays[0]!r} ({len(strays)} in all) was played but not planned; a report keeps the "
+            "planned denominator. Use the manifest of the run."
+        )
+
+
+def _columns(records: Sequence[PairRecord]) -> Pairs:
+    return Pairs.of(
+        base=[record.base_success for record in records],
+        dynamic=[record.dynamic_success for record in records],
+        triggered=[record.triggered for record in records],
+        responded=[record.responded for record in records],
+        stale=[-1 if record.stale_actions is None else record.stale_actions for record in records],
+        source=[record.source for record in records],
+    )
+
+
+def _group(
+    planned: Sequence[PlannedPair],
+    measured: Sequence[PlannedPair],
+    columns: Pairs,
+    label: Callable[[PlannedPair], str],
+    dimension: str,
+) -> dict[str, tuple[PairedResult, int]]:
+    totals: dict[str, int] = {}
+    for pair in planned:
+        totals[label(pair)] = totals.get(label(pair), 0) + 1
+    names = sorted(totals, key=lambda name: _order(dimension, name))
+    results = breakdown(columns, [label(pair) for pair in measured], names)
+    return {name: (results[name], totals[name]) for name in names}
+
+
+def _order(dimension: str, name: str) -> tuple[int, str]:
+    """Events, their variants and families in the benchmark's order, everything else by name."""
+    if dimension in ("event", "variant"):
+        return list(EVENTS).index(name.partition("-")[0]), name
+    return (FAMILIES.index(name), name) if dimension == "family" else (0, name)
+
+
+def _variants(
+    planned: Sequence[PlannedPair], groups: Mapping[str, tuple[PairedResult, int]]
+) -> dict[str, dict[str, Outcomes]]:
+    events: dict[str, dict[str, Outcomes]] = {}
+    for name, (result, _) in groups.items():
+        event, _, variant = name.rpartition("-")
+        events.setdefault(event, {})[variant] = result.outcomes
+    return events
+
+
+def _counts(
+    planned: Sequence[PlannedPair], played: Mapping[str, PairRecord], failed: Mapping[str, PairError]
+) -> Json:
+    missing = [pair for pair in planned if pair.case_id not in played and pair.case_id not in failed]
+    return {
+        "planned": len(planned),
+        "played": len(played),
+        "invalid": len(failed),
+        "missing": len(missing),
+        "complete": bool(planned) and len(played) == len(planned),
+        "invalid_pairs": [
+            {
+                "case_id": e.case_id,
+                "item_id": e.item_id,
+                "phase": e.phase,
+                "kind": e.kind,
+                "message": e.message,
+            }
+            for _, e in sorted(failed.items())
+        ],
+        "missing_pairs": [{"case_id": pair.case_id, "item_id": pair.item_id} for pair in missing],
+    }
+
+
+def _headline(counts: Json, overall: PairedResult) -> Json:
+    if counts["complete"]:
+        return {
+            "status": "complete",
+            "reason": None,
+            "base_success": _rate(overall.outcomes.base, overall.base),
+            "dynamic_success": _rate(overall.outcomes.dynamic, overall.dynamic),
+            "paired_change": _change(overall),
+        }
+    lost = [f"{counts[key]} {key}" for key in ("invalid", "missing") if counts[key]]
+    reason = (
+        f"{counts['played']} of {counts['planned']} planned pairs were played ({', '.join(lost)}); "
+        "rates over all planned pairs are withheld until the rest is repaired and played"
+        if counts["planned"]
+        else "no pair was planned"
+    )
+    return {
+        "status": "withheld",
+        "reason": reason,
+        "base_success": None,
+        "dynamic_success": None,
+        "paired_change": None,
+    }
+
+
+def _block(result: PairedResult, planned: int) -> Json:
+    outcomes = result.outcomes
+    return {
+        "planned": planned,
+        "played": outcomes.total,
+        "base_success": _rate(outcomes.base, result.base),
+        "dynamic_success": _rate(outcomes.dynamic, result.dynamic),
+        "paired_change": _change(result),
+        "outcomes": _outcomes(outcomes),
+        "conditional_regression": _rate(outcomes.conditional_regression, result.conditional_regression),
+        "retained": _ratio(outcomes.retained),
+        "mcnemar": {
+            "regressions": result.mcnemar.losses,
+            "gains": result.mcnemar.gains,
+            "p_value": _float(result.mcnemar.p_value),
+            "log10_p_value": _float(result.mcnemar.log10_p),
+        },
+        "trigger_coverage": _rate(result.trigger_coverage, result.trigger_interval),
+        "response_coverage": _rate(result.response_coverage, result.response_interval),
+        "stale_actions": _exposure(result.exposure),
+        "given_response": {
+            "base_success": _ratio(result.given_response.base),
+            "dynamic_success": _ratio(result.given_response.dynamic),
+            "paired_change": _ratio(result.given_response.change),
+            "outcomes": _outcomes(result.given_response),
+        },
+        "floor": at_floor(outcomes),
+    }
+
+
+def _float(value: float | None) -> float | None:
+    """Twelve significant digits: all that is meant, and the same text on every machine."""
+    return None if value is None else float(f"{value:.12g}")
+
+
+def _ratio(ratio: Ratio) -> Json:
+    return {"count": ratio.count, "of": ratio.of, "value": _float(ratio.value)}
+
+
+def _rate(ratio: Ratio, interval: Interval | None) -> Json:
+    return {
+        **_ratio(ratio),
+        "lower": _float(interval.lower if interval else None),
+        "upper": _float(interval.upper if interval else None),
+    }
+
+
+def _change(result: PairedResult) -> Json:
+    def bounds(change: MeanChange | None) -> Json:
+        return {
+            "lower": _float(change.lower if change else None),
+            "upper": _float(change.upper if change else None),
+            "degenerate": change.degenerate if change else None,
+        }
+
+    return {
+        **_ratio(result.outcomes.change),
+        **bounds(result.change),
+        "by_source": bounds(result.change_by_source),
+    }
+
+
+def _outcomes(outcomes: Outcomes) -> Json:
+    return {
+        "preserved_success": outcomes.preserved_success,
+        "change_associated_success": outcomes.change_associated_success,
+        "regression": outcomes.regression,
+        "persistent_failure": outcomes.persistent_failure,
+    }
+
+
+def _exposure(exposure: Exposure) -> Json:
+    return {
+        "pairs": exposure.pairs,
+        "unanswered": exposure.unanswered,
+        "mean": _float(exposure.mean),
+        "median": _float(exposure.median),
+        "quantiles": dict(exposure.quantiles),
+        "histogram": {str(value): count for value, count in exposure.histogram.items()},
+    }
+
+
+def _macro(macro: MacroAverage) -> Json:
+    return {
+        "groups": macro.groups,
+        "base_success": _float(macro.base),
+        "dynamic_success": _float(macro.dynamic),
+        "paired_change": _float(macro.change),
+    }
+
+
+def _split(split: Split | None) -> Any:
+    if split is None:
+        return None
+    return {
+        "event": split.event,
+        "dynamic_success": {name: _float(rate) for name, rate in split.rates.items()},
+        "difference": _float(split.difference),
+    }

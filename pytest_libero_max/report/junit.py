@@ -1,0 +1,34 @@
+"""What JUnit files say about a pair: properties of its testcase."""
+
+from __future__ import annotations
+
+from pytest_libero_max.pairing.record import PairRecord
+
+PREFIX = "libero_max_"
+
+
+def properties(record: PairRecord) -> list[tuple[str, str]]:
+    """Names and values for ``user_properties``, in a fixed order; a value that does not exist is left out."""
+    values = {
+        "case_id": record.case_id,
+        "outcome": record.outcome,
+        "base_success": _flag(record.base_success),
+        "dynamic_success": _flag(record.dynamic_success),
+        "triggered": _flag(record.triggered),
+        "responded": _flag(record.responded),
+        "base_steps": str(record.base_steps),
+        "dynamic_steps": str(record.dynamic_steps),
+        "trigger_step": _text(record.trigger_step),
+        "response_step": _text(record.response_step),
+        "stale_actions": _text(record.stale_actions),
+        "prefix_digest": _text(record.prefix_digest),
+    }
+    return [(PREFIX + name, value) for name, value in values.items() if value is not None]
+
+
+def _flag(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def _text(value: object) -> str | None:
+    return None if value is None else str(value)

@@ -1,0 +1,113 @@
+"""What a run set out to measure: the planned pairs, which stay in every denominator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+
+from pytest_libero_max.cases import Case, Json
+from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.pairing.record import RECORD_VERSION
+
+
+@dataclass(frozen=True)
+class PlannedPair:
+    """The identity of a case, and every label by which results are grouped."""
+
+    case_id: str
+    item_id: str
+    case_digest: str
+    source: str
+    source_category: str
+    difficulty: int | None
+    suite: str
+    event: str
+    family: str
+    variant: int
+    severity: str
+
+    @property
+    def category(self) -> str:
+        """Source and source category as one word, for example ``plus-camera_viewpoints``."""
+        return f"{self.source}-{self.source_category.lower().replace(' ', '_')}"
+
+    @property
+    def event_variant(self) -> str:
+        """Event and parameter variant as one word, for example ``camera_shift-v1``."""
+        return f"{self.event}-v{self.variant}"
+
+    @classmethod
+    def of(cls, case: Case) -> PlannedPair:
+        return cls(
+            case_id=case.case_id,
+            item_id=case.item_id,
+            case_digest=case.digest,
+            source=case.source,
+            source_category=case.source_category,
+            difficulty=case.difficulty,
+            suite=case.suite,
+            event=case.event.name,
+            family=case.event.family,
+            variant=case.event.variant,
+            severity=case.event.severity,
+        )
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run before its first pair.
+
+    Attributes:
+        planned: Every assigned pair.
+        provenance: Where and how it is played; see :func:`~pytest_libero_max.report.provenance.collect`.
+    """
+
+    planned: tuple[PlannedPair, ...]
+    provenance: Json
+
+    def __post_init__(self) -> None:
+        seen: set[str] = set()
+        for pair in self.planned:
+            if pair.case_id in seen:
+                raise ReportError(f"case_id={pair.case_id!r} is planned twice; a case is played once a run.")
+            seen.add(pair.case_id)
+
+    @classmethod
+    def of(cls, cases: Iterable[Case], provenance: Json) -> Run:
+        return cls(tuple(PlannedPair.of(case) for case in cases), provenance)
+
+    def to_dict(self) -> Json:
+        return {
+            "schema_version": RECORD_VERSION,
+            "provenance": self.provenance,
+            "planned": [asdict(pair) for pair in self.planned],
+        }
+
+    @classmethod
+    def from_dict(cls, values: Json) -> Run:
+        """Read what :meth:`to_dict` wrote.
+
+        Raises:
+            ReportError: It has another form or another schema version.
+        """
+        if values.get("schema_version") != RECORD_VERSION:
+            raise ReportError(
+                f"schema_version={values.get('schema_version')!r} of a run, but this version reads "
+                f"{RECORD_VERSION}. Read it with the version of pytest-libero-max that wrote it."
+            )
+        if values.keys() != {"schema_version", "provenance", "planned"}:
+            raise ReportError(
+                f"A run has the fields {sorted(values)}, but must have planned, provenance, schema_version."
+            )
+        return cls(tuple(_planned(entry) for entry in values["planned"]), values["provenance"])
+
+
+def _planned(values: Json) -> PlannedPair:
+    known = {item.name for item in fields(PlannedPair)}
+    for key in values:
+        if key not in known:
+            raise ReportError(f"A planned pair has the unknown field {key!r}. {did_you_mean(key, known)}")
+    missing = sorted(known - values.keys())
+    if missing:
+        raise ReportError(f"Planned pair {values.get('case_id')!r} lacks {', '.join(missing)}.")
+    return PlannedPair(**values)

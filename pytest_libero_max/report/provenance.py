@@ -1,0 +1,116 @@
+"""Where a result comes from: versions, machine, code, case set, policy and command."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import subprocess
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+
+from pytest_libero_max.cases import Json
+
+PACKAGES = (
+    "pytest-libero-max",
+    "mujoco",
+    "robosuite",
+    "numpy",
+    "scipy",
+    "numba",
+    "opencv-python-headless",
+    "pytest",
+    "pytest-xdist",
+)
+
+_SECRET = r"(?:[\w-]*(?:token|secret|passw(?:or)?d|api[-_]?key|credential|authorization)[\w-]*)"
+_SECRET_OPTION = re.compile(rf"-{{1,2}}{_SECRET}", re.IGNORECASE)
+_SECRET_VALUE = re.compile(rf"({_SECRET})([=:])[^&\s]+", re.IGNORECASE)
+_URL_USER = re.compile(r"://[^/@\s]+@")
+
+
+def collect(
+    *,
+    policy: Json,
+    substrate: Json,
+    case_set: Json,
+    protocol: Json,
+    command: Sequence[str],
+    gl_backend: str | None = None,
+    folder: Path | None = None,
+) -> Json:
+    """Gather the provenance of a run. Imports none of the packages whose versions it names.
+
+    Args:
+        policy: ``PolicySpec.to_dict()`` as played.
+        substrate: At least ``name``.
+        case_set: At least ``track`` and ``digest``.
+        protocol: What was chosen for the run and could change a result, for example the prefix mode.
+        command: The command line; secrets and the home folder are taken out.
+        gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
+        folder: Folder whose git state is recorded; by default the working directory.
+    """
+    return {
+        "versions": {"python": platform.python_version(), **package_versions()},
+        "platform": {
+            "system": platform.system(),
+            "machine": platform.machine(),
+            "libc": platform.libc_ver()[1],
+        },
+        "gl_backend": gl_backend if gl_backend is not None else os.environ.get("MUJOCO_GL"),
+        "git": git_state(folder or Path.cwd()),
+        "substrate": substrate,
+        "case_set": case_set,
+        "policy": policy,
+        "protocol": protocol,
+        "command": redacted(command),
+    }
+
+
+def package_versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
+    """Installed version by distribution name; None where it is not installed."""
+    versions: dict[str, str | None] = {}
+    for name in packages:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = None
+    return versions
+
+
+def git_state(folder: Path) -> Json | None:
+    """Commit of the repository around ``folder`` and whether files differ from it; None outside of one."""
+    commit = _git(folder, "rev-parse", "HEAD")
+    status = _git(folder, "status", "--porcelain")
+    if commit is None or status is None:
+        return None
+    return {"commit": commit, "dirty": bool(status)}
+
+
+def redacted(command: Sequence[str], environment: Mapping[str, str] | None = None) -> list[str]:
+    """A command line fit to be published: no value of a secret, no user in a URL, no home folder.
+
+    Args:
+        command: Arguments, the program first.
+        environment: Where ``HOME`` is looked up; by default the process environment.
+    """
+    home = (os.environ if environment is None else environment).get("HOME", "")
+    cleaned: list[str] = []
+    for index, argument in enumerate(command):
+        if index and _SECRET_OPTION.fullmatch(command[index - 1]):
+            cleaned.append("***")
+            continue
+        text = _SECRET_VALUE.sub(r"\1\2***", _URL_USER.sub("://***@", argument))
+        cleaned.append(text.replace(home, "~") if len(home) > 1 else text)
+    return cleaned
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    try:
+        result = subprocess.run(
+            ["git", *arguments], cwd=folder, capture_output=True, text=True, timeout=10, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return result.stdout.strip()

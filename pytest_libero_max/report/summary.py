@@ -1,0 +1,136 @@
+"""The terminal summary: a report as one compact section of plain lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pytest_libero_max.cases import Json
+
+
+def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
+    """Render a report for the terminal.
+
+    Args:
+        report: What :func:`~pytest_libero_max.report.build.build_report` returned.
+        paths: Files written, named at the end.
+
+    Returns:
+        Lines without line ends, at most 100 columns apart from names and paths longer than that.
+    """
+    pairs, overall = report["pairs"], report["overall"]
+    lines = [] if pairs["complete"] else [_incomplete(pairs)]
+    lines.append(_header(report))
+    if report["substrate"]["scores_comparable_with_published"] is False:
+        lines.append(
+            f"Scores on the {report['substrate']['name']} substrate are not comparable with published ones."
+        )
+    lines.append("")
+    if pairs["played"] == 0:
+        return [*lines, "No pair was played; there is nothing to report.", *_written(paths)]
+    if not pairs["complete"]:
+        lines.append(f"Over the {pairs['played']} played pairs only:")
+    outcomes, change = overall["outcomes"], overall["paired_change"]
+    lines += [
+        f"{'Base success':<32}{rate_text(overall['base_success'])}",
+        f"{'Dynamic success':<32}{rate_text(overall['dynamic_success'])}",
+        f"{'Paired change':<32}{change_text(change)}   McNemar {_p_text(overall['mcnemar'])}",
+        f"{'Outcomes (Base, Dynamic)':<32}(1,1) {outcomes['preserved_success']}   "
+        f"(0,1) {outcomes['change_associated_success']}   (1,0) {outcomes['regression']}   "
+        f"(0,0) {outcomes['persistent_failure']}",
+        f"{'Base successes lost':<32}{rate_text(overall['conditional_regression'])}   "
+        f"retained {_percent(overall['retained']['value'])}",
+        f"{'Event fired / query after it':<32}{_count_text(overall['trigger_coverage'])} / "
+        f"{_count_text(overall['response_coverage'])}   {_stale_text(overall['stale_actions'])}",
+        "",
+        _row("event", "pairs", "Base ", "Dynamic", "change", "95% interval", "lost"),
+    ]
+    lines += [_event_line(name, block) for name, block in report["by"]["event"].items()]
+    if any(block["floor"] for block in report["by"]["event"].values()):
+        lines.append("* Base success is too low to fall: a small change is no sign of robustness there.")
+    return [*lines, *_written(paths)]
+
+
+def _incomplete(pairs: Json) -> str:
+    return (
+        f"INCOMPLETE: {pairs['played']} of {pairs['planned']} planned pairs played, "
+        f"{pairs['invalid']} invalid, {pairs['missing']} missing. No score."
+    )
+
+
+def _header(report: Json) -> str:
+    provenance, pairs = report["provenance"], report["pairs"]
+    policy = provenance["policy"]
+    privileged = ", privileged" if policy["privileged"] else ""
+    return (
+        f"{policy['name']} (H={policy['horizon']} Q={policy['query_interval']}{privileged}) "
+        f"on {report['substrate']['name']}, track {provenance['case_set']['track']}: "
+        f"{pairs['played']} of {pairs['planned']} planned pairs played"
+    )
+
+
+def _event_line(name: str, block: Json) -> str:
+    change, partial = block["paired_change"], block["played"] < block["planned"]
+    return _row(
+        name,
+        f"{block['played']} of {block['planned']}" if partial else str(block["played"]),
+        _percent(block["base_success"]["value"]) + ("*" if block["floor"] else " "),
+        _percent(block["dynamic_success"]["value"]),
+        _points(change["value"]),
+        _interval(change, signed=True),
+        _count_text(block["conditional_regression"]),
+    )
+
+
+def _row(event: str, pairs: str, base: str, dynamic: str, change: str, interval: str, lost: str) -> str:
+    return f"{event:<22} {pairs:>12} {base:>7} {dynamic:>8} {change:>8} {interval:>16} {lost:>9}"
+
+
+def rate_text(rate: Json) -> str:
+    """A rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
+    return f"{_percent(rate['value'])} {_interval(rate)}  {_count_text(rate)}".rstrip()
+
+
+def change_text(change: Json) -> str:
+    """A paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
+    return f"{_points(change['value'])} pp {_interval(change, signed=True)}"
+
+
+def _interval(value: Json, signed: bool = False) -> str:
+    if value["lower"] is None:
+        return "n/a"
+    if value.get("degenerate"):
+        return "(all alike)"
+    sign = "+" if signed else ""
+    return f"[{100 * value['lower']:{sign}.1f}, {100 * value['upper']:{sign}.1f}]"
+
+
+def _percent(value: float | None) -> str:
+    return "n/a" if value is None else f"{100 * value:.1f}%"
+
+
+def _points(value: float | None) -> str:
+    return "n/a" if value is None else f"{100 * value:+.1f}"
+
+
+def _count_text(ratio: Json) -> str:
+    return f"{ratio['count']}/{ratio['of']}"
+
+
+def _p_text(test: Json) -> str:
+    if test["p_value"] is None:
+        return "n/a (no discordant pair)"
+    if test["p_value"] >= 0.001:
+        return f"p = {test['p_value']:.3f}"
+    exponent = int(test["log10_p_value"] // 1)
+    mantissa = 10 ** (test["log10_p_value"] - exponent)
+    return f"p = {mantissa:.1f}e{exponent}"
+
+
+def _stale_text(stale: Json) -> str:
+    if stale["pairs"] == 0:
+        return "stale actions n/a"
+    return f"stale actions mean {stale['mean']:.2f}, median {stale['median']:g}"
+
+
+def _written(paths: Sequence[str]) -> list[str]:
+    return [f"Written: {', '.join(paths)}"] if paths else []
