@@ -1,0 +1,377 @@
+"""Hypothesis strategies for what a benchmark is made of: changes, events, cases, actions, policies.
+
+For the tests of this project and for those of anybody who writes a change, an adapter or a world of
+their own. They need nothing but the names of a world's entities, so they fit every world; the cheap one is
+:class:`pytest_libero_max.worlds.tiny.TinyWorld`, whose entities are meant wherever none are given::
+
+    from hypothesis import given
+    from pytest_libero_max import strategies
+    from pytest_libero_max.worlds.tiny import TinyWorld
+
+    world = TinyWorld()
+
+    @given(strategies.changes(world.entities), strategies.action_sequences(max_size=5))
+    def test_nothing_survives_a_reset(change, actions):
+        world.reset(0)
+        fresh = world.digest()
+        change.apply(world)
+        for action in actions:
+            world.step(action)
+        world.reset(0)
+        assert world.digest() == fresh
+
+Hypothesis is imported here and nowhere else in the package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
+from numpy.typing import NDArray
+
+from pytest_libero_max.cases import EVENTS, SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event, Manifest, Trigger
+from pytest_libero_max.cases import parse_case as _parse_case
+from pytest_libero_max.changes import (
+    Change,
+    InsertDistractors,
+    InsertObstacle,
+    MoveObject,
+    Placement,
+    RemoveObject,
+    SetLighting,
+    SetSensorCorruption,
+    SetVisualTheme,
+    ShiftCamera,
+)
+from pytest_libero_max.construction.identity import Identity
+from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, Entity, Observation
+
+Entities = Mapping[str, Entity]
+
+AT_ONCE = (
+    "set_lighting",
+    "shift_camera",
+    "set_visual_theme",
+    "set_sensor_corruption",
+    "move_object",
+    "remove_object",
+)
+"""Operations that a world can take right after a reset; the insertions need a removal before."""
+
+_SEEDS = st.integers(0, 2**32 - 1)
+
+
+def strengths() -> SearchStrategy[float]:
+    """Strengths of a change: 0 to 1, both ends often."""
+    return st.sampled_from([0.0, 0.25, 0.5, 1.0]) | st.floats(0.0, 1.0)
+
+
+def changes(
+    entities: Entities | None = None,
+    *,
+    operations: Iterable[str] = AT_ONCE,
+    cameras: Iterable[str] = CAMERAS,
+) -> SearchStrategy[Change]:
+    """Changes that a world with these entities can take right after a reset.
+
+    Args:
+        entities: The world's entities; by default those of the tiny world.
+        operations: Which of :data:`AT_ONCE` to draw from.
+        cameras: The cameras that may be shifted.
+
+    Raises:
+        OptionError: An operation that is not in :data:`AT_ONCE`.
+    """
+    known = _entities(entities)
+    strategies: dict[str, SearchStrategy[Any]] = {
+        "set_lighting": st.builds(SetLighting, scale=st.floats(0.1, 2.0)),
+        "shift_camera": st.builds(
+            ShiftCamera,
+            camera=st.sampled_from(sorted(cameras)),
+            delta_position_m=_vectors(0.1),
+            yaw_degrees=st.floats(-45.0, 45.0),
+            delta_fovy_degrees=st.floats(-15.0, 15.0),
+        ),
+        "set_visual_theme": st.builds(
+            SetVisualTheme,
+            rgb_permutation=st.permutations([0, 1, 2]).map(tuple),
+            rgb_multiplier=st.tuples(*[st.floats(0.5, 1.5)] * 3),
+        ),
+        "set_sensor_corruption": st.builds(
+            SetSensorCorruption,
+            noise_std=st.floats(1.0, 40.0),
+            occlusion_fraction=st.floats(0.0, 0.3),
+            seed=_SEEDS,
+        ),
+        "move_object": st.builds(
+            MoveObject,
+            object=st.sampled_from(_movable(known)),
+            delta_position_m=_vectors(0.12, plane=True),
+        ),
+        "remove_object": st.builds(
+            RemoveObject,
+            object=st.sampled_from(_objects(known)),
+            offworld_position_m=st.just((-2.0, 0.0, -5.0)),
+        ),
+    }
+    chosen = []
+    for operation in operations:
+        if operation not in strategies:
+            raise OptionError(
+                f"operation={operation!r} cannot be applied right after a reset. "
+                f"{did_you_mean(operation, AT_ONCE)}"
+            )
+        chosen.append(strategies[operation])
+    return st.one_of(chosen)
+
+
+@st.composite
+def events(
+    draw: st.DrawFn,
+    entities: Entities | None = None,
+    *,
+    names: Iterable[str] = tuple(EVENTS),
+    distances_m: SearchStrategy[float] | None = None,
+) -> Event:
+    """Events of every kind, with setup and trigger, for a world with these entities.
+
+    Args:
+        draw: Given by Hypothesis.
+        entities: The world's entities; by default those of the tiny world.
+        names: Which of the eight events.
+        distances_m: Trigger distances; by default the benchmark's. A large one fires at the first step.
+    """
+    known = _entities(entities)
+    objects = _objects(known)
+    name = draw(st.sampled_from(sorted(names)))
+    trigger = draw(st.sampled_from(objects))
+    seed = draw(_SEEDS)
+    others = [entity for entity in objects if entity != trigger]
+    change, removed = draw(_event_changes(known, name, trigger, others, seed))
+    variant = draw(st.sampled_from([0, 1]))
+    distance = draw(distances_m) if distances_m is not None else TRIGGER_DISTANCE_M
+    return Event(
+        name=name,
+        variant=variant,
+        seed=seed,
+        severity=EVENTS[name].severity[variant],
+        change=change.to_dict(),
+        setup=tuple(
+            RemoveObject(entity, (-2.0 - 0.2 * i, 0.0, -5.0)).to_dict() for i, entity in enumerate(removed)
+        ),
+        trigger=Trigger(trigger, distance),
+    )
+
+
+@st.composite
+def cases(
+    draw: st.DrawFn,
+    entities: Entities | None = None,
+    *,
+    events: SearchStrategy[Event] | None = None,
+    suites: Iterable[str] = tuple(SUITE_BUDGETS),
+) -> Case:
+    """Cases of unmodified tasks, playable in any world with these entities and ten initial states.
+
+    Args:
+        draw: Given by Hypothesis.
+        entities: The world's entities; by default those of the tiny world.
+        events: Where the events come from; by default :func:`events` of the entities.
+        suites: LIBERO suites; they decide the step budget.
+    """
+    event = draw(events if events is not None else _events_of(entities))
+    identity = Identity(
+        "libero", draw(st.sampled_from(sorted(suites))), draw(st.integers(0, 9)), draw(st.integers(0, 9))
+    )
+    record = case_record(identity, event, "a_scripted_task")
+    return _parse_case(record)
+
+
+def manifests(entities: Entities | None = None, *, max_size: int = 6) -> SearchStrategy[Manifest]:
+    """Manifests of up to ``max_size`` distinct cases."""
+    distinct = st.lists(cases(entities), min_size=1, max_size=max_size, unique_by=lambda case: case.item_id)
+    return st.builds(
+        Manifest,
+        benchmark_id=st.just("drawn"),
+        version=st.just("1.0.0"),
+        protocol=st.just({"arms": ["control", "intervention"], "query_interval": 16}),
+        cases=distinct.map(tuple),
+    )
+
+
+def actions(limit: float = 1.5) -> SearchStrategy[tuple[float, ...]]:
+    """(7,) actions with components up to ``limit``; a controller clips beyond 1."""
+    component = st.sampled_from([-1.0, 0.0, 1.0]) | st.floats(-limit, limit)
+    return st.tuples(*[component] * ACTION_DIM)
+
+
+def action_sequences(
+    *, min_size: int = 1, max_size: int = 20, limit: float = 1.5
+) -> SearchStrategy[list[tuple[float, ...]]]:
+    """Lists of :func:`actions`, one for each control step."""
+    return st.lists(actions(limit), min_size=min_size, max_size=max_size)
+
+
+class ScriptedPolicy:
+    """A deterministic policy that moves by what it sees, what it is asked and a table of actions.
+
+    The first of the returned actions is the table's for the step of the query. All of them are shifted
+    by the query's seed and by the end effector's position, so that a wrong seed, a wrong step or a stale
+    observation shows in the actions.
+
+    Args:
+        spec: Horizon, query interval and cameras.
+        table: (n, 7) actions, repeated for ever.
+        length: Number of actions returned, Q to H.
+        drift: (3,) added to the translation, to make it reach something.
+    """
+
+    def __init__(
+        self,
+        spec: PolicySpec,
+        table: Iterable[Iterable[float]],
+        length: int,
+        drift: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        self.spec = spec
+        self.table: NDArray[np.float64] = np.array(list(table), dtype=np.float64)
+        self.length = length
+        self.drift = drift
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}(H={self.spec.horizon}, Q={self.spec.query_interval}, "
+            f"cameras={self.spec.cameras}, length={self.length}, "
+            f"table={self.table.tolist()}, drift={self.drift})"
+        )
+
+    def reset(self, episode: Episode) -> None:
+        """Forget everything."""
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        """(length, 7) actions within [-1, 1]."""
+        steps = query.step + np.arange(self.length)
+        shift = query.seed / 2**32 - 0.5 + np.sin(50.0 * observation["robot0_eef_pos"].sum())
+        chunk = self.table[steps % len(self.table)] + 0.2 * shift
+        chunk[:, :3] += self.drift
+        clipped: NDArray[np.float64] = chunk.clip(-1.0, 1.0)
+        return clipped
+
+
+class RememberingPolicy(ScriptedPolicy):
+    """A :class:`ScriptedPolicy` whose actions also depend on everything it has seen in the episode."""
+
+    def reset(self, episode: Episode) -> None:
+        self._memory = 0.0
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        seen = float(observation["robot0_eef_pos"].sum())
+        self._memory = 0.5 * self._memory + np.sin(50.0 * seen)
+        chunk = super().predict(observation, query)
+        remembered: NDArray[np.float64] = (chunk + 0.2 * self._memory).clip(-1.0, 1.0)
+        return remembered
+
+    def snapshot(self) -> object:
+        """A copy of the memory."""
+        return self._memory
+
+    def restore(self, memory: object) -> None:
+        """Go back to a copied memory."""
+        assert isinstance(memory, float)
+        self._memory = memory
+
+
+@st.composite
+def scripted_policies(
+    draw: st.DrawFn,
+    *,
+    max_horizon: int = 12,
+    memory: bool | None = None,
+    cameras: tuple[str, ...] = (),
+    drift: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> ScriptedPolicy:
+    """Deterministic policies with any H and Q, with or without memory.
+
+    Args:
+        draw: Given by Hypothesis.
+        max_horizon: Largest H.
+        memory: Whether it remembers (and offers ``snapshot`` and ``restore``); None draws both.
+        cameras: The images it asks for; none by default, so that nothing is rendered.
+        drift: (3,) added to the translation of every action, to make it reach something.
+    """
+    horizon = draw(st.integers(1, max_horizon))
+    interval = draw(st.integers(1, horizon))
+    spec = PolicySpec("scripted", horizon, interval, cameras, image_size=32)
+    remembers = draw(st.booleans()) if memory is None else memory
+    kind = RememberingPolicy if remembers else ScriptedPolicy
+    table = draw(st.lists(actions(1.0), min_size=1, max_size=8))
+    return kind(spec, table, draw(st.integers(interval, horizon)), drift)
+
+
+def _events_of(entities: Entities | None) -> SearchStrategy[Event]:
+    return events(entities)
+
+
+@st.composite
+def _event_changes(
+    draw: st.DrawFn, entities: Entities, name: str, trigger: str, others: list[str], seed: int
+) -> tuple[Change, list[str]]:
+    """The change of an event, and the objects its setup takes out."""
+    if name == "distractor_burst":
+        chosen = draw(st.lists(st.sampled_from(others), min_size=1, max_size=5, unique=True))
+        placements = tuple(draw(_placements(Placement, entity, trigger)) for entity in chosen)
+        return InsertDistractors(placements, len(placements)), chosen
+    if name == "obstacle_insertion":
+        chosen = [draw(st.sampled_from(others))]
+        return draw(_placements(InsertObstacle, chosen[0], trigger)), chosen
+    if name == "sensor_noise_onset":
+        return draw(
+            st.builds(SetSensorCorruption, st.floats(1.0, 40.0), st.floats(0.0, 0.3), st.just(seed))
+        ), []
+    if name in ("target_relocation", "receptacle_relocation"):
+        moved = [trigger] if name == "target_relocation" else others
+        return draw(st.builds(MoveObject, st.sampled_from(moved), _vectors(0.12, plane=True))), []
+    operation = {
+        "illumination_switch": "set_lighting",
+        "camera_shift": "shift_camera",
+        "visual_theme_switch": "set_visual_theme",
+    }[name]
+    return draw(changes(entities, operations=[operation])), []
+
+
+def _placements(kind: type[Any], entity: str, anchor: str) -> SearchStrategy[Any]:
+    return st.builds(
+        kind,
+        object=st.just(entity),
+        relative_to=st.just(anchor),
+        offset_m=_vectors(0.17, plane=True),
+        preserve_initial_z=st.booleans(),
+    )
+
+
+def _vectors(limit_m: float, plane: bool = False) -> SearchStrategy[tuple[float, float, float]]:
+    component = st.floats(-limit_m, limit_m)
+    return st.tuples(component, component, st.just(0.0) if plane else component)
+
+
+def _entities(entities: Entities | None) -> Entities:
+    if entities is not None:
+        return entities
+    from pytest_libero_max.worlds.tiny import TinyWorld
+
+    return TinyWorld().entities
+
+
+def _objects(entities: Entities) -> list[str]:
+    return [name for name, entity in entities.items() if entity.kind == "object"]
+
+
+def _movable(entities: Entities) -> list[str]:
+    return [name for name, entity in entities.items() if entity.kind != "surface"]

@@ -1,0 +1,125 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_libero_max import strategies
+from pytest_libero_max.cases import Case, Event, Manifest, parse_manifest
+from pytest_libero_max.changes import Change, change_from_dict
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.policies.contract import Episode, Policy, Query, RemembersPolicy, query_seed
+from pytest_libero_max.worlds.contract import Entity
+
+ENTITIES = {
+    name: Entity(name, "thing", "object", f"{name}_main", support="main_table")
+    for name in ("mug_1", "plate_1", "jar_1")
+} | {"main_table": Entity("main_table", "table", "surface", "table")}
+EPISODE = Episode("libero_spatial", 0, "do it", 195, 220)
+
+
+def query(step: int, index: int = 0) -> Query:
+    return Query(index, step, "do it", query_seed(195, index))
+
+
+def observation(x: float) -> dict:
+    return {"robot0_eef_pos": np.array([x, 0.0, 0.0])}
+
+
+@given(strategies.strengths())
+def test_strengths_stay_within_their_range(strength: float):
+    assert 0.0 <= strength <= 1.0
+
+
+@given(strategies.changes(ENTITIES))
+def test_changes_are_changes_that_a_manifest_can_hold(change: Change):
+    assert isinstance(change, Change)
+    assert change_from_dict(change.to_dict()) == change
+
+
+@given(st.data())
+def test_changes_can_be_narrowed_to_operations(data: st.DataObject):
+    change = data.draw(strategies.changes(ENTITIES, operations=["move_object"]))
+    assert change.operation == "move_object"
+    assert change.object in ENTITIES
+    assert change.object != "main_table"
+
+
+def test_an_operation_that_needs_a_setup_is_refused():
+    with pytest.raises(OptionError, match=r"'insert_obstacle' cannot be applied right after a reset"):
+        strategies.changes(ENTITIES, operations=["insert_obstacle"])
+
+
+@given(strategies.events(ENTITIES))
+def test_events_take_out_exactly_what_they_bring_back(event: Event):
+    removed = [step["object"] for step in event.setup]
+    change = change_from_dict(event.change)
+    if event.name in ("distractor_burst", "obstacle_insertion"):
+        assert change.factors == {f"pose:{name}" for name in removed}
+        assert event.trigger.entity not in removed
+    else:
+        assert removed == []
+
+
+@given(strategies.cases(ENTITIES))
+def test_cases_stand_for_unmodified_tasks(case: Case):
+    assert case.source == "libero"
+    assert case.record["scenario"]["change"] == case.event.change
+
+
+@given(strategies.manifests(ENTITIES))
+@settings(max_examples=30)
+def test_manifests_pass_the_check_of_manifests(manifest: Manifest):
+    assert parse_manifest(json.loads(manifest.to_json())) == manifest
+
+
+@given(strategies.action_sequences(max_size=4))
+def test_actions_have_seven_finite_components(actions: list):
+    array = np.array(actions)
+    assert array.shape == (len(actions), 7)
+    assert np.abs(array).max() <= 1.5
+
+
+@given(strategies.scripted_policies(), st.integers(0, 100), st.floats(-1, 1))
+def test_scripted_policies_keep_the_contract_and_repeat_themselves(policy, step: int, x: float):
+    assert isinstance(policy, Policy)
+    policy.reset(EPISODE)
+    first = policy.predict(observation(x), query(step))
+    assert policy.spec.query_interval <= len(first) <= policy.spec.horizon
+    assert first.shape[1] == 7
+    assert np.abs(first).max() <= 1.0
+    policy.reset(EPISODE)
+    assert np.array_equal(first, policy.predict(observation(x), query(step)))
+
+
+@given(strategies.scripted_policies(memory=True))
+def test_a_remembering_policy_continues_from_its_snapshot(policy):
+    assert isinstance(policy, RemembersPolicy)
+    policy.reset(EPISODE)
+    policy.predict(observation(0.1), query(0))
+    memory = policy.snapshot()
+    second = policy.predict(observation(0.2), query(1, 1))
+    policy.predict(observation(0.3), query(2, 2))
+    policy.restore(memory)
+    assert np.array_equal(second, policy.predict(observation(0.2), query(1, 1)))
+
+
+def test_memory_reaches_the_actions():
+    spec = strategies.PolicySpec("scripted", 1, 1, ())
+    policy = strategies.RememberingPolicy(spec, [[0.0] * 7], 1)
+    policy.reset(EPISODE)
+    policy.predict(observation(0.1), query(0))
+    remembering = policy.predict(observation(0.2), query(1, 1))
+    policy.reset(EPISODE)
+    assert not np.array_equal(remembering, policy.predict(observation(0.2), query(1, 1)))
+
+
+def test_only_this_module_needs_hypothesis():
+    code = (
+        "import sys, pytest_libero_max.changes, pytest_libero_max.construction.events\n"
+        "sys.exit('hypothesis' in sys.modules or 'mujoco' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
