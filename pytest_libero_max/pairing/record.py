@@ -32,8 +32,8 @@ class PairRecord:
         trigger_distance_m: Distance of the end effector to the trigger entity then.
         min_distance_m: Smallest such distance over the Base rollout.
         response_step: Policy steps executed at the first query after the event, or None where there was none.
-        stale_actions: Queued actions executed after the event and before that query; None where the event never
-            fired. Where no query followed, all actions executed after the event were stale.
+        stale_actions: Queued actions executed after the event and before that query; None where the event
+            never fired. Where no query followed, all actions executed after the event were stale.
         base_queries: Policy queries of Base.
         dynamic_queries: Policy queries of Dynamic after the event.
         prefix_digest: Hash chain over (action, world digest) of the executed prefix, hexadecimal; Base and
@@ -159,3 +159,19 @@ class PairError:
     @classmethod
     def of(cls, case: Case, error: BaseException, phase: str) -> PairError:
         return cls(case.case_id, case.item_id, case.digest, type(error).__name__, str(error), phase)
+
+    @classmethod
+    def from_dict(cls, values: Json) -> PairError:
+        """Read what :meth:`to_dict` wrote.
+
+        Raises:
+            ReportError: It has other fields or another schema version.
+        """
+        if values.get("schema_version") != RECORD_VERSION:
+            raise ReportError(
+                f"schema_version={values.get('schema_version')!r}, but this version reads {RECORD_VERSION}."
+            )
+        known = {item.name for item in fields(cls)}
+        if values.keys() != known:
+            raise ReportError(f"A pair error has the fields {sorted(values)}, but must have {sorted(known)}.")
+        return cls(**values)

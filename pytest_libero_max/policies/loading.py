@@ -191,8 +191,8 @@ def _construct(thing: Any, where: str, path: Path) -> Any:
     except TypeError as error:
         raise AdapterError(
             f"{where} cannot be called without arguments ({error}), but must be a policy, or a class or "
-            "function that returns one when it is called without arguments. Give its arguments defaults, or write "
-            "`policy = ...` with the arguments in the adapter."
+            "function that returns one when it is called without arguments. Give its arguments defaults, or "
+            "write `policy = ...` with the arguments in the adapter."
         ) from None
     try:
         return thing()
@@ -206,8 +206,8 @@ def _failed(error: BaseException, path: Path, doing: str) -> AdapterError:
     else:
         place = locate(error, str(path)) or path.name
     return AdapterError(
-        f"{place}: {type(error).__name__} while {doing}: {error}. Repair the adapter; `python {path.name}` in "
-        "its folder shows the error alone."
+        f"{place}: {type(error).__name__} while {doing}: {error}. Repair the adapter; `python {path.name}` "
+        "in its folder shows the error alone."
     )
 
 

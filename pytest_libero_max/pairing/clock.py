@@ -1,0 +1,28 @@
+"""Wall-clock seconds by name: the only thing in a pair record that differs between runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+
+class Clock:
+    """Adds up how long named stretches took; stretches may nest, and each then counts in full."""
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Add the duration of the block to ``name``, also when it raises."""
+        begin = perf_counter()
+        try:
+            yield
+        finally:
+            self._seconds[name] = self._seconds.get(name, 0.0) + perf_counter() - begin
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Sorted by name, rounded to microseconds."""
+        return {name: round(value, 6) for name, value in sorted(self._seconds.items())}
