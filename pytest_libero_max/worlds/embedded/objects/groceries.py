@@ -1,0 +1,395 @@
+"""The groceries of LIBERO-Object, and the cookie box: packets, cartons, cans and bottles.
+
+Sizes are those of the upright object: depth along x (towards ``agentview``), width along y, height along z.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.embedded import rotations
+from pytest_libero_max.worlds.embedded.meshes import FACES, Mesh, atlas_cell, box, join, panel, revolve
+from pytest_libero_max.worlds.embedded.objects.base import Category, Colour, Link, Skin, Solid
+from pytest_libero_max.worlds.embedded.rotations import Quaternion
+from pytest_libero_max.worlds.embedded.textures import Label, Rgb, box_atlas
+
+_HALF = math.sqrt(0.5)
+_HALF_TURN: Quaternion = (0.0, 0.0, 0.0, 1.0)
+_QUARTER_TURN: Quaternion = (_HALF, 0.0, 0.0, _HALF)
+_CAN_UPRIGHT: Quaternion = (0.0, 0.0, _HALF, _HALF)
+_BOTTLE_UPRIGHT: Quaternion = (0.5, 0.5, 0.5, 0.5)
+
+Size = tuple[float, float, float]
+
+
+def packet(
+    name: str, size: Size, mass: float, label: Callable[[], Image], height: float, margin: float, upright: Quaternion
+) -> Category:
+    """A box with a box-atlas label whose origin lies ``height`` above the bottom."""
+    half = (size[0] / 2, size[1] / 2, size[2] / 2)
+    lift = half[2] - height
+    skin = Skin(box(half, chamfer=0.0012).moved((0.0, 0.0, lift)), texture="label")
+    main = Link("main", mass, (Solid((0.0, 0.0, lift), half),), (skin,))
+    return Category(name, main, False, upright, height, margin, {"label": label})
+
+
+def carton(name: str, size: Size, mass: float, label: Callable[[], Image], height: float, margin: float) -> Category:
+    """A drink carton with a gabled top; ``height`` as in :func:`packet`."""
+    half_x, half_y = size[0] / 2, size[1] / 2
+    shoulder, ridge, top = size[2] * 0.76 - height, size[2] * 0.925 - height, size[2] - height
+    body = (half_x, half_y, (shoulder + height) / 2)
+    middle = (shoulder - height) / 2
+    gable = 0.004
+    solids = (
+        Solid((0.0, 0.0, middle), body),
+        Solid((0.0, 0.0, (shoulder + ridge) / 2), (half_x * 0.55, half_y, (ridge - shoulder) / 2)),
+        Solid((0.0, 0.0, (ridge + top) / 2), (gable, half_y, (top - ridge) / 2)),
+    )
+    mesh = join(box(body).moved((0.0, 0.0, middle)), _roof(half_x, half_y, gable, shoulder, ridge, top))
+    main = Link("main", mass, solids, (Skin(mesh, texture="label"),))
+    return Category(name, main, False, _BOTTLE_UPRIGHT, height, margin, {"label": label})
+
+
+def can(name: str, radius: float, length: float, mass: float, label: Callable[[], Image], height: float) -> Category:
+    """A tin; its round wall collides as four crossing slabs that stand on a square foot."""
+    bottom, top = -height, length - height
+    middle, half = (bottom + top) / 2, (top - bottom) / 2
+    reach = radius * math.tan(math.pi / 8)
+    solids = [Solid((0.0, 0.0, bottom + 0.002), (0.68 * radius, 0.68 * radius, 0.002))]
+    for k in range(4):
+        turn = rotations.about((0, 0, 1), k * math.pi / 4)
+        # Only the foot touches the ground: four contacts there are enough.
+        solids.append(Solid((0.0, 0.0, middle + 0.0003), (radius, reach, half - 0.0003), turn))
+    wall = revolve([(radius, bottom + 0.003), (radius, top - 0.003)], 20)
+    rim = radius + 0.0008
+    lids = [
+        revolve([(0.0, bottom), (rim, bottom), (rim, bottom + 0.003), (radius, bottom + 0.0032)], 20),
+        revolve(
+            [(radius, top - 0.0032), (rim, top - 0.003), (rim, top), (rim - 0.003, top), (rim - 0.004, top - 0.002), (0.0, top - 0.002)],
+            20,
+        ),
+    ]
+    skins = (Skin(wall, texture="label"), Skin(join(*lids), (0.78, 0.79, 0.8), shine=0.8))
+    return Category(name, Link("main", mass, solids, skins), False, _CAN_UPRIGHT, height, 0.025, {"label": label})
+
+
+def bottle(
+    name: str,
+    size: Size,
+    mass: float,
+    label: Callable[[], Image],
+    height: float,
+    *,
+    glass: Colour,
+    cap: Colour,
+    neck: float,
+    shoulder: float,
+    cap_width: float,
+    margin: float = 0.025,
+    upright: Quaternion = _BOTTLE_UPRIGHT,
+) -> Category:
+    """A flattened bottle; ``height`` as in :func:`packet`.
+
+    Args:
+        name: LIBERO's category.
+        size: Depth, width and height in m.
+        mass: In kg.
+        label: Picture that wraps around the body.
+        height: Of the origin above the bottom, m.
+        glass: Colour of shoulder and base.
+        cap: Colour of the cap.
+        neck: Where the cap begins, as a part of the height.
+        shoulder: Where the body ends, as a part of the height.
+        cap_width: Diameter of the cap, m.
+        margin: LIBERO's ``horizontal_radius``, m.
+        upright: Orientation of the body at reset.
+    """
+    flat = size[0] / size[1]
+    radius, bottom = size[1] / 2, -height
+    z = {part: bottom + size[2] * part for part in (0.0, shoulder, neck, 1.0)}
+    cap_radius = cap_width / 2
+    body_half = (size[0] / 2 * 0.97, radius * 0.97, (z[shoulder] - bottom) / 2)
+    solids = (
+        Solid((0.0, 0.0, (z[shoulder] + bottom) / 2), body_half),
+        Solid(
+            (0.0, 0.0, (z[neck] + z[shoulder]) / 2),
+            (max(size[0] / 2 * 0.7, cap_radius), (radius + cap_radius) / 2, (z[neck] - z[shoulder]) / 2),
+        ),
+        Solid((0.0, 0.0, (z[1.0] + z[neck]) / 2), (cap_radius * 0.95, cap_radius * 0.95, (z[1.0] - z[neck]) / 2)),
+    )
+    low, high = bottom + 0.08 * size[2], z[shoulder] - 0.02 * size[2]
+    base = [(0.0, bottom), (radius * 0.86, bottom), (radius * 0.98, bottom + 0.004), (radius, low)]
+    upper = [
+        (radius, high),
+        (radius * 0.96, z[shoulder]),
+        ((radius * 0.8 + cap_radius * 0.2), (z[shoulder] * 0.55 + z[neck] * 0.45)),
+        (cap_radius * 0.9, z[neck]),
+    ]
+    squeeze = (flat, 1.0, 1.0)
+    wrap = _superellipse(revolve([(radius, low), (radius, high)], 24), radius).moved(scale=squeeze)
+    rest = _superellipse(join(revolve(base, 24), revolve(upper, 24, crease_deg=60)), radius).moved(scale=squeeze)
+    lid = revolve(
+        [(cap_radius, z[neck] - 0.001), (cap_radius * 0.94, z[1.0] - 0.003), (cap_radius * 0.84, z[1.0]), (0.0, z[1.0])], 14
+    )
+    skins = (Skin(wrap, texture="label", shine=0.4), Skin(rest, glass, shine=0.6), Skin(lid, cap, shine=0.3))
+    return Category(name, Link("main", mass, solids, skins), False, upright, height, margin, {"label": label})
+
+
+def _superellipse(mesh: Mesh, radius: float) -> Mesh:
+    """Make the round cross-sections of a bottle squarer, more so the wider they are."""
+    import numpy as np
+
+    xy = mesh.vertices[:, :2]
+    r = np.linalg.norm(xy, axis=1)
+    angle = np.arctan2(xy[:, 1], xy[:, 0])
+    exponent = 2.0 + 1.2 * np.clip(r / radius, 0, 1)
+    stretch = (np.abs(np.cos(angle)) ** exponent + np.abs(np.sin(angle)) ** exponent) ** (-1 / exponent)
+    # Keep the widest points where they were: only the corners move outwards.
+    vertices = mesh.vertices.copy()
+    vertices[:, :2] = xy * stretch[:, None]
+    return Mesh(vertices, mesh.normals, mesh.texcoords, mesh.triangles)
+
+
+def _roof(half_x: float, half_y: float, gable: float, low: float, ridge: float, top: float) -> Mesh:
+    """The slopes, the folded ends and the sealed edge of a carton; the ridge runs along y."""
+    u0, v0, u1, v1 = atlas_cell("top")
+    vm = (v0 + v1) / 2
+    side = [atlas_cell(face) for face in FACES if face in ("right", "left")]
+    ur = (side[0][0] + side[0][2]) / 2
+    vr = side[0][3] - 0.02
+    plain_uv = [(ur, vr)] * 4
+    parts = []
+    for s in (1.0, -1.0):
+        slope = [(s * half_x, -s * half_y, low), (s * half_x, s * half_y, low), (s * gable, s * half_y, ridge), (s * gable, -s * half_y, ridge)]
+        parts.append(panel(slope, [(u0 + 0.01, v0 + 0.01), (u1 - 0.01, v0 + 0.01), (u1 - 0.01, vm), (u0 + 0.01, vm)]))
+        seal = [(s * gable, -s * half_y, ridge), (s * gable, s * half_y, ridge), (s * gable, s * half_y, top), (s * gable, -s * half_y, top)]
+        parts.append(panel(seal, [(u0 + 0.01, vm), (u1 - 0.01, vm), (u1 - 0.01, v1 - 0.01), (u0 + 0.01, v1 - 0.01)]))
+        end = [(s * half_x, s * half_y, low), (-s * half_x, s * half_y, low), (-s * gable, s * half_y, ridge), (s * gable, s * half_y, ridge)]
+        parts.append(panel(end, plain_uv))
+        fold = [(s * gable, s * half_y, ridge), (-s * gable, s * half_y, ridge), (-s * gable, s * half_y, top), (s * gable, s * half_y, top)]
+        parts.append(panel(fold, plain_uv))
+    parts.append(panel([(gable, -half_y, top), (gable, half_y, top), (-gable, half_y, top), (-gable, -half_y, top)], plain_uv))
+    return join(*parts)
+
+
+# --- the shelf ---------------------------------------------------------------------------------------------------
+
+
+def cookies() -> Category:
+    """A flat red box with chocolate-chip cookies on it."""
+    return packet("cookies", (0.0826, 0.0621, 0.0188), 0.009643, _cookies_label, 0.0094, 0.025, _QUARTER_TURN)
+
+
+def cream_cheese() -> Category:
+    """A silver packet with a blue oval and a white curl."""
+    return packet("cream_cheese", (0.0812, 0.0427, 0.0179), 0.006194, _cream_cheese_label, 0.0089, 0.03, _HALF_TURN)
+
+
+def butter() -> Category:
+    """A yellow packet with a sliced block of butter."""
+    return packet("butter", (0.0762, 0.0395, 0.0174), 0.005247, _butter_label, 0.0087, 0.02, _HALF_TURN)
+
+
+def chocolate_pudding() -> Category:
+    """A brown box with a cup of pudding and whipped cream."""
+    size = (0.0802, 0.0463, 0.0274)
+    return packet("chocolate_pudding", size, 0.010186, _pudding_label, 0.0131, 0.025, _HALF_TURN)
+
+
+def milk() -> Category:
+    """A white and blue carton with a splash."""
+    return carton("milk", (0.0525, 0.0531, 0.1312), 0.031666, _milk_label, 0.0697, 0.03)
+
+
+def orange_juice() -> Category:
+    """An orange carton with a cut orange."""
+    return carton("orange_juice", (0.0525, 0.0531, 0.1312), 0.031666, _juice_label, 0.0697, 0.025)
+
+
+def alphabet_soup() -> Category:
+    """A tin with a yellow label, a bowl of soup and loose letters."""
+    return can("alphabet_soup", 0.0313, 0.0762, 0.025851, _soup_label, 0.0384)
+
+
+def tomato_sauce() -> Category:
+    """A tin with a red label and a tomato."""
+    return can("tomato_sauce", 0.0311, 0.0762, 0.026633, _tomato_label, 0.0384)
+
+
+def ketchup() -> Category:
+    """A red squeeze bottle with a white cap."""
+    return bottle(
+        "ketchup",
+        (0.0368, 0.0562, 0.1456),
+        0.023217,
+        _ketchup_label,
+        0.0724,
+        glass=(0.74, 0.07, 0.06),
+        cap=(0.95, 0.95, 0.93),
+        neck=0.84,
+        shoulder=0.62,
+        cap_width=0.026,
+    )
+
+
+def bbq_sauce() -> Category:
+    """A short dark bottle with a flame."""
+    return bottle(
+        "bbq_sauce",
+        (0.0291, 0.0470, 0.1071),
+        0.01218,
+        _bbq_label,
+        0.0546,
+        glass=(0.20, 0.09, 0.05),
+        cap=(0.10, 0.10, 0.11),
+        neck=0.83,
+        shoulder=0.66,
+        cap_width=0.022,
+        margin=0.015,
+        upright=_QUARTER_TURN,
+    )
+
+
+def salad_dressing() -> Category:
+    """A tall creamy bottle with green leaves and a green cap."""
+    return bottle(
+        "salad_dressing",
+        (0.0355, 0.0527, 0.1456),
+        0.021785,
+        _dressing_label,
+        0.0727,
+        glass=(0.90, 0.87, 0.66),
+        cap=(0.13, 0.45, 0.17),
+        neck=0.86,
+        shoulder=0.58,
+        cap_width=0.024,
+    )
+
+
+# --- their labels ------------------------------------------------------------------------------------------------
+
+_WHITE: Rgb = (250, 250, 246)
+_INK: Rgb = (30, 26, 24)
+
+
+def _cookies_label() -> Image:
+    ground: Rgb = (178, 32, 40)
+    top = Label(ground, 96, 128).band(0.0, 0.06, (240, 196, 70)).band(0.94, 1.0, (240, 196, 70))
+    top.word("COOKIES", 0.5, 0.2, 0.88, 0.17, _WHITE)
+    for x, y in ((0.3, 0.5), (0.7, 0.56), (0.42, 0.78)):
+        top.disc(x, y, 0.2, (120, 74, 32)).disc(x, y, 0.18, (208, 150, 84))
+        for dx, dy in ((-0.07, -0.04), (0.06, -0.05), (0.0, 0.04), (0.09, 0.04), (-0.1, 0.05)):
+            top.disc(x + dx, y + dy, 0.03, (70, 38, 18))
+    side = Label(ground, 128, 32).word("COOKIES", 0.5, 0.5, 0.8, 0.7, _WHITE)
+    return box_atlas({"top": top.image, "front": side.image, "bottom": Label(ground).image})
+
+
+def _cream_cheese_label() -> Image:
+    silver: Rgb = (214, 220, 228)
+    blue: Rgb = (28, 78, 160)
+    # Drawn along the packet's length, then turned into the atlas: picture-up is away from the camera.
+    top = Label(silver, 160, 84).band(0.0, 0.16, blue).band(0.84, 1.0, blue)
+    top.disc(0.5, 0.5, 0.36, blue, 0.6).word("CREAM", 0.5, 0.38, 0.42, 0.22, _WHITE)
+    top.word("CHEESE", 0.5, 0.64, 0.48, 0.22, _WHITE)
+    top.disc(0.1, 0.5, 0.07, _WHITE).disc(0.9, 0.5, 0.07, _WHITE)
+    side = Label(silver, 128, 32).band(0.3, 0.7, blue)
+    return box_atlas({"top": top.turned(1), "front": side.image, "bottom": Label(silver).image})
+
+
+def _butter_label() -> Image:
+    yellow: Rgb = (246, 206, 60)
+    cream: Rgb = (255, 240, 170)
+    top = Label(yellow, 160, 84).band(0.0, 0.1, (202, 40, 36)).band(0.9, 1.0, (202, 40, 36))
+    top.word("BUTTER", 0.34, 0.5, 0.56, 0.42, (158, 24, 28))
+    top.polygon([(0.68, 0.36), (0.74, 0.24), (0.95, 0.24), (0.95, 0.6), (0.89, 0.76), (0.68, 0.76)], (214, 160, 40))
+    top.block(0.68, 0.38, 0.88, 0.75, cream).block(0.74, 0.38, 0.76, 0.75, (222, 178, 70))
+    top.block(0.81, 0.38, 0.83, 0.75, (222, 178, 70))
+    side = Label(yellow, 128, 32).word("BUTTER", 0.5, 0.5, 0.8, 0.7, (158, 24, 28))
+    return box_atlas({"top": top.turned(1), "front": side.image, "bottom": Label(yellow).image})
+
+
+def _pudding_label() -> Image:
+    brown: Rgb = (84, 44, 26)
+    top = Label(brown, 160, 92).band(0.0, 0.08, (228, 190, 130)).band(0.92, 1.0, (228, 190, 130))
+    top.word("CHOCOLATE", 0.31, 0.34, 0.54, 0.24, (250, 226, 180)).word("PUDDING", 0.31, 0.66, 0.48, 0.24, _WHITE)
+    top.polygon([(0.64, 0.45), (0.96, 0.45), (0.9, 0.86), (0.7, 0.86)], (240, 236, 230))
+    top.disc(0.8, 0.45, 0.16, (48, 24, 14), 0.35).disc(0.8, 0.34, 0.09, _WHITE, 0.8).disc(0.8, 0.22, 0.045, _WHITE)
+    side = Label(brown, 128, 48).word("PUDDING", 0.5, 0.5, 0.8, 0.6, (250, 226, 180))
+    return box_atlas({"top": top.turned(1), "front": side.image, "bottom": Label(brown).image})
+
+
+def _milk_label() -> Image:
+    blue: Rgb = (36, 92, 190)
+    front = Label(_WHITE, 96, 160).band(0.0, 0.14, blue).band(0.8, 1.0, blue)
+    front.word("MILK", 0.5, 0.34, 0.86, 0.24, blue)
+    front.disc(0.5, 0.68, 0.27, (176, 212, 246)).polygon([(0.5, 0.47), (0.36, 0.68), (0.64, 0.68)], _WHITE)
+    front.disc(0.5, 0.7, 0.15, _WHITE)
+    top = Label(blue, 96, 96).word("MILK", 0.5, 0.72, 0.7, 0.3, _WHITE)
+    return box_atlas({"front": front.image, "top": top.image, "bottom": Label(_WHITE).image})
+
+
+def _juice_label() -> Image:
+    orange: Rgb = (240, 136, 24)
+    front = Label(orange, 96, 160).band(0.0, 0.1, (30, 122, 52)).band(0.9, 1.0, (30, 122, 52))
+    front.word("ORANGE", 0.5, 0.19, 0.86, 0.1, _WHITE).word("JUICE", 0.5, 0.32, 0.76, 0.12, _WHITE)
+    front.disc(0.5, 0.62, 0.36, (252, 242, 214)).disc(0.5, 0.62, 0.31, (250, 166, 40))
+    for k in range(8):
+        angle = k * math.pi / 4
+        x, y = 0.5 + 0.31 * math.cos(angle), 0.62 + 0.31 * 0.6 * math.sin(angle)
+        front.polygon([(0.5, 0.62), (x, y), (x + 0.03, y + 0.01)], (252, 242, 214))
+    front.polygon([(0.62, 0.42), (0.86, 0.36), (0.74, 0.48)], (40, 140, 60))
+    top = Label((30, 122, 52), 96, 96).word("JUICE", 0.5, 0.72, 0.7, 0.3, _WHITE)
+    return box_atlas({"front": front.image, "top": top.image, "bottom": Label(orange).image})
+
+
+def _soup_label() -> Image:
+    label = Label((250, 206, 52), 256, 112).band(0.0, 0.1, (24, 110, 66)).band(0.9, 1.0, (24, 110, 66))
+    colours: tuple[Rgb, ...] = ((206, 36, 40), (30, 80, 170), (24, 110, 66))
+    for middle in (0.0, 0.5, 1.0):
+        label.word("SOUP", middle, 0.28, 0.26, 0.26, (176, 30, 34))
+        label.disc(middle, 0.66, 0.105, _WHITE, 0.6).disc(middle, 0.66, 0.088, (226, 110, 40), 0.6)
+        label.word("ABC", middle, 0.66, 0.1, 0.2, (255, 246, 200))
+    for n, letter in enumerate("AZBKEC"):
+        x = 0.25 + 0.5 * (n // 3) + (0.06 if n % 2 else -0.06)
+        label.word(letter, x, 0.24 + 0.25 * (n % 3), 0.07, 0.22, colours[n % 3])
+    return label.image
+
+
+def _tomato_label() -> Image:
+    label = Label((190, 26, 26), 256, 112).band(0.0, 0.09, _WHITE).band(0.9, 1.0, (36, 108, 40))
+    for middle in (0.0, 0.5, 1.0):
+        label.disc(middle, 0.6, 0.12, _WHITE, 0.95).disc(middle, 0.62, 0.092, (226, 52, 34), 0.9)
+        label.polygon([(middle - 0.06, 0.36), (middle + 0.06, 0.36), (middle + 0.02, 0.5), (middle - 0.02, 0.5)], (36, 128, 48))
+    for middle in (0.25, 0.75):
+        label.word("TOMATO", middle, 0.36, 0.22, 0.24, _WHITE).word("SAUCE", middle, 0.66, 0.18, 0.24, (255, 226, 120))
+    return label.image
+
+
+def _ketchup_label() -> Image:
+    label = Label((196, 20, 18), 256, 160)
+    for middle in (0.0, 0.5, 1.0):
+        label.disc(middle, 0.5, 0.165, _WHITE, 1.5).word("KETCHUP", middle, 0.42, 0.26, 0.16, (196, 20, 18))
+        label.disc(middle, 0.63, 0.05, (214, 40, 28)).disc(middle, 0.56, 0.02, (40, 130, 50), 0.7)
+    return label.image
+
+
+def _bbq_label() -> Image:
+    label = Label((52, 22, 14), 256, 128).band(0.12, 0.2, (240, 150, 30)).band(0.88, 0.96, (240, 150, 30))
+    for middle in (0.0, 0.5, 1.0):
+        label.word("BBQ", middle, 0.4, 0.28, 0.3, (250, 190, 60))
+        flame = [(-0.07, 0.84), (-0.08, 0.7), (-0.03, 0.62), (0.0, 0.54), (0.04, 0.64), (0.08, 0.7), (0.07, 0.84)]
+        label.polygon([(middle + dx, y) for dx, y in flame], (232, 84, 24))
+        label.disc(middle, 0.77, 0.03, (252, 200, 70), 1.1)
+    return label.image
+
+
+def _dressing_label() -> Image:
+    label = Label((238, 232, 190), 256, 160).band(0.0, 0.07, (44, 128, 52)).band(0.93, 1.0, (44, 128, 52))
+    for middle in (0.0, 0.5, 1.0):
+        label.word("SALAD", middle, 0.22, 0.26, 0.17, (28, 96, 40)).word("DRESSING", middle, 0.4, 0.3, 0.12, (28, 96, 40))
+        for dx, dy in ((-0.06, 0.7), (0.06, 0.7), (0.0, 0.62)):
+            label.disc(middle + dx, dy, 0.06, (70, 160, 60), 1.5).disc(middle + dx, dy, 0.035, (140, 200, 90), 1.7)
+        label.disc(middle, 0.82, 0.035, (214, 50, 40))
+    return label.image
