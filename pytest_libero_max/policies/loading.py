@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
 import importlib.util
 import inspect
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from difflib import get_close_matches
@@ -63,6 +64,49 @@ def load_policy(reference: str, *, horizon: int | None = None, query_interval: i
         module = _import(target, reference)
         policy = _construct(_find(module, name, where), where, Path(module.__file__ or target))
     return _override(check_policy(policy, where), where, horizon, query_interval)
+
+
+def check_reference(reference: str) -> None:
+    """Find what is wrong with a reference without executing anything.
+
+    For whoever only hands out the work: the weights belong into the processes that play.
+
+    Raises:
+        AdapterError: The file or its name does not exist, or it is not Python; as :func:`load_policy` says it.
+    """
+    target, name = _parse(reference)
+    if not target.endswith(".py"):
+        return
+    path = _existing_file(Path(target), reference)
+    try:
+        tree = ast.parse(path.read_bytes(), str(path))
+    except (SyntaxError, ValueError) as error:
+        raise _failed(error, path, "reading it") from error
+    defined = _defined_names(tree.body)
+    if name not in defined and "*" not in defined:
+        raise _no_such_name(f"{target}:{name}", name, [known for known in defined if known[:1] != "_"])
+
+
+def _defined_names(statements: Iterable[ast.stmt]) -> set[str]:
+    """Names bound at the top of a module, also within ``if``, ``try`` and ``with``."""
+    names: set[str] = set()
+    for statement in statements:
+        if isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            names.add(statement.name)
+        elif isinstance(statement, ast.Import | ast.ImportFrom):
+            names |= {alias.asname or alias.name.partition(".")[0] for alias in statement.names}
+        else:
+            names |= {
+                node.id
+                for node in ast.walk(statement)
+                if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+            }
+        for block in ("body", "orelse", "finalbody"):
+            if isinstance(statement, ast.If | ast.Try | ast.With | ast.For | ast.While):
+                names |= _defined_names(getattr(statement, block, []))
+        for handler in getattr(statement, "handlers", []):
+            names |= _defined_names(handler.body)
+    return names
 
 
 def _parse(reference: str) -> tuple[str, str]:
@@ -175,10 +219,14 @@ def _find(module: ModuleType, name: str, where: str) -> Any:
             and not isinstance(value, ModuleType)
             and getattr(value, "__module__", None) == module.__name__
         ]
-        known = did_you_mean(name, public) or "It defines no public name."
-        raise AdapterError(
-            f"{where}: the adapter defines no {name!r}. {known} Rename it, or name it as FILE.py:NAME."
-        ) from None
+        raise _no_such_name(where, name, public) from None
+
+
+def _no_such_name(where: str, name: str, public: Iterable[str]) -> AdapterError:
+    known = did_you_mean(name, public) or "It defines no public name."
+    return AdapterError(
+        f"{where}: the adapter defines no {name!r}. {known} Rename it, or name it as FILE.py:NAME."
+    )
 
 
 def _construct(thing: Any, where: str, path: Path) -> Any:

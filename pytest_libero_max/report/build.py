@@ -6,25 +6,21 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from pytest_libero_max.cases import EVENTS, FAMILIES, Case, Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.blocks import change_json, macro_json, rate_json, result_json, split_json
 from pytest_libero_max.report.plan import PlannedPair
-from pytest_libero_max.report.store import StoredRun, read_pairs
+from pytest_libero_max.report.store import read_pairs
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
-    MacroAverage,
-    Split,
-    at_floor,
     breakdown,
     largest_split,
     macro_average,
 )
-from pytest_libero_max.stats.exposure import Exposure
-from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange
-from pytest_libero_max.stats.outcomes import Outcomes, Ratio
+from pytest_libero_max.stats.intervals import CONFIDENCE
+from pytest_libero_max.stats.outcomes import Outcomes
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 
 REPORT_VERSION = 1
@@ -69,7 +65,7 @@ def build_report(
 
     Rates over the planned pairs are in ``headline`` and are withheld (None, with the reason) while a pair
     is missing or invalid. Everything else is over the played pairs, and each block says how many were
-    planned and played.
+    planned and played. ``policy`` is the spec the pairs were played with, None where no pair was.
 
     Args:
         records: Measured pairs in any order.
@@ -98,20 +94,21 @@ def build_report(
         "schema_version": REPORT_VERSION,
         "pairs": counts,
         "headline": _headline(counts, overall),
+        "policy": played[measured[0].case_id].policy if measured else None,
         "substrate": {
             "name": substrate,
             "scores_comparable_with_published": False if substrate == "embedded" else None,
             "note": EMBEDDED_NOTE if substrate == "embedded" else None,
         },
-        "overall": _block(overall, len(planned)),
+        "overall": result_json(overall, len(planned)),
         "by": {
-            name: {label: _block(result, total) for label, (result, total) in group.items()}
+            name: {label: result_json(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
         },
         "macro": {
-            "category": _macro(macro_average([result.outcomes for result, _ in groups["category"].values()]))
+            "category": macro_json(macro_average([r.outcomes for r, _ in groups["category"].values()]))
         },
-        "largest_split": _split(largest_split(_variants(planned, groups["variant"]))),
+        "largest_split": split_json(largest_split(_variants(groups["variant"]))),
         "methods": METHODS,
         "provenance": provenance,
     }
@@ -121,13 +118,9 @@ def rebuild_report(path: Path) -> Json:
     """Compute the report from a ``pairs.jsonl`` (or its folder) alone.
 
     Raises:
-        ReportError: The file is missing or damaged.
+        ReportError: The file is missing or damaged, or contradicts itself.
     """
-    return report_of(read_pairs(path))
-
-
-def report_of(stored: StoredRun) -> Json:
-    """The report of a run as read from disk."""
+    stored = read_pairs(path)
     return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
 
 
@@ -217,7 +210,7 @@ def _order(dimension: str, name: str) -> tuple[int, str]:
 
 
 def _variants(
-    planned: Sequence[PlannedPair], groups: Mapping[str, tuple[PairedResult, int]]
+    groups: Mapping[str, tuple[PairedResult, int]],
 ) -> dict[str, dict[str, Outcomes]]:
     events: dict[str, dict[str, Outcomes]] = {}
     for name, (result, _) in groups.items():
@@ -255,9 +248,9 @@ def _headline(counts: Json, overall: PairedResult) -> Json:
         return {
             "status": "complete",
             "reason": None,
-            "base_success": _rate(overall.outcomes.base, overall.base),
-            "dynamic_success": _rate(overall.outcomes.dynamic, overall.dynamic),
-            "paired_change": _change(overall),
+            "base_success": rate_json(overall.outcomes.base, overall.base),
+            "dynamic_success": rate_json(overall.outcomes.dynamic, overall.dynamic),
+            "paired_change": change_json(overall),
         }
     lost = [f"{counts[key]} {key}" for key in ("invalid", "missing") if counts[key]]
     reason = (
@@ -272,105 +265,4 @@ def _headline(counts: Json, overall: PairedResult) -> Json:
         "base_success": None,
         "dynamic_success": None,
         "paired_change": None,
-    }
-
-
-def _block(result: PairedResult, planned: int) -> Json:
-    outcomes = result.outcomes
-    return {
-        "planned": planned,
-        "played": outcomes.total,
-        "base_success": _rate(outcomes.base, result.base),
-        "dynamic_success": _rate(outcomes.dynamic, result.dynamic),
-        "paired_change": _change(result),
-        "outcomes": _outcomes(outcomes),
-        "conditional_regression": _rate(outcomes.conditional_regression, result.conditional_regression),
-        "retained": _ratio(outcomes.retained),
-        "mcnemar": {
-            "regressions": result.mcnemar.losses,
-            "gains": result.mcnemar.gains,
-            "p_value": _float(result.mcnemar.p_value),
-            "log10_p_value": _float(result.mcnemar.log10_p),
-        },
-        "trigger_coverage": _rate(result.trigger_coverage, result.trigger_interval),
-        "response_coverage": _rate(result.response_coverage, result.response_interval),
-        "stale_actions": _exposure(result.exposure),
-        "given_response": {
-            "base_success": _ratio(result.given_response.base),
-            "dynamic_success": _ratio(result.given_response.dynamic),
-            "paired_change": _ratio(result.given_response.change),
-            "outcomes": _outcomes(result.given_response),
-        },
-        "floor": at_floor(outcomes),
-    }
-
-
-def _float(value: float | None) -> float | None:
-    """Twelve significant digits: all that is meant, and the same text on every machine."""
-    return None if value is None else float(f"{value:.12g}")
-
-
-def _ratio(ratio: Ratio) -> Json:
-    return {"count": ratio.count, "of": ratio.of, "value": _float(ratio.value)}
-
-
-def _rate(ratio: Ratio, interval: Interval | None) -> Json:
-    return {
-        **_ratio(ratio),
-        "lower": _float(interval.lower if interval else None),
-        "upper": _float(interval.upper if interval else None),
-    }
-
-
-def _change(result: PairedResult) -> Json:
-    def bounds(change: MeanChange | None) -> Json:
-        return {
-            "lower": _float(change.lower if change else None),
-            "upper": _float(change.upper if change else None),
-            "degenerate": change.degenerate if change else None,
-        }
-
-    return {
-        **_ratio(result.outcomes.change),
-        **bounds(result.change),
-        "by_source": bounds(result.change_by_source),
-    }
-
-
-def _outcomes(outcomes: Outcomes) -> Json:
-    return {
-        "preserved_success": outcomes.preserved_success,
-        "change_associated_success": outcomes.change_associated_success,
-        "regression": outcomes.regression,
-        "persistent_failure": outcomes.persistent_failure,
-    }
-
-
-def _exposure(exposure: Exposure) -> Json:
-    return {
-        "pairs": exposure.pairs,
-        "unanswered": exposure.unanswered,
-        "mean": _float(exposure.mean),
-        "median": _float(exposure.median),
-        "quantiles": dict(exposure.quantiles),
-        "histogram": {str(value): count for value, count in exposure.histogram.items()},
-    }
-
-
-def _macro(macro: MacroAverage) -> Json:
-    return {
-        "groups": macro.groups,
-        "base_success": _float(macro.base),
-        "dynamic_success": _float(macro.dynamic),
-        "paired_change": _float(macro.change),
-    }
-
-
-def _split(split: Split | None) -> Any:
-    if split is None:
-        return None
-    return {
-        "event": split.event,
-        "dynamic_success": {name: _float(rate) for name, rate in split.rates.items()},
-        "difference": _float(split.difference),
     }

@@ -43,9 +43,10 @@ def collect(
     """Gather the provenance of a run. Imports none of the packages whose versions it names.
 
     Args:
-        policy: ``PolicySpec.to_dict()`` as played.
+        policy: What was asked for: ``reference``, and the ``horizon`` and ``query_interval`` that override
+            its own.
         substrate: At least ``name``.
-        case_set: At least ``track`` and ``digest``.
+        case_set: At least ``name`` and ``digest``.
         protocol: What was chosen for the run and could change a result, for example the prefix mode.
         command: The command line; secrets and the home folder are taken out.
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.

@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 from pytest_libero_max.cases import Json, canonical_digest
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
+from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.plan import Run
 
 PAIRS_NAME = "pairs.jsonl"
-PREVIOUS_NAME = "pairs.previous.jsonl"
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,8 @@ class StoredRun:
 class PairStore:
     """Appends pairs to ``pairs.jsonl``; opens it with the first one.
 
-    A file of an earlier run is kept as ``pairs.previous.jsonl``.
+    The file of an earlier run is set aside as ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written
+    over.
 
     Args:
         folder: Output folder; made if missing.
@@ -63,7 +63,7 @@ class PairStore:
         self._run = run
         self._file: IO[bytes] | None = None
         self._append_to_existing = False
-        _require_writable(folder)
+        require_writable(folder)
 
     @classmethod
     def resume(cls, folder: Path, run: Run) -> tuple[PairStore, StoredRun | None]:
@@ -112,8 +112,7 @@ class PairStore:
             if self._append_to_existing:
                 self._file = self.path.open("ab")
                 return
-            if self.path.exists():
-                self.path.replace(self.path.with_name(PREVIOUS_NAME))
+            _set_aside(self.path)
             self._file = self.path.open("wb")
         except OSError as error:
             raise ReportError(
@@ -132,6 +131,12 @@ class PairStore:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise ReportError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
+
+
+def _set_aside(path: Path) -> None:
+    if path.exists():
+        numbers = (int(name.stem.partition(".")[2]) for name in path.parent.glob("pairs.[0-9]*.jsonl"))
+        path.replace(path.with_name(f"pairs.{max(numbers, default=0) + 1}.jsonl"))
 
 
 def read_pairs(path: Path) -> StoredRun:
@@ -170,7 +175,7 @@ def read_pairs(path: Path) -> StoredRun:
             elif kind == "pair":
                 records.append(PairRecord.from_dict(values))
             else:
-                errors.append(_error_from_dict(values))
+                errors.append(PairError.from_dict(values))
         except ReportError as error:
             raise ReportError(f"{where}: {error}") from error
     assert run is not None
@@ -190,17 +195,6 @@ def _decode(line: bytes, where: str) -> tuple[str, Json]:
     return kind, values
 
 
-def _error_from_dict(values: Json) -> PairError:
-    if values.get("schema_version") != RECORD_VERSION:
-        raise ReportError(
-            f"schema_version={values.get('schema_version')!r}, but this version reads {RECORD_VERSION}."
-        )
-    known = {item.name for item in fields(PairError)}
-    if values.keys() != known:
-        raise ReportError(f"An error line has the fields {sorted(values)}, but must have {sorted(known)}.")
-    return PairError(**values)
-
-
 def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:
     if canonical_digest(stored.to_dict()["planned"]) != canonical_digest(wanted.to_dict()["planned"]):
         raise ReportError(
@@ -215,7 +209,12 @@ def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:
             )
 
 
-def _require_writable(folder: Path) -> None:
+def require_writable(folder: Path) -> None:
+    """Make the folder if it is missing and try to write to it.
+
+    Raises:
+        OptionError: It cannot be written to.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".write-probe"

@@ -18,7 +18,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.
     """
     pairs, overall = report["pairs"], report["overall"]
-    lines = [] if pairs["complete"] else [_incomplete(pairs)]
+    lines = [] if pairs["complete"] else [incomplete_text(pairs)]
     lines.append(_header(report))
     if report["substrate"]["scores_comparable_with_published"] is False:
         lines.append(
@@ -33,14 +33,14 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     lines += [
         f"{'Base success':<32}{rate_text(overall['base_success'])}",
         f"{'Dynamic success':<32}{rate_text(overall['dynamic_success'])}",
-        f"{'Paired change':<32}{change_text(change)}   McNemar {_p_text(overall['mcnemar'])}",
+        f"{'Paired change':<32}{change_text(change)}   McNemar {p_text(overall['mcnemar'])}",
         f"{'Outcomes (Base, Dynamic)':<32}(1,1) {outcomes['preserved_success']}   "
         f"(0,1) {outcomes['change_associated_success']}   (1,0) {outcomes['regression']}   "
         f"(0,0) {outcomes['persistent_failure']}",
         f"{'Base successes lost':<32}{rate_text(overall['conditional_regression'])}   "
         f"retained {_percent(overall['retained']['value'])}",
-        f"{'Event fired / query after it':<32}{_count_text(overall['trigger_coverage'])} / "
-        f"{_count_text(overall['response_coverage'])}   {_stale_text(overall['stale_actions'])}",
+        f"{'Event fired / query after it':<32}{count_text(overall['trigger_coverage'])} / "
+        f"{count_text(overall['response_coverage'])}   {_stale_text(overall['stale_actions'])}",
         "",
         _row("event", "pairs", "Base ", "Dynamic", "change", "95% interval", "lost"),
     ]
@@ -50,7 +50,8 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     return [*lines, *_written(paths)]
 
 
-def _incomplete(pairs: Json) -> str:
+def incomplete_text(pairs: Json) -> str:
+    """The sentence a run with a missing or invalid pair begins with."""
     return (
         f"INCOMPLETE: {pairs['played']} of {pairs['planned']} planned pairs played, "
         f"{pairs['invalid']} invalid, {pairs['missing']} missing. No score."
@@ -58,14 +59,21 @@ def _incomplete(pairs: Json) -> str:
 
 
 def _header(report: Json) -> str:
-    provenance, pairs = report["provenance"], report["pairs"]
-    policy = provenance["policy"]
-    privileged = ", privileged" if policy["privileged"] else ""
-    return (
-        f"{policy['name']} (H={policy['horizon']} Q={policy['query_interval']}{privileged}) "
-        f"on {report['substrate']['name']}, track {provenance['case_set']['track']}: "
-        f"{pairs['played']} of {pairs['planned']} planned pairs played"
-    )
+    pairs = report["pairs"]
+    return f"{title_text(report)}: {pairs['played']} of {pairs['planned']} planned pairs played"
+
+
+def title_text(report: Json) -> str:
+    """What was measured: policy with H and Q, substrate, case set."""
+    return f"{_policy(report)} on {report['substrate']['name']}, {report['provenance']['case_set']['name']}"
+
+
+def _policy(report: Json) -> str:
+    spec = report["policy"]
+    if spec is None:
+        return str(report["provenance"]["policy"]["reference"])
+    privileged = ", privileged" if spec["privileged"] else ""
+    return f"{spec['name']} (H={spec['horizon']} Q={spec['query_interval']}{privileged})"
 
 
 def _event_line(name: str, block: Json) -> str:
@@ -77,7 +85,7 @@ def _event_line(name: str, block: Json) -> str:
         _percent(block["dynamic_success"]["value"]),
         _points(change["value"]),
         _interval(change, signed=True),
-        _count_text(block["conditional_regression"]),
+        count_text(block["conditional_regression"]),
     )
 
 
@@ -87,7 +95,7 @@ def _row(event: str, pairs: str, base: str, dynamic: str, change: str, interval:
 
 def rate_text(rate: Json) -> str:
     """A rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
-    return f"{_percent(rate['value'])} {_interval(rate)}  {_count_text(rate)}".rstrip()
+    return f"{_percent(rate['value'])} {_interval(rate)}  {count_text(rate)}".rstrip()
 
 
 def change_text(change: Json) -> str:
@@ -112,11 +120,13 @@ def _points(value: float | None) -> str:
     return "n/a" if value is None else f"{100 * value:+.1f}"
 
 
-def _count_text(ratio: Json) -> str:
+def count_text(ratio: Json) -> str:
+    """A count over its denominator, for example ``3/8``."""
     return f"{ratio['count']}/{ratio['of']}"
 
 
-def _p_text(test: Json) -> str:
+def p_text(test: Json) -> str:
+    """A p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
     if test["p_value"] is None:
         return "n/a (no discordant pair)"
     if test["p_value"] >= 0.001:

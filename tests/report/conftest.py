@@ -26,8 +26,8 @@ PROVENANCE: Json = {
     "gl_backend": "egl",
     "git": None,
     "substrate": {"name": "embedded"},
-    "case_set": {"track": "smoke", "digest": "0" * 64},
-    "policy": POLICY,
+    "case_set": {"name": "track smoke", "digest": "0" * 64},
+    "policy": {"reference": "scripted.py", "horizon": None, "query_interval": None},
     "protocol": {"prefix": "fork"},
     "command": ["pytest"],
 }

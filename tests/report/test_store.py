@@ -114,7 +114,7 @@ def test_an_earlier_run_is_kept(tmp_path: Path, run: Run, record_of: RecordOf) -
     second = PairStore(tmp_path, run)
     assert first.path.read_bytes() == before, "nothing is touched before the first pair arrives"
     second.close()
-    assert (tmp_path / "pairs.previous.jsonl").read_bytes() == before
+    assert (tmp_path / "pairs.1.jsonl").read_bytes() == before
     assert read_pairs(tmp_path).records == ()
 
 

@@ -1,0 +1,133 @@
+"""The public fixtures: loading the policy, replaying the prefix, injecting the event, playing the pair.
+
+They work in any test module; a test that asks for ``libero_max_case``, directly or through another
+fixture, gets one item for each case of the track.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pytest_libero_max.cases import Case, Json
+from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.plugin.collection import settings_of
+from pytest_libero_max.plugin.keys import RESULT
+from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
+
+if TYPE_CHECKING:
+    from pytest_libero_max.pairing.prefix import BranchPoint
+    from pytest_libero_max.policies.contract import Policy
+    from pytest_libero_max.worlds.contract import Substrate, World
+
+
+@pytest.fixture(scope="session")
+def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
+    """The plugin's options as they resolved."""
+    return settings_of(pytestconfig)
+
+
+@pytest.fixture(scope="session")
+def libero_max_policy(libero_max_settings: Settings) -> Policy:
+    """The policy under test, loaded once a worker."""
+    from pytest_libero_max.policies.loading import load_policy
+
+    settings = libero_max_settings
+    if settings.policy is None:
+        pytest.fail(
+            f"This test needs a policy: give {POLICY_FLAG}=adapter.py, or set libero_max_policy in the ini file.",
+            pytrace=False,
+        )
+    return load_policy(settings.policy, horizon=settings.horizon, query_interval=settings.query_interval)
+
+
+@pytest.fixture(scope="session")
+def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
+    """What builds the worlds; every scene is built once a worker."""
+    from pytest_libero_max.worlds.registry import open_substrate
+
+    substrate = open_substrate(libero_max_settings.substrate)
+    yield substrate
+    substrate.close()
+
+
+@pytest.fixture
+def libero_max_world(libero_max_case: Case, libero_max_substrate: Substrate) -> World:
+    """The world of the case, as the last episode left it: reset it, or play a prefix."""
+    return libero_max_substrate.world(libero_max_case)
+
+
+@pytest.fixture
+def libero_max_prefix(
+    libero_max_case: Case, libero_max_world: World, libero_max_policy: Policy, libero_max_settings: Settings
+) -> BranchPoint:
+    """The executed prefix: Base played up to the trigger, where the world now stands.
+
+    The test is skipped where the policy never comes near the trigger entity.
+    """
+    from pytest_libero_max.pairing.runner import play_prefix
+
+    branch = play_prefix(libero_max_case, libero_max_world, libero_max_policy)
+    if branch is None:
+        pytest.skip(f"{libero_max_case.item_id}: the trigger region is never reached")
+    return branch
+
+
+@pytest.fixture
+def libero_max_inject(libero_max_case: Case, libero_max_world: World) -> Callable[[], Json]:
+    """Call it to let the case's event happen to the world; returns the evidence."""
+    from pytest_libero_max.pairing.runner import inject
+
+    return lambda: inject(libero_max_case, libero_max_world)
+
+
+@pytest.fixture
+def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> PairRecord:
+    """The measured pair of the case.
+
+    An error of the machinery is an error of the item, recorded as such, and never a failure of the policy.
+    """
+    phase: list[str] = ["setup"]
+    try:
+        record = _play(request, libero_max_case, phase.append)
+    except Exception as error:
+        request.node.stash[RESULT] = PairError.of(libero_max_case, error, phase[-1]).to_dict()
+        if isinstance(error, LiberoMaxError):
+            pytest.fail(_explain(error), pytrace=False)
+        raise
+    request.node.stash[RESULT] = record.to_dict()
+    return record
+
+
+def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], None]) -> PairRecord:
+    from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+    from pytest_libero_max.pairing.trace import write_trace
+
+    settings = settings_of(request.config)
+    # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
+    policy = request.getfixturevalue("libero_max_policy")
+    substrate = request.getfixturevalue("libero_max_substrate")
+    world = request.getfixturevalue("libero_max_world")
+    pair = measure_pair(
+        case,
+        world,
+        policy,
+        PairSettings(prefix=settings.prefix, fingerprints=substrate.fingerprint()),
+        on_phase,
+    )
+    if settings.traces == "all" or settings.traces == pair.record.outcome:
+        write_trace(settings.output / "traces", pair)
+    return pair.record
+
+
+def _explain(error: LiberoMaxError) -> str:
+    """The message, and where the user's own code raised, without the frames of this package."""
+    text = f"{type(error).__name__}: {error}"
+    cause = error.__cause__
+    if cause is None or isinstance(cause, LiberoMaxError):
+        return text
+    return text + "\n\n" + "".join(traceback.format_exception(type(cause), cause, cause.__traceback__))

@@ -1,0 +1,98 @@
+"""pytest's entry point: every hook delegates at once."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.plugin import collection, options
+from pytest_libero_max.plugin.fixtures import (
+    libero_max_inject,
+    libero_max_pair,
+    libero_max_policy,
+    libero_max_prefix,
+    libero_max_settings,
+    libero_max_substrate,
+    libero_max_world,
+)
+from pytest_libero_max.plugin.keys import RESULT, RESULT_ATTRIBUTE
+from pytest_libero_max.report.junit import properties
+
+__all__ = [
+    "libero_max_inject",
+    "libero_max_pair",
+    "libero_max_policy",
+    "libero_max_prefix",
+    "libero_max_settings",
+    "libero_max_substrate",
+    "libero_max_world",
+]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    options.add_options(parser)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once."""
+    if (
+        config.getoption("libero_max_policy")
+        and config.getoption("numprocesses", None)
+        and _no_dist_chosen(config)
+    ):
+        config.option.dist = "worksteal"
+
+
+def _no_dist_chosen(config: pytest.Config) -> bool:
+    return bool(config.getoption("dist", "no") == "no")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    collection.aim(config)
+    in_use = options.given_on_command_line(config)
+    cases = collection.manifest_of(config).cases if in_use else ()
+    collection.register_markers(config, cases)
+    if in_use and not hasattr(config, "workerinput"):
+        from pytest_libero_max.plugin.controller import RunController
+
+        config.pluginmanager.register(RunController(config), "libero-max-controller")
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    if file_path != collection.PAIRS_FILE:
+        return None
+    return collection.PairModule.from_parent(parent, path=file_path, nodeid=collection.PSEUDO_PATH)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    collection.parametrize(metafunc)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Send the pair's record to the controller, once, as JSON types."""
+    report = yield
+    result = item.stash.get(RESULT, None)
+    measured = result is not None and "kind" not in result
+    if result is not None and call.when == ("call" if measured else "setup"):
+        setattr(report, RESULT_ATTRIBUTE, result)
+        if measured:
+            report.user_properties.extend(properties(PairRecord.from_dict(result)))
+    return report
+
+
+def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
+    result = getattr(report, RESULT_ATTRIBUTE, None)
+    if result is None or "kind" in result or report.when != "call" or not report.passed:
+        return None
+    from pytest_libero_max.plugin.letters import status
+
+    return status(PairRecord.from_dict(result))

@@ -1,0 +1,20 @@
+"""Where the plugin keeps its state on pytest's objects."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_libero_max.cases import Json, Manifest
+from pytest_libero_max.plugin.options import Settings
+
+SETTINGS = pytest.StashKey[Settings]()
+"""On the config, where the plugin is in use."""
+
+MANIFEST = pytest.StashKey[Manifest]()
+"""On the config: every case of the run before ``-k`` and ``-m``."""
+
+RESULT = pytest.StashKey[Json]()
+"""On an item: its pair record, or what broke, as JSON types."""
+
+RESULT_ATTRIBUTE = "libero_max"
+"""The attribute of a test report that carries the same to the controller."""

@@ -1,0 +1,199 @@
+"""Command-line options, their ini twins, and the settings they resolve to.
+
+Precedence, for every option: command line, then ini file, then default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+from pytest_libero_max.errors import did_you_mean
+from pytest_libero_max.worlds.registry import SUBSTRATES
+
+PREFIX_MODES = ("fork", "replay")
+STRICT_MODES = ("regression",)
+TRACE_MODES = ("none", "regression", "all")
+
+DEFAULT_OUTPUT = "libero-max-results"
+
+POLICY_FLAG = "--libero-max-policy"
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting: its flag is ``--libero-max-<name>``, its ini key ``libero_max_<name>``.
+
+    Attributes:
+        parse: Turns the text into a value; raises ``ValueError`` with the accepted form.
+    """
+
+    name: str
+    metavar: str
+    help: str
+    parse: Callable[[str], Any]
+    default: Any = None
+
+    @property
+    def flag(self) -> str:
+        return f"--libero-max-{self.name}"
+
+    @property
+    def key(self) -> str:
+        return f"libero_max_{self.name.replace('-', '_')}"
+
+
+def _text(text: str) -> str:
+    if not text.strip():
+        raise ValueError("expected some text")
+    return text
+
+
+def _positive(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or int(text) < 1:
+        raise ValueError("expected an integer of at least 1")
+    return int(text)
+
+
+def _one_of(*known: str) -> Callable[[str], str]:
+    def parse(text: str) -> str:
+        if text not in known:
+            raise ValueError(f"unknown value. {did_you_mean(text, known)}")
+        return text
+
+    return parse
+
+
+# Help texts: capital letter, no final period for one phrase.
+OPTIONS = (
+    Option(
+        "policy",
+        "ADAPTER",
+        "Policy to test: FILE.py, FILE.py:NAME or PACKAGE.MODULE:NAME; given on the command line "
+        "without test paths, every pair of the track is collected",
+        _text,
+    ),
+    Option("track", "NAME", "Frozen set of cases to play", _text, "smoke"),
+    Option("manifest", "PATH", "Play the cases of this manifest instead of a track", _text),
+    Option("limit", "N", "Play a stratified, deterministic subset of N cases", _positive),
+    Option(
+        "substrate",
+        "NAME",
+        "What builds the worlds: embedded, or tiny for a dry run",
+        _one_of(*SUBSTRATES),
+        "embedded",
+    ),
+    Option(
+        "prefix",
+        "MODE",
+        "How Dynamic reaches the event: fork (from a snapshot taken in Base) or replay (the recorded actions, from reset)",
+        _one_of(*PREFIX_MODES),
+        "fork",
+    ),
+    Option("horizon", "ACTIONS", "Override H, the most actions a query returns", _positive),
+    Option("query-interval", "ACTIONS", "Override Q, the actions executed before the next query", _positive),
+    Option(
+        "strict",
+        "WHAT",
+        "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
+        _one_of(*STRICT_MODES),
+    ),
+    Option(
+        "traces",
+        "WHICH",
+        "Keep step-by-step traces of these pairs in the output folder: none, regression or all",
+        _one_of(*TRACE_MODES),
+        "none",
+    ),
+    Option("output", "FOLDER", "Where pairs.jsonl and report.json go", _text, DEFAULT_OUTPUT),
+)
+"""Every option, in the order of the help."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the options resolved to. Without a policy the plugin only offers its fixtures."""
+
+    policy: str | None
+    track: str
+    manifest: Path | None
+    limit: int | None
+    substrate: str
+    prefix: Literal["fork", "replay"]
+    horizon: int | None
+    query_interval: int | None
+    strict: str | None
+    traces: str
+    output: Path
+
+    @property
+    def reference(self) -> str:
+        """Where the policy is loaded from."""
+        assert self.policy is not None
+        return self.policy
+
+    @property
+    def case_set(self) -> str:
+        """The track or manifest, for people."""
+        return f"manifest {self.manifest}" if self.manifest else f"track {self.track}"
+
+
+def add_options(parser: pytest.Parser) -> None:
+    """Declare every option and its ini twin."""
+    group = parser.getgroup(
+        "libero-max", "LIBERO-MAX: paired evaluation of robot policies under mid-execution events"
+    )
+    for option in OPTIONS:
+        default = "" if option.default is None else f" (default: {option.default})"
+        group.addoption(
+            option.flag, dest=option.key, metavar=option.metavar, default=None, help=option.help + default
+        )
+        parser.addini(option.key, f"{option.help}{default}; overridden by {option.flag}", default=None)
+
+
+def resolve(config: pytest.Config) -> Settings:
+    """Settings from the command line and the ini file.
+
+    Raises:
+        pytest.UsageError: A value is not of its option's form, or two options contradict each other.
+    """
+    values = {option.key.removeprefix("libero_max_"): _value(config, option) for option in OPTIONS}
+    if values["manifest"] is not None:
+        if config.getoption("libero_max_track") is not None:
+            raise pytest.UsageError(
+                "--libero-max-track and --libero-max-manifest both name the cases; give one of them."
+            )
+        values["manifest"] = _path(config, values["manifest"])
+    values["output"] = _path(config, values["output"])
+    horizon, interval = values["horizon"], values["query_interval"]
+    if horizon is not None and interval is not None and interval > horizon:
+        raise pytest.UsageError(
+            f"--libero-max-query-interval={interval} > --libero-max-horizon={horizon}: a query returns at most H actions, "
+            "so no more than H can be executed before the next (Q <= H). Lower Q or raise H."
+        )
+    return Settings(**values)
+
+
+def given_on_command_line(config: pytest.Config) -> bool:
+    """Whether the policy was named on the command line, which asks for the pairs themselves."""
+    return config.getoption("libero_max_policy") is not None
+
+
+def _value(config: pytest.Config, option: Option) -> Any:
+    text, where = config.getoption(option.key), option.flag
+    if text is None:
+        text, where = config.getini(option.key), f"ini option {option.key}"
+    if text is None:
+        return option.default
+    try:
+        return option.parse(str(text))
+    except ValueError as error:
+        raise pytest.UsageError(f"{where}={text!r}: {error}") from None
+
+
+def _path(config: pytest.Config, text: str) -> Path:
+    return Path(config.invocation_params.dir, text)

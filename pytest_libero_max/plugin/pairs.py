@@ -1,0 +1,23 @@
+"""The one test of the benchmark: its items are the pairs."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.plugin.options import Settings
+
+
+def test_pair(libero_max_pair: PairRecord, libero_max_settings: Settings) -> None:
+    """Passes when the pair was validly measured, whatever the policy did.
+
+    The pair is played by its fixture, so that a broken simulator, adapter or protocol is an *error* of the
+    item and only ``--libero-max-strict=regression`` can make it *fail*.
+    """
+    pair = libero_max_pair
+    if libero_max_settings.strict == "regression" and pair.outcome == "regression":
+        pytest.fail(
+            f"{pair.item_id}: Base succeeds after {pair.base_steps} steps, Dynamic does not within "
+            f"{pair.max_steps} after {pair.event} at step {pair.trigger_step}.",
+            pytrace=False,
+        )
