@@ -232,7 +232,7 @@ class MujocoWorld(ABC):
             )
         self._write_model(state.model)
         mujoco.mj_resetData(self._model, self._data)  # warnings and left-overs outside the state go
-        mujoco.mj_setState(self._model, self._data, state.physics, _STATE)
+        mujoco.mj_setState(self._model, self._data, state.physics.copy(), _STATE)  # it wants a writable array
         self._set_controller_state(state.controller)
         self._steps, self._filters, self._parked = state.steps, state.filters, dict(state.parked)
         self._settle()
