@@ -110,7 +110,7 @@ def _turned(quaternion: Sequence[float], yaw_degrees: float) -> list[float]:
 def _measure(world: World, index: int) -> dict[str, Any]:
     model = world.model
     return {
-        "position_m": [float(value) for value in model.cam_pos[index]],
-        "quaternion_wxyz": [float(value) for value in model.cam_quat[index]],
-        "fovy_deg": float(model.cam_fovy[index]),
+        "camera_position_m": [float(value) for value in model.cam_pos[index]],
+        "camera_quaternion_wxyz": [float(value) for value in model.cam_quat[index]],
+        "camera_fovy_deg": float(model.cam_fovy[index]),
     }
