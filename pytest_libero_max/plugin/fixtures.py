@@ -39,7 +39,8 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
     settings = libero_max_settings
     if settings.policy is None:
         pytest.fail(
-            f"This test needs a policy: give {POLICY_FLAG}=adapter.py, or set libero_max_policy in the ini file.",
+            f"This test needs a policy: give {POLICY_FLAG}=adapter.py, or set libero_max_policy in the ini "
+            "file.",
             pytrace=False,
         )
     return load_policy(settings.policy, horizon=settings.horizon, query_interval=settings.query_interval)

@@ -90,7 +90,8 @@ OPTIONS = (
     Option(
         "prefix",
         "MODE",
-        "How Dynamic reaches the event: fork (from a snapshot taken in Base) or replay (the recorded actions, from reset)",
+        "How Dynamic reaches the event: fork (from a snapshot taken in Base) or "
+        "replay (the recorded actions, from reset)",
         _one_of(*PREFIX_MODES),
         "fork",
     ),
@@ -172,8 +173,8 @@ def resolve(config: pytest.Config) -> Settings:
     horizon, interval = values["horizon"], values["query_interval"]
     if horizon is not None and interval is not None and interval > horizon:
         raise pytest.UsageError(
-            f"--libero-max-query-interval={interval} > --libero-max-horizon={horizon}: a query returns at most H actions, "
-            "so no more than H can be executed before the next (Q <= H). Lower Q or raise H."
+            f"--libero-max-query-interval={interval} > --libero-max-horizon={horizon}: a query returns "
+            "at most H actions, so no more than H can be executed before the next (Q <= H). Lower Q or raise H."
         )
     return Settings(**values)
 

@@ -72,7 +72,7 @@ def check_reference(reference: str) -> None:
     For whoever only hands out the work: the weights belong into the processes that play.
 
     Raises:
-        AdapterError: The file or its name does not exist, or it is not Python; as :func:`load_policy` says it.
+        AdapterError: The file or its name does not exist, or it is not Python.
     """
     target, name = _parse(reference)
     if not target.endswith(".py"):
