@@ -164,7 +164,8 @@ def basket() -> Category:
             turn_axis = (0.0, sign, 0.0) if axis == 0 else (-sign, 0.0, 0.0)
             turn = rotations.about(turn_axis, lean)
             half = (wall / 2, across, length / 2) if axis == 0 else (across, wall / 2, length / 2)
-            centre = (sign * distance, 0.0, bottom + rise / 2) if axis == 0 else (0.0, sign * distance, bottom + rise / 2)
+            height = bottom + rise / 2 + 0.0008  # so that only the floor of the basket touches the ground
+            centre = (sign * distance, 0.0, height) if axis == 0 else (0.0, sign * distance, height)
             solids.append(Solid(centre, half, turn))
             mesh = box(half, atlas=False, tile=0.06).moved(centre, turn=rotations.matrix(turn))
             skins.append(mesh)
