@@ -1,0 +1,1 @@
+"""The embedded substrate: twenty LIBERO tasks in scenes that ship with the package."""

@@ -1,0 +1,133 @@
+"""A Panda that moves and collides like robosuite's and costs little to draw.
+
+Bodies, inertias, joints, actuators, collision shapes, gripper and pedestal are those of the installed
+robosuite, read from its own files. Only what is drawn is replaced: 168 000 triangles of visual meshes
+give way to some 3 000, which a software renderer notices. Links are drawn by the convex collision mesh
+that robosuite has for each; the one of link 1, which is as fine as its visual mesh, by its outline.
+"""
+
+from __future__ import annotations
+
+import struct
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+WHITE = "0.93 0.94 0.95 1"
+GREY = "0.45 0.46 0.48 1"
+DARK = "0.16 0.16 0.17 1"
+_COLOURS = {"robot0_link7": GREY, "gripper0_leftfinger": DARK, "gripper0_rightfinger": DARK}
+_KEPT_MESHES = ("gripper0_finger_vis",)
+_FINE_MESH = "robot0_link1"
+_OUTLINE = "robot0_link1_outline"
+_OUTLINE_DIRECTIONS = 120
+_PREFIXES = ("robot0_", "gripper0_", "mount0_")
+
+
+def add_robot(document: ET.Element, robot: ET.Element) -> None:
+    """Merge robosuite's assembled robot into a scene, in front of everything else, with light visuals.
+
+    Args:
+        document: Root of a complete MJCF document; changed in place.
+        robot: Root of the MJCF of robosuite's robot model, mount and gripper attached; changed in place.
+    """
+    _lighten(robot)
+    for section in ("asset", "worldbody", "actuator", "sensor", "contact", "equality", "tendon"):
+        source = robot.find(section)
+        if source is None or not len(source):
+            continue
+        target = document.find(section)
+        if target is None:
+            target = ET.SubElement(document, section)
+        # The robot's bodies come first, so its joints lead qpos as they do in LIBERO.
+        for place, element in enumerate(list(source)):
+            target.insert(place, element)
+
+
+def _lighten(robot: ET.Element) -> None:
+    """Replace every drawn geom by a light one and drop the assets that nothing uses any more."""
+    for body in _bodies(robot):
+        name = body.get("name", "")
+        for geom in [child for child in body if child.tag == "geom"]:
+            if geom.get("group") == "1" and geom.get("mesh") not in _KEPT_MESHES:
+                body.remove(geom)
+            elif geom.get("group") != "1":
+                drawn = _visual_twin(name, geom)
+                if drawn is not None:
+                    body.append(drawn)
+            elif geom.get("mesh") in _KEPT_MESHES:
+                geom.set("rgba", _COLOURS.get(name, WHITE))
+    assets = robot.find("asset")
+    assert assets is not None
+    _add_outline(assets)
+    _drop_unused(robot, assets)
+
+
+def _visual_twin(body: str, collision: ET.Element) -> ET.Element | None:
+    """A geom to draw in place of a collision geom; None for those that something else stands for."""
+    mesh = collision.get("mesh", "")
+    if mesh == "gripper0_finger" or collision.get("name", "").endswith("pad_collision"):
+        return None  # the fingers keep their own visual meshes
+    if "feet" in collision.get("name", "") or "controller_box" in collision.get("name", ""):
+        return None  # robosuite does not draw these parts of the pedestal either
+    drawn = ET.Element("geom", {"contype": "0", "conaffinity": "0", "group": "1", "mass": "0"})
+    for attribute in ("type", "pos", "quat", "size", "mesh"):
+        value = collision.get(attribute)
+        if value is not None:
+            drawn.set(attribute, value)
+    if mesh == _FINE_MESH:
+        drawn.set("mesh", _OUTLINE)
+    drawn.set("name", f"{collision.get('name', body)}_drawn")
+    drawn.set("rgba", DARK if body.startswith("mount0_") else _COLOURS.get(body, WHITE))
+    return drawn
+
+
+def _add_outline(assets: ET.Element) -> None:
+    fine = next(mesh for mesh in assets.iter("mesh") if mesh.get("name") == _FINE_MESH)
+    points = outline(stl_vertices(Path(fine.get("file", ""))), _OUTLINE_DIRECTIONS)
+    vertices = " ".join(f"{value:.6g}" for value in points.ravel())
+    ET.SubElement(assets, "mesh", {"name": _OUTLINE, "vertex": vertices})
+
+
+def _drop_unused(robot: ET.Element, assets: ET.Element) -> None:
+    for tag in ("mesh", "material", "texture"):
+        used = {element.get(tag) for element in robot.iter() if element.get(tag)}
+        for element in [child for child in assets if child.tag == tag and child.get("name") not in used]:
+            assets.remove(element)
+
+
+def _bodies(root: ET.Element) -> Iterator[ET.Element]:
+    for body in root.iter("body"):
+        if body.get("name", "").startswith(_PREFIXES):
+            yield body
+
+
+def stl_vertices(path: Path) -> NDArray[np.float64]:
+    """(n, 3) corners of all triangles of a binary STL file."""
+    content = path.read_bytes()
+    (count,) = struct.unpack_from("<I", content, 80)
+    facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    corners = np.frombuffer(content, dtype=facet, count=count, offset=84)["corners"]
+    return corners.reshape(-1, 3).astype(np.float64)
+
+
+def outline(points: NDArray[np.float64], directions: int) -> NDArray[np.float64]:
+    """The points that reach farthest in evenly spread directions: corners of a light convex hull.
+
+    Args:
+        points: (n, 3).
+        directions: How many, on a Fibonacci sphere.
+
+    Returns:
+        (m, 3) with m <= directions, without repetitions, in the order of the directions.
+    """
+    number = np.arange(directions)
+    height = 1.0 - (2.0 * number + 1.0) / directions
+    angle = number * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - height**2)
+    sphere = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    farthest = np.argmax(sphere @ points.T, axis=1)
+    return points[list(dict.fromkeys(farthest.tolist()))]

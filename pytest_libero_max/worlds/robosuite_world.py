@@ -1,0 +1,68 @@
+"""A world around a robosuite environment with one Panda: its controller, its grip site, its joints."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.worlds.contract import Array, Entity
+from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+from pytest_libero_max.worlds.stepping import Stepper
+
+
+class RobosuiteWorld(MujocoWorld):
+    """Plays robosuite's ``env.step`` on an environment's model and data, without calling it.
+
+    Args:
+        scene: Stable key of the scene.
+        language: The task's instruction.
+        env: A robosuite 1.4 ``SingleArmEnv`` with a Panda, after its reset. It must not be stepped or
+            reset by anybody else while the world is in use.
+        entities: What a case can name.
+    """
+
+    def __init__(self, scene: str, language: str, env: Any, entities: Mapping[str, Entity]) -> None:
+        super().__init__(scene, language, env.sim.model._model, env.sim.data._data, entities)
+        robot = env.robots[0]
+        self._env = env
+        self._stepper = Stepper(env)
+        self._grip_site = int(robot.eef_site_id)
+        self._hand_body = int(env.sim.model.body_name2id(robot.robot_model.eef_name))
+
+    @abstractmethod
+    def succeeded(self) -> bool: ...
+
+    def end_effector(self) -> Array:
+        position: Array = self._data.site_xpos[self._grip_site].copy()
+        return position
+
+    def _reset_controller(self) -> None:
+        self._stepper.start()
+
+    def _controller_state(self) -> Array:
+        return self._stepper.state()
+
+    def _set_controller_state(self, state: Array) -> None:
+        self._stepper.restore(state)
+
+    def _control_step(self, action: Array) -> None:
+        self._stepper.step(action)
+
+    def _proprioception(self) -> dict[str, Array]:
+        stepper, data = self._stepper, self._data
+        return {
+            "robot0_eef_pos": self.end_effector(),
+            # Indexing with index arrays copies, so nothing here follows the live data.
+            "robot0_eef_quat": np.roll(data.xquat[self._hand_body], -1),
+            "robot0_gripper_qpos": data.qpos[stepper.finger_qpos],
+            "robot0_gripper_qvel": data.qvel[stepper.finger_dofs],
+            "robot0_joint_pos": data.qpos[stepper.arm_qpos],
+            "robot0_joint_vel": data.qvel[stepper.arm_dofs],
+        }
+
+    def close(self) -> None:
+        super().close()
+        self._env.close()
