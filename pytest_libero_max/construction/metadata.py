@@ -6,9 +6,11 @@ goal and the declared placements. No simulator is involved.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from pytest_libero_max.worlds.embedded import tasks
 
 
 @dataclass(frozen=True)
@@ -149,13 +151,34 @@ def metadata_from_catalog(row: Mapping[str, Any]) -> TaskMetadata:
     )
 
 
-def placements_from_init(
-    relations: Iterable[Sequence[str]], objects: Mapping[str, str], fixtures: Mapping[str, str]
-) -> dict[str, InitialPlacement]:
-    """Initial placements from the (predicate, object, region) statements of a task; the last one wins."""
+def task_metadata(suite: str, index: int) -> TaskMetadata:
+    """What an unmodified LIBERO task contains, from the embedded substrate's task table.
+
+    The objects of interest are the goal's entities, as LIBERO marks them in these suites.
+
+    Raises:
+        SubstrateError: The table has no such suite or task.
+    """
+    row = tasks.task(suite, index)
+    objects = {name: tasks.category_of(name) for name in row.objects}
+    fixtures = {name: tasks.category_of(name) for name in row.fixtures}
+    fixtures |= {place.surface: place.surface.removeprefix("main_") for place in row.places.values()}
     placements = {}
-    for statement in relations:
-        if len(statement) == 3 and statement[0].lower() in ("on", "in") and statement[1] in objects:
-            predicate, name, region = statement
-            placements[name] = InitialPlacement(predicate, region, owner(region, [*objects, *fixtures]))
-    return placements
+    for fact in row.start:
+        if fact.subject in objects and fact.predicate in ("on", "in") and fact.place is not None:
+            support = owner(fact.place, [*objects, *fixtures])
+            placements[fact.subject] = InitialPlacement(fact.predicate.capitalize(), fact.place, support)
+    goal = tuple(
+        Relation(fact.predicate.capitalize(), tuple(a for a in (fact.subject, fact.place) if a is not None))
+        for fact in row.goal
+    )
+    named = (owner(argument, [*objects, *fixtures]) for relation in goal for argument in relation.arguments)
+    return TaskMetadata(
+        name=row.name,
+        language=row.language,
+        objects=objects,
+        fixtures=fixtures,
+        objects_of_interest=frozenset(name for name in named if name is not None),
+        goal=goal,
+        placements=placements,
+    )

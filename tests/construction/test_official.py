@@ -11,7 +11,7 @@ from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.eligibility import eligible_events
 from pytest_libero_max.construction.events import resolve_event
 from pytest_libero_max.construction.identity import Identity
-from pytest_libero_max.construction.metadata import TaskMetadata, metadata_from_catalog
+from pytest_libero_max.construction.metadata import TaskMetadata, metadata_from_catalog, task_metadata
 from pytest_libero_max.construction.records import scenario_record
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -86,3 +86,17 @@ def test_derived_metadata_equals_the_catalogue(catalog):
         assert list(eligible_events(task)) == row["eligible_change_types"]
         for name, placement in row["initial_placements"].items():
             assert task.support(name) == placement["support_entity"]
+
+
+def test_the_embedded_task_table_says_what_the_catalogue_says(tasks):
+    for suite in ("libero_spatial", "libero_object"):
+        for index in range(10):
+            ours, theirs = task_metadata(suite, index), tasks["semantic", suite, index]
+            assert (ours.objects, ours.fixtures) == (theirs.objects, theirs.fixtures)
+            assert ours.objects_of_interest == theirs.objects_of_interest
+            assert ours.placements == theirs.placements
+            assert ours.goal_entities == theirs.goal_entities
+            assert ours.distractors == theirs.distractors
+            assert ours.obstacle_candidates == theirs.obstacle_candidates
+            assert eligible_events(ours) == eligible_events(theirs)
+            assert ours.name == theirs.name
