@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from world_comparison import (
+
+from pytest_libero_max import strategies
+from pytest_libero_max.changes import Change, Nothing, change_from_dict
+from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.worlds.tiny import TinyWorld
+from tests.changes.world_comparison import (
     differing,
     full_state,
     play,
@@ -16,11 +21,6 @@ from world_comparison import (
     set_up,
     velocity_slices,
 )
-
-from pytest_libero_max import strategies
-from pytest_libero_max.changes import Change, Nothing, change_from_dict
-from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.tiny import TinyWorld
 
 WORLD = TinyWorld()
 ENTITIES = WORLD.entities

@@ -1,0 +1,153 @@
+"""Changes from manifests: every field checked, nothing invented."""
+
+import copy
+
+import pytest
+
+from pytest_libero_max.changes import OPERATIONS, change_from_dict
+from pytest_libero_max.errors import ChangeError
+
+PLACEMENT = {
+    "object": "milk_1",
+    "relative_to": "butter_1",
+    "offset_m": [0.14, 0.0, 0.0],
+    "preserve_initial_z": True,
+    "support_entity": "floor",
+}
+VALID = {
+    "set_lighting": {"scale": 0.2},
+    "shift_camera": {
+        "camera": "agentview",
+        "delta_position_m": [0.06, 0.0, 0.02],
+        "yaw_degrees": 18.0,
+        "delta_fovy_degrees": 12.0,
+        "calibration": "fixed_global_viewpoint",
+    },
+    "set_visual_theme": {"rgb_permutation": [2, 0, 1], "rgb_multiplier": [0.7, 1.15, 1.3]},
+    "set_sensor_corruption": {"noise_std": 24.0, "occlusion_fraction": 0.08, "seed": 5},
+    "move_object": {
+        "object": "plate_1",
+        "delta_position_m": [-0.06, 0.0, 0.0],
+        "direction_xy": [-1.0, 0.0],
+        "distance_m": 0.06,
+        "support_entity": "main_table",
+        "calibration": "deterministic_candidate_requires_preflight",
+    },
+    "remove_object": {"object": "milk_1", "offworld_position_m": [-2.0, 0.0, -5.0]},
+    "insert_distractors": {"distractor_count": 1, "placements": [PLACEMENT]},
+    "insert_obstacle": {**PLACEMENT, "placement_rule": "target_support_approach_ring"},
+    "nothing": {},
+}
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_a_change_is_written_as_it_was_read(operation):
+    raw = {"operation": operation, **VALID[operation]}
+    kept = copy.deepcopy(raw)
+    assert change_from_dict(raw).to_dict() == raw == kept
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_an_unknown_field_is_refused(operation):
+    with pytest.raises(ChangeError, match=f"{operation} has the unknown field 'extra'"):
+        change_from_dict({"operation": operation, **VALID[operation], "extra": 1})
+
+
+REQUIRED = [
+    (operation, field)
+    for operation, fields in VALID.items()
+    for field in fields
+    if field not in ("calibration", "direction_xy", "distance_m", "support_entity", "placement_rule")
+]
+
+
+@pytest.mark.parametrize(("operation", "field"), REQUIRED)
+def test_a_missing_field_is_named(operation, field):
+    raw = {"operation": operation, **VALID[operation]}
+    del raw[field]
+    with pytest.raises(ChangeError, match=f"{operation} lacks {field}"):
+        change_from_dict(raw)
+
+
+WRONG = {"list": [], "dict": {}, "nan": float("nan"), "empty": "", "huge": 10**400}
+
+
+@pytest.mark.parametrize(
+    ("operation", "field", "wrong"),
+    [
+        (operation, field, wrong)
+        for operation, fields in VALID.items()
+        for field in fields
+        for wrong in WRONG
+        if (field, wrong) != ("seed", "huge")  # a seed may be as long as it likes
+    ],
+)
+def test_a_wrong_value_is_named(operation, field, wrong):
+    with pytest.raises(ChangeError, match=f"{operation}\\.{field}"):
+        change_from_dict({"operation": operation, **VALID[operation], field: WRONG[wrong]})
+
+
+@pytest.mark.parametrize(
+    ("operation", "field", "wrong", "message"),
+    [
+        ("set_lighting", "scale", -0.1, r"scale=-0.1, but must be a finite number of at least 0"),
+        ("set_lighting", "scale", True, r"scale=True, but must be a finite number"),
+        (
+            "shift_camera",
+            "delta_position_m",
+            [0, 0],
+            r"delta_position_m=\[0, 0\], but must be a list of 3 items",
+        ),
+        (
+            "shift_camera",
+            "delta_position_m",
+            [0, 0, "up"],
+            r"delta_position_m\[2\]='up', but must be a finite",
+        ),
+        ("set_visual_theme", "rgb_permutation", [0, 0, 1], r"must be a permutation of \[0, 1, 2\]"),
+        (
+            "set_visual_theme",
+            "rgb_permutation",
+            [0, 1, 3],
+            r"rgb_permutation\[2\]=3, but must be an integer from 0 to 2",
+        ),
+        ("set_sensor_corruption", "occlusion_fraction", 1.5, "from 0 to 1"),
+        ("set_sensor_corruption", "seed", 1.5, "must be an integer of at least 0"),
+        ("insert_distractors", "distractor_count", 2, "distractor_count=2, but there are 1 placements"),
+        ("insert_distractors", "placements", [3], r"placements\[0\]=3, but must be an object"),
+        ("insert_distractors", "placements", [PLACEMENT, PLACEMENT], "every object may come back only once"),
+        (
+            "insert_distractors",
+            "placements",
+            [{**PLACEMENT, "offset": 1}],
+            r"placements\[0\]: placement has the unknown field 'offset'. Did you mean 'offset_m'",
+        ),
+        (
+            "insert_distractors",
+            "placements",
+            [{**PLACEMENT, "operation": "insert_obstacle"}],
+            "a placement is not a change",
+        ),
+        ("insert_obstacle", "preserve_initial_z", 1, "preserve_initial_z=1, but must be true or false"),
+    ],
+)
+def test_a_broken_rule_is_explained(operation, field, wrong, message):
+    with pytest.raises(ChangeError, match=message):
+        change_from_dict({"operation": operation, **VALID[operation], field: wrong})
+
+
+@pytest.mark.parametrize("raw", [None, [], "shift_camera"])
+def test_what_is_no_object_is_refused(raw):
+    with pytest.raises(ChangeError, match="must be an object with an operation"):
+        change_from_dict(raw)
+
+
+@pytest.mark.parametrize("operation", [None, 3, ["set_lighting"], "set_lightning"])
+def test_an_unknown_operation_is_refused(operation):
+    with pytest.raises(ChangeError, match="is not a change"):
+        change_from_dict({"operation": operation})
+
+
+def test_the_closest_operation_is_suggested():
+    with pytest.raises(ChangeError, match="Did you mean 'set_lighting'"):
+        change_from_dict({"operation": "set_lightning"})
