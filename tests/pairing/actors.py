@@ -1,0 +1,113 @@
+"""Cases, worlds and policies whose every move is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.cases import Case, Event, Trigger
+from pytest_libero_max.changes import MoveObject, SetSensorCorruption, ShiftCamera
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
+from pytest_libero_max.worlds.tiny import TinyWorld
+
+BUDGET = 220
+CHANGES = {
+    "camera_shift": ShiftCamera("agentview", (0.1, 0.0, 0.0), 5.0, 0.0),
+    "sensor_noise_onset": SetSensorCorruption(24.0, 0.08, 7),
+    "target_relocation": MoveObject("box_1", (0.05, 0.0, 0.0)),
+}
+DOWN = (0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
+
+
+def make_case(event: str = "camera_shift", distance_m: float = 0.18, **changes: Any) -> Case:
+    """A case of the tiny world: ``box_1`` is the trigger entity, the budget is 220 steps."""
+    case = Case(
+        case_id=f"case-{event}",
+        suite="libero_spatial",
+        task_index=0,
+        init_state_index=3,
+        policy_seed=195,
+        event=Event(event, 0, 7, "high", CHANGES[event].to_dict(), (), Trigger("box_1", distance_m)),
+        source="libero",
+        source_category="Unmodified",
+        difficulty=None,
+        instruction=None,
+        record={"case_id": f"case-{event}"},
+    )
+    return replace(case, **changes)
+
+
+class ShortCase(Case):
+    """A case with a budget of 50 steps, where nothing happens later anyway."""
+
+    @property
+    def budget(self) -> int:
+        return 50
+
+
+def shorten(case: Case) -> ShortCase:
+    """The same case with less budget."""
+    return ShortCase(**{field.name: getattr(case, field.name) for field in fields(case)})
+
+
+class Approaching:
+    """Holds still for ``wait`` steps, then heads for ``box_1``, as a function of the step alone.
+
+    Records every query with the agent view it was shown, and every episode.
+    """
+
+    def __init__(
+        self,
+        wait: int = 0,
+        horizon: int = 1,
+        interval: int = 1,
+        cameras: Sequence[str] = (),
+        privileged: bool = False,
+        length: int | None = None,
+    ) -> None:
+        self.spec = PolicySpec("approaching", horizon, interval, tuple(cameras), 32, privileged)
+        self.wait = wait
+        self.length = horizon if length is None else length
+        self.episodes: list[Episode] = []
+        self.queries: list[Query] = []
+        self.views: list[Any] = []
+
+    def reset(self, episode: Episode) -> None:
+        self.episodes.append(episode)
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        self.queries.append(query)
+        self.views.append(observation.get("agentview_image"))
+        steps = query.step + np.arange(self.length)
+        return np.where(steps[:, None] < self.wait, NOOP_ACTION, (0.35, 0.53, -0.77, 0, 0, 0, -1.0))
+
+
+class Solvable(TinyWorld):
+    """A tiny world whose task is solved when ``solved`` says so."""
+
+    def __init__(self, solved: Callable[[TinyWorld], bool] = lambda world: False) -> None:
+        self._solved = solved
+        super().__init__()
+
+    def succeeded(self) -> bool:
+        return self._solved(self)
+
+
+class Looking(Solvable):
+    """A world that counts the images it renders."""
+
+    images = 0
+
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
+        self.images += len(cameras)
+        return super().observe(cameras, size)
+
+
+def policy_steps(world: TinyWorld) -> int:
+    """Policy steps the world has played, settle steps not counted."""
+    return world.steps - 10
