@@ -204,9 +204,9 @@ def _group(
 
 def _order(dimension: str, name: str) -> tuple[int, str]:
     """Events, their variants and families in the benchmark's order, everything else by name."""
-    if dimension in ("event", "variant"):
-        return list(EVENTS).index(name.partition("-")[0]), name
-    return (FAMILIES.index(name), name) if dimension == "family" else (0, name)
+    ranked = {"event": [*EVENTS], "variant": [*EVENTS], "family": [*FAMILIES]}.get(dimension, [])
+    key = name.partition("-")[0]
+    return (ranked.index(key) if key in ranked else len(ranked)), name
 
 
 def _variants(

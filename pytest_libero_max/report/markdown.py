@@ -11,6 +11,7 @@ from pytest_libero_max.report.summary import (
     incomplete_text,
     p_text,
     rate_text,
+    title_text,
 )
 
 TITLES = {
@@ -27,11 +28,7 @@ TITLES = {
 def markdown(report: Json) -> str:
     """Render a report; ends with a newline."""
     provenance, pairs, overall = report["provenance"], report["pairs"], report["overall"]
-    policy = provenance["policy"]
-    lines = [
-        f"# {policy['name']} on {report['substrate']['name']}, track {provenance['case_set']['track']}",
-        "",
-    ]
+    lines = [f"# {title_text(report)}", ""]
     if not pairs["complete"]:
         lines += [f"**{incomplete_text(pairs)}** All rates below are over the played pairs.", ""]
     if report["substrate"]["note"]:

@@ -2,30 +2,22 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import Json
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.plan import PlannedPair, Run
+from pytest_libero_max.report.plan import Run
 from pytest_libero_max.report.store import PairStore, read_pairs
-
-Plan = Callable[..., list[PlannedPair]]
-RecordOf = Callable[..., PairRecord]
-ErrorOf = Callable[[PlannedPair], PairError]
+from tests.report.made_up import PROVENANCE, error_of, plan, record_of
 
 
 @pytest.fixture
-def run(plan: Plan, provenance: Json) -> Run:
-    return Run(tuple(plan()), provenance)
+def run() -> Run:
+    return Run(tuple(plan()), PROVENANCE)
 
 
-def test_what_is_appended_is_read_back(
-    tmp_path: Path, run: Run, record_of: RecordOf, error_of: ErrorOf
-) -> None:
+def test_what_is_appended_is_read_back(tmp_path: Path, run: Run) -> None:
     records = [record_of(pair, True, index % 2 == 0) for index, pair in enumerate(run.planned[:5])]
     error = error_of(run.planned[5])
     store = PairStore(tmp_path, run)
@@ -40,7 +32,7 @@ def test_what_is_appended_is_read_back(
     assert stored.measured == {record.case_id for record in records}
 
 
-def test_a_line_is_on_disk_before_the_next_pair(tmp_path: Path, run: Run, record_of: RecordOf) -> None:
+def test_a_line_is_on_disk_before_the_next_pair(tmp_path: Path, run: Run) -> None:
     store = PairStore(tmp_path, run)
     assert not store.path.exists()
     store.append(record_of(run.planned[0], True, True))
@@ -53,9 +45,7 @@ def test_a_run_without_a_pair_still_says_what_was_planned(tmp_path: Path, run: R
     assert read_pairs(tmp_path).run == run
 
 
-def test_every_cut_of_the_last_line_loses_that_pair_and_no_other(
-    tmp_path: Path, run: Run, record_of: RecordOf
-) -> None:
+def test_every_cut_of_the_last_line_loses_that_pair_and_no_other(tmp_path: Path, run: Run) -> None:
     store = PairStore(tmp_path, run)
     for pair in run.planned[:2]:
         store.append(record_of(pair, True, False))
@@ -69,9 +59,7 @@ def test_every_cut_of_the_last_line_loses_that_pair_and_no_other(
         assert [record.case_id for record in stored.records] == [run.planned[0].case_id]
 
 
-def test_damage_before_the_end_is_an_error_with_its_line(
-    tmp_path: Path, run: Run, record_of: RecordOf
-) -> None:
+def test_damage_before_the_end_is_an_error_with_its_line(tmp_path: Path, run: Run) -> None:
     store = PairStore(tmp_path, run)
     for pair in run.planned[:2]:
         store.append(record_of(pair, True, False))
@@ -82,7 +70,7 @@ def test_damage_before_the_end_is_an_error_with_its_line(
         read_pairs(store.path)
 
 
-def test_an_unknown_field_is_an_error_with_its_line(tmp_path: Path, run: Run, record_of: RecordOf) -> None:
+def test_an_unknown_field_is_an_error_with_its_line(tmp_path: Path, run: Run) -> None:
     store = PairStore(tmp_path, run)
     store.append(record_of(run.planned[0], True, False))
     store.close()
@@ -106,7 +94,7 @@ def test_a_missing_file_says_where_it_was_looked_for(tmp_path: Path) -> None:
         read_pairs(tmp_path)
 
 
-def test_an_earlier_run_is_kept(tmp_path: Path, run: Run, record_of: RecordOf) -> None:
+def test_an_earlier_run_is_kept(tmp_path: Path, run: Run) -> None:
     first = PairStore(tmp_path, run)
     first.append(record_of(run.planned[0], True, True))
     first.close()
@@ -118,7 +106,7 @@ def test_an_earlier_run_is_kept(tmp_path: Path, run: Run, record_of: RecordOf) -
     assert read_pairs(tmp_path).records == ()
 
 
-def test_resuming_continues_behind_a_torn_line(tmp_path: Path, run: Run, record_of: RecordOf) -> None:
+def test_resuming_continues_behind_a_torn_line(tmp_path: Path, run: Run) -> None:
     store = PairStore(tmp_path, run)
     for pair in run.planned[:3]:
         store.append(record_of(pair, True, True))

@@ -1,0 +1,120 @@
+"""Made-up pairs: no simulator is needed to test what is computed from records."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from dataclasses import asdict
+from itertools import product
+from typing import Any
+
+from pytest_libero_max.cases import EVENTS, Json, canonical_digest
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.plan import PlannedPair
+
+POLICY: Json = {
+    "name": "scripted",
+    "horizon": 10,
+    "query_interval": 5,
+    "cameras": ["agentview"],
+    "image_size": 256,
+    "privileged": False,
+}
+
+PROVENANCE: Json = {
+    "versions": {"python": "3.11.0", "pytest-libero-max": "0.1.0"},
+    "platform": {"system": "Linux", "machine": "x86_64", "libc": "2.36"},
+    "gl_backend": "egl",
+    "git": None,
+    "substrate": {"name": "embedded"},
+    "case_set": {"name": "track smoke", "digest": "0" * 64},
+    "policy": {"reference": "scripted.py", "horizon": None, "query_interval": None},
+    "protocol": {"prefix": "fork"},
+    "command": ["pytest"],
+}
+
+
+def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[PlannedPair]:
+    """Planned pairs: ``per_cell`` of them for every event, variant and source."""
+    pairs = []
+    for source, (name, kind), variant, index in product(sources, EVENTS.items(), (0, 1), range(per_cell)):
+        item = f"{source}-spatial-t{index:02d}-{name}-v{variant}"
+        pairs.append(
+            PlannedPair(
+                case_id=item,
+                item_id=item,
+                case_digest=canonical_digest(item),
+                source=source,
+                source_category="Camera Viewpoints" if source == "plus" else "Position",
+                difficulty=3 if source == "plus" else None,
+                suite="libero_spatial" if index % 2 == 0 else "libero_object",
+                event=name,
+                family=kind.family,
+                variant=variant,
+                severity=kind.severity[variant],
+            )
+        )
+    return pairs
+
+
+def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> PairRecord:
+    """A record of a planned pair with the outcomes given."""
+    values: dict[str, Any] = {
+        **asdict(pair),
+        "task_index": 0,
+        "init_state_index": 0,
+        "policy_seed": 195,
+        "instruction": "put the bowl on the plate",
+        "trigger_entity": "bowl_1",
+        "base_success": base,
+        "dynamic_success": dynamic,
+        "base_steps": 90,
+        "dynamic_steps": 95,
+        "max_steps": 220,
+        "trigger_step": 23,
+        "trigger_distance_m": 0.178,
+        "min_distance_m": 0.01,
+        "response_step": 25,
+        "stale_actions": 2,
+        "base_queries": 18,
+        "dynamic_queries": 14,
+        "prefix_digest": "ab" * 32,
+        "base_digest": "cd" * 32,
+        "dynamic_digest": "ef" * 32,
+        "evidence": {"changes": [], "pixels": {"agentview": 3.5}},
+        "contacts": {"base": ["plate_1"], "dynamic": []},
+        "policy": POLICY,
+        "fingerprints": {"substrate": "embedded"},
+        "timings": {"pair_s": 1.25},
+    }
+    return PairRecord(**{**values, **changes})
+
+
+NEVER_TRIGGERED: Json = {
+    "trigger_step": None,
+    "trigger_distance_m": None,
+    "response_step": None,
+    "stale_actions": None,
+    "dynamic_queries": 0,
+    "prefix_digest": None,
+    "dynamic_digest": None,
+    "evidence": None,
+}
+
+
+def records_of(pairs: Sequence[PlannedPair], seed: int = 0) -> list[PairRecord]:
+    """Records with outcomes drawn at about 70% in Base and 50% in Dynamic."""
+    draw = random.Random(seed)
+    return [record_of(pair, draw.random() < 0.7, draw.random() < 0.5) for pair in pairs]
+
+
+def error_of(pair: PlannedPair) -> PairError:
+    """A pair that could not be measured."""
+    return PairError(
+        case_id=pair.case_id,
+        item_id=pair.item_id,
+        case_digest=pair.case_digest,
+        kind="SimulatorError",
+        message="qpos is not finite",
+        phase="dynamic",
+    )

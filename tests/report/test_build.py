@@ -1,0 +1,211 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_libero_max.cases import EVENTS
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.build import build_report, report_json
+from pytest_libero_max.report.plan import PlannedPair
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
+
+
+def _numbers(value: object) -> list[float]:
+    if isinstance(value, dict):
+        return [number for item in value.values() for number in _numbers(item)]
+    if isinstance(value, list):
+        return [number for item in value for number in _numbers(item)]
+    return [value] if isinstance(value, float) else []
+
+
+def test_a_complete_run_counts_every_pair_once() -> None:
+    pairs = plan()
+    outcomes = {0: (True, True), 1: (True, False), 2: (False, True), 3: (False, False)}
+    records = [record_of(pair, *outcomes[index % 4]) for index, pair in enumerate(pairs)]
+    report = build_report(records, [], pairs, PROVENANCE)
+    assert report["pairs"] == {
+        "planned": 32,
+        "played": 32,
+        "invalid": 0,
+        "missing": 0,
+        "complete": True,
+        "invalid_pairs": [],
+        "missing_pairs": [],
+    }
+    assert report["overall"]["outcomes"] == {
+        "preserved_success": 8,
+        "change_associated_success": 8,
+        "regression": 8,
+        "persistent_failure": 8,
+    }
+    assert report["headline"]["status"] == "complete"
+    assert report["headline"]["base_success"]["count"] == 16
+    assert report["headline"]["base_success"]["of"] == 32
+    assert report["headline"]["paired_change"]["value"] == 0.0
+    assert report["overall"]["mcnemar"]["p_value"] == 1.0
+
+
+def test_every_breakdown_holds_every_pair() -> None:
+    pairs = plan(per_cell=2)
+    report = build_report(records_of(pairs), [], pairs, PROVENANCE)
+    for groups in report["by"].values():
+        for side in ("planned", "played"):
+            assert sum(block[side] for block in groups.values()) == len(pairs)
+        for name in report["overall"]["outcomes"]:
+            total = sum(block["outcomes"][name] for block in groups.values())
+            assert total == report["overall"]["outcomes"][name]
+    assert list(report["by"]["event"]) == list(EVENTS)
+    assert list(report["by"]["variant"])[:4] == [
+        "illumination_switch-v0",
+        "illumination_switch-v1",
+        "camera_shift-v0",
+        "camera_shift-v1",
+    ]
+    assert list(report["by"]["category"]) == ["plus-camera_viewpoints", "pro-position"]
+    assert list(report["by"]["difficulty"]) == ["3", "none"]
+
+
+@pytest.mark.parametrize(
+    ("missing", "invalid", "words"),
+    [(1, 0, "1 missing"), (0, 1, "1 invalid"), (2, 1, "1 invalid, 2 missing")],
+)
+def test_an_incomplete_run_has_no_headline(
+    missing: int,
+    invalid: int,
+    words: str,
+) -> None:
+    pairs = plan()
+    lost = missing + invalid
+    errors = [error_of(pair) for pair in pairs[:invalid]]
+    report = build_report(records_of(pairs[lost:]), errors, pairs, PROVENANCE)
+    headline = report["headline"]
+    assert headline["status"] == "withheld"
+    assert headline["base_success"] is headline["dynamic_success"] is headline["paired_change"] is None
+    assert words in headline["reason"]
+    assert f"{32 - lost} of 32" in headline["reason"]
+    assert [pair["case_id"] for pair in report["pairs"]["missing_pairs"]] == sorted(
+        pair.case_id for pair in pairs[invalid:lost]
+    )
+    assert [pair["kind"] for pair in report["pairs"]["invalid_pairs"]] == ["SimulatorError"] * invalid
+    assert report["overall"]["played"] == 32 - lost
+    assert report["overall"]["base_success"]["of"] == 32 - lost
+
+
+def test_an_error_that_was_repaired_does_not_count() -> None:
+    pairs = plan()
+    report = build_report(records_of(pairs), [error_of(pairs[0])], pairs, PROVENANCE)
+    assert report["pairs"]["complete"]
+    assert report["pairs"]["invalid"] == 0
+
+
+def test_nothing_played_gives_counts_and_no_rate() -> None:
+    pairs = plan()
+    report = build_report([], [error_of(pair) for pair in pairs], pairs, PROVENANCE)
+    assert report["policy"] is None
+    assert report["overall"]["base_success"] == {
+        "count": 0,
+        "of": 0,
+        "value": None,
+        "lower": None,
+        "upper": None,
+    }
+    assert report["overall"]["mcnemar"]["p_value"] is None
+    assert report["overall"]["stale_actions"]["mean"] is None
+    assert report["macro"]["category"]["base_success"] is None
+    assert report["largest_split"] is None
+    report_json(report)
+
+
+def test_an_untriggered_pair_stays_in_the_denominator() -> None:
+    pairs = plan()
+    records = [
+        record_of(pair, True, True, **(NEVER_TRIGGERED if index < 8 else {}))
+        for index, pair in enumerate(pairs)
+    ]
+    report = build_report(records, [], pairs, PROVENANCE)
+    overall = report["overall"]
+    assert overall["base_success"]["of"] == 32
+    assert (overall["trigger_coverage"]["count"], overall["trigger_coverage"]["of"]) == (24, 32)
+    assert overall["response_coverage"]["value"] == 0.75
+    assert overall["given_response"]["base_success"]["of"] == 24
+    assert overall["stale_actions"]["pairs"] == 24
+
+
+def test_the_report_of_the_embedded_substrate_says_what_it_is_not() -> None:
+    pairs = plan()
+    records = records_of(pairs)
+    report = build_report(records, [], pairs, PROVENANCE)
+    assert report["substrate"]["scores_comparable_with_published"] is False
+    assert "not comparable with published" in report["substrate"]["note"]
+    genuine = build_report(records, [], pairs, {**PROVENANCE, "substrate": {"name": "libero"}})
+    assert genuine["substrate"]["scores_comparable_with_published"] is None
+
+
+def test_the_policy_is_the_one_the_records_name() -> None:
+    pairs = plan()
+    records = records_of(pairs)
+    assert build_report(records, [], pairs, PROVENANCE)["policy"] == records[0].policy
+    mixed = [*records[:-1], record_of(pairs[-1], True, True, policy={**records[0].policy, "name": "other"})]
+    with pytest.raises(ReportError, match="2 policies"):
+        build_report(mixed, [], pairs, PROVENANCE)
+
+
+def test_a_pair_measured_twice_is_refused() -> None:
+    pairs = plan()
+    records = records_of(pairs)
+    with pytest.raises(ReportError, match="measured twice"):
+        build_report([*records, records[0]], [], pairs, PROVENANCE)
+
+
+def test_a_pair_that_was_not_planned_is_refused() -> None:
+    pairs = plan()
+    with pytest.raises(ReportError, match="not planned"):
+        build_report(records_of(pairs), [], pairs[1:], PROVENANCE)
+    with pytest.raises(ReportError, match="not planned"):
+        build_report([], [error_of(pairs[0])], pairs[1:], PROVENANCE)
+
+
+def test_a_record_of_another_case_of_the_same_name_is_refused() -> None:
+    pairs = plan()
+    with pytest.raises(ReportError, match="another case was played"):
+        build_report([record_of(pairs[0], True, True, case_digest="0" * 64)], [], pairs, PROVENANCE)
+
+
+def _run(fates: list[int]) -> tuple[list[PlannedPair], list[PairRecord], list[PairError]]:
+    """Fates 0 to 3 are the outcomes, 4 an error, 5 a missing pair."""
+    fated = list(zip(plan(), fates, strict=True))
+    records = [record_of(pair, fate % 2 == 0, fate < 2) for pair, fate in fated if fate < 4]
+    return plan(), records, [error_of(pair) for pair, fate in fated if fate == 4]
+
+
+RUNS = st.lists(st.integers(0, 5), min_size=32, max_size=32).map(_run)
+
+
+@settings(max_examples=15, deadline=None)
+@given(data=st.data())
+def test_the_order_of_pairs_never_shows(data: st.DataObject) -> None:
+    pairs, records, errors = data.draw(RUNS)
+    before = report_json(build_report(records, errors, pairs, PROVENANCE))
+    after = report_json(
+        build_report(
+            data.draw(st.permutations(records)),
+            data.draw(st.permutations(errors)),
+            data.draw(st.permutations(pairs)),
+            PROVENANCE,
+        )
+    )
+    assert before == after
+
+
+@settings(max_examples=15, deadline=None)
+@given(data=st.data())
+def test_planned_is_played_and_invalid_and_missing(data: st.DataObject) -> None:
+    pairs, records, errors = data.draw(RUNS)
+    report = build_report(records, errors, pairs, PROVENANCE)
+    counts = report["pairs"]
+    assert counts["planned"] == counts["played"] + counts["invalid"] + counts["missing"] == len(pairs)
+    assert (report["headline"]["status"] == "complete") == (len(records) == len(pairs))
+    assert sum(report["overall"]["outcomes"].values()) == len(records)
+    assert all(abs(number) < float("inf") for number in _numbers(report))

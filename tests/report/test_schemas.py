@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from pytest_libero_max.cases import Json
+from pytest_libero_max.report.build import build_report, report_json
+from pytest_libero_max.report.output import read_report, write_reports
+from pytest_libero_max.report.plan import Run
+from pytest_libero_max.report.store import PairStore
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
+
+
+def _validator(name: str) -> jsonschema.Draft202012Validator:
+    text = resources.files("pytest_libero_max.report").joinpath(f"{name}.schema.json").read_text()
+    schema = json.loads(text)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    pairs = plan()
+    store = PairStore(tmp_path, Run(tuple(pairs), PROVENANCE))
+    store.append(error_of(pairs[0]))
+    store.append(record_of(pairs[1], True, True, **NEVER_TRIGGERED))
+    for record in records_of(pairs[2:]):
+        store.append(record)
+    store.close()
+    return tmp_path
+
+
+def test_every_line_of_a_run_is_as_the_schema_says(folder: Path) -> None:
+    validator = _validator("record")
+    lines = (folder / "pairs.jsonl").read_text().splitlines()
+    assert {json.loads(line)["line"] for line in lines} == {"run", "pair", "error"}
+    for line in lines:
+        validator.validate(json.loads(line))
+
+
+@pytest.mark.parametrize("played", [0, 1, 31, 32])
+def test_every_report_is_as_the_schema_says(played: int) -> None:
+    pairs = plan()
+    report = build_report(records_of(pairs[:played]), [], pairs, PROVENANCE)
+    _validator("report").validate(json.loads(report_json(report)))
+    assert next(iter(report)) == "schema_version"
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("overall", "base_success", "value"), float("nan")),
+        (("overall", "base_success", "value"), 1.2),
+        (("overall", "outcomes", "regression"), -1),
+        (("headline", "status"), "fine"),
+        (("by", "planet"), {}),
+    ],
+)
+def test_the_schema_refuses_what_a_report_never_holds(path: tuple[str, ...], value: object) -> None:
+    pairs = plan()
+    report = build_report(records_of(pairs), [], pairs, PROVENANCE)
+    place: Json = report
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    # JSON Schema cannot name NaN; the writer refuses it.
+    with pytest.raises((jsonschema.ValidationError, ValueError)):
+        _validator("report").validate(json.loads(report_json(report)))
+
+
+def test_the_written_report_can_be_computed_from_the_pairs_alone(folder: Path) -> None:
+    report, paths = write_reports(folder)
+    assert [path.name for path in paths] == ["pairs.jsonl", "report.json", "report.md"]
+    pairs = plan()
+    records = [record_of(pairs[1], True, True, **NEVER_TRIGGERED), *records_of(pairs[2:])]
+    assert report == build_report(records, [error_of(pairs[0])], pairs, PROVENANCE)
+    assert read_report(folder) == json.loads(report_json(report)) == report
+    before = (folder / "report.json").read_bytes()
+    write_reports(folder)
+    assert (folder / "report.json").read_bytes() == before
+    assert not list(folder.glob("*.partial"))
