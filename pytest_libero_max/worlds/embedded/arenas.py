@@ -79,8 +79,8 @@ _FRONTVIEW: Quaternion = (0.560842, 0.430646, 0.430646, 0.560842)
 # No light casts shadows, in LIBERO as here. Ambient light belongs to the lights and not to the headlight, so that
 # scaling the lights scales everything that is seen.
 _LIGHTS = (
-    {"name": "light1", "pos": "1 1 4", "dir": "-0.42 -0.34 -0.84", "diffuse": "0.52 0.51 0.49"},
-    {"name": "light2", "pos": "-3 -3 4", "dir": "0.30 0.55 -0.78", "diffuse": "0.26 0.27 0.29"},
+    {"name": "light1", "pos": "1 1 4", "dir": "-0.42 -0.34 -0.84", "diffuse": "0.50 0.49 0.47"},
+    {"name": "light2", "pos": "-3 -3 4", "dir": "0.30 0.55 -0.78", "diffuse": "0.20 0.21 0.23"},
 )
 
 
@@ -92,7 +92,7 @@ def furnish(kind: str, assets: ET.Element, worldbody: ET.Element) -> tuple[dict[
     """
     arena = ARENAS[kind]
     for light in _LIGHTS:
-        common = {"ambient": "0.15 0.15 0.15", "specular": "0.12 0.12 0.12", "directional": "true", "castshadow": "false"}
+        common = {"ambient": "0.22 0.22 0.22", "specular": "0.12 0.12 0.12", "directional": "true", "castshadow": "false"}
         worldbody.append(ET.Element("light", {**light, **common}))
     cameras = {"agentview": arena.agentview, "frontview": ((1.0, 0.0, arena.frontview_z), _FRONTVIEW), **_CAMERAS}
     for name, (pos, quat) in cameras.items():

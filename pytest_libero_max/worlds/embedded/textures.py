@@ -6,7 +6,7 @@ of the pixel's place, never from a generator whose stream could change. OpenCV d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -201,12 +201,3 @@ class Label:
         mask = mask[: region.shape[0], : region.shape[1]]
         region[:] = np.rint(region * (1 - mask) + np.asarray(colour) * mask).astype(np.uint8)
         return self
-
-    def paint(self, draw: Callable[[Label], object]) -> Label:
-        """Let a function draw; keeps a chain of calls readable."""
-        draw(self)
-        return self
-
-    def turned(self, quarters: int) -> Image:
-        """The picture turned counter-clockwise by quarters."""
-        return np.ascontiguousarray(np.rot90(self.image, quarters))

@@ -54,23 +54,22 @@ def plate() -> Category:
     bottom, top, rim = -0.0025, 0.0164, 0.0687
     face = [
         (0.0, bottom + 0.001),
-        (0.033, bottom + 0.001),
-        (0.034, bottom),
-        (0.037, bottom),
-        (0.039, bottom + 0.003),
-        (0.055, 0.0075),
-        (rim, top - 0.001),
+        (0.038, bottom + 0.001),
+        (0.039, bottom),
+        (0.043, bottom),
+        (0.046, bottom + 0.002),
+        (0.058, 0.0070),
+        (rim, top - 0.0012),
         (rim, top),
         (rim - 0.002, top),
-        (0.053, 0.0105),
-        (0.040, 0.0035),
-        (0.036, 0.0022),
+        (0.057, 0.0100),
+        (0.047, 0.0038),
+        (0.044, 0.0022),
         (0.0, 0.002),
     ]
     solids = (
-        Solid((0.0, 0.0, (bottom + 0.002) / 2), (0.028, 0.028, (0.002 - bottom) / 2)),
-        *wall_ring(8, (0.036, -0.0015), (0.0550, 0.0080), 0.004),
-        *wall_ring(8, (0.0545, 0.0075), (rim, top), 0.0032),
+        Solid((0.0, 0.0, (bottom + 0.002) / 2), (0.031, 0.031, (0.002 - bottom) / 2)),
+        *wall_ring(12, (0.0455, -0.0010), (rim, top), 0.0035),
     )
     skin = Skin(revolve(face, 32), (1.0, 1.0, 1.0), "rings", shine=0.5)
     return Category(
@@ -78,7 +77,7 @@ def plate() -> Category:
         Link("main", 0.011522, solids, (skin,)),
         upright=_QUARTER_TURN,
         origin_height=-bottom,
-        textures={"rings": lambda: _rings((243, 241, 236), (44, 74, 140), [(0.57, 0.605), (0.63, 0.645)])},
+        textures={"rings": lambda: _rings((243, 241, 236), (44, 74, 140), [(0.555, 0.595), (0.63, 0.645)])},
     )
 
 

@@ -152,9 +152,9 @@ def basket() -> Category:
     bottom, top = 0.0046, 0.1457
     low, high = (0.0700, 0.0765), (0.0787, 0.0848)
     wall, floor = 0.006, 0.010
-    rise = top - bottom
+    rise = top - bottom - 0.0016
     solids = [Solid((0.0, 0.0, bottom + floor / 2), (low[0], low[1], floor / 2))]
-    skins = [box((low[0], low[1], floor / 2), atlas=False, tile=0.06).moved((0.0, 0.0, bottom + floor / 2))]
+    skins = [box((low[0], low[1], floor / 2), atlas=False, tile=0.1).moved((0.0, 0.0, bottom + floor / 2))]
     for axis in (0, 1):
         lean = math.atan2(high[axis] - low[axis], rise)
         length = rise / math.cos(lean)
@@ -167,13 +167,13 @@ def basket() -> Category:
             height = bottom + rise / 2 + 0.0008  # so that only the floor of the basket touches the ground
             centre = (sign * distance, 0.0, height) if axis == 0 else (0.0, sign * distance, height)
             solids.append(Solid(centre, half, turn))
-            mesh = box(half, atlas=False, tile=0.06).moved(centre, turn=rotations.matrix(turn))
+            mesh = box(half, atlas=False, tile=0.1).moved(centre, turn=rotations.matrix(turn))
             skins.append(mesh)
     rim = [
-        box((0.006, high[1] + 0.002, 0.005), 0.0015, atlas=False).moved((s * (high[0] - 0.003), 0.0, top - 0.004))
+        box((0.006, high[1] + 0.002, 0.006), 0.0015, atlas=False).moved((s * (high[0] - 0.003), 0.0, top - 0.0055))
         for s in (1.0, -1.0)
     ] + [
-        box((high[0] + 0.002, 0.006, 0.005), 0.0015, atlas=False).moved((0.0, s * (high[1] - 0.003), top - 0.004))
+        box((high[0] + 0.002, 0.006, 0.006), 0.0015, atlas=False).moved((0.0, s * (high[1] - 0.003), top - 0.0055))
         for s in (1.0, -1.0)
     ]
     site = Site("contain_region", (0.0, 0.0, 0.07185), (0.06108, 0.06108, 0.06949), (0.0, 0.0, 0.0, 1.0))

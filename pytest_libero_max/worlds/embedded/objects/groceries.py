@@ -287,37 +287,41 @@ def _cookies_label() -> Image:
 
 
 def _cream_cheese_label() -> Image:
-    silver: Rgb = (214, 220, 228)
+    silver: Rgb = (216, 222, 230)
     blue: Rgb = (28, 78, 160)
-    # Drawn along the packet's length, then turned into the atlas: picture-up is away from the camera.
-    top = Label(silver, 160, 84).band(0.0, 0.16, blue).band(0.84, 1.0, blue)
-    top.disc(0.5, 0.5, 0.36, blue, 0.6).word("CREAM", 0.5, 0.38, 0.42, 0.22, _WHITE)
-    top.word("CHEESE", 0.5, 0.64, 0.48, 0.22, _WHITE)
-    top.disc(0.1, 0.5, 0.07, _WHITE).disc(0.9, 0.5, 0.07, _WHITE)
-    side = Label(silver, 128, 32).band(0.3, 0.7, blue)
-    return box_atlas({"top": top.turned(1), "front": side.image, "bottom": Label(silver).image})
+    top = Label(silver, 96, 160).band(0.0, 0.12, blue).band(0.88, 1.0, blue)
+    top.disc(0.5, 0.36, 0.44, blue, 0.62).word("CREAM", 0.5, 0.31, 0.7, 0.09, _WHITE)
+    top.word("CHEESE", 0.5, 0.43, 0.74, 0.09, _WHITE)
+    # A bagel half with a white swirl.
+    top.disc(0.5, 0.71, 0.28, (190, 132, 70), 0.75).disc(0.5, 0.7, 0.23, _WHITE, 0.72).disc(0.5, 0.7, 0.07, (190, 132, 70))
+    side = Label(silver, 128, 48).band(0.0, 0.25, blue).word("CREAM CHEESE", 0.5, 0.6, 0.84, 0.44, blue)
+    return box_atlas({"top": top.image, "front": side.image, "bottom": Label(silver).image})
 
 
 def _butter_label() -> Image:
-    yellow: Rgb = (246, 206, 60)
-    cream: Rgb = (255, 240, 170)
-    top = Label(yellow, 160, 84).band(0.0, 0.1, (202, 40, 36)).band(0.9, 1.0, (202, 40, 36))
-    top.word("BUTTER", 0.34, 0.5, 0.56, 0.42, (158, 24, 28))
-    top.polygon([(0.68, 0.36), (0.74, 0.24), (0.95, 0.24), (0.95, 0.6), (0.89, 0.76), (0.68, 0.76)], (214, 160, 40))
-    top.block(0.68, 0.38, 0.88, 0.75, cream).block(0.74, 0.38, 0.76, 0.75, (222, 178, 70))
-    top.block(0.81, 0.38, 0.83, 0.75, (222, 178, 70))
-    side = Label(yellow, 128, 32).word("BUTTER", 0.5, 0.5, 0.8, 0.7, (158, 24, 28))
-    return box_atlas({"top": top.turned(1), "front": side.image, "bottom": Label(yellow).image})
+    yellow: Rgb = (247, 208, 60)
+    red: Rgb = (190, 32, 30)
+    top = Label(yellow, 96, 160).band(0.0, 0.08, red).band(0.92, 1.0, red)
+    top.word("BUTTER", 0.5, 0.26, 0.8, 0.17, red)
+    # A block of butter on a dish, one slice cut off.
+    top.disc(0.5, 0.78, 0.44, (250, 250, 246), 0.32)
+    top.polygon([(0.16, 0.55), (0.3, 0.46), (0.84, 0.46), (0.84, 0.68), (0.7, 0.78), (0.16, 0.78)], (208, 152, 34))
+    top.block(0.16, 0.56, 0.68, 0.78, (255, 238, 160)).block(0.3, 0.56, 0.33, 0.78, (208, 152, 34))
+    side = Label(yellow, 128, 48).word("BUTTER", 0.5, 0.5, 0.8, 0.6, red)
+    return box_atlas({"top": top.image, "front": side.image, "bottom": Label(yellow).image})
 
 
 def _pudding_label() -> Image:
     brown: Rgb = (84, 44, 26)
-    top = Label(brown, 160, 92).band(0.0, 0.08, (228, 190, 130)).band(0.92, 1.0, (228, 190, 130))
-    top.word("CHOCOLATE", 0.31, 0.34, 0.54, 0.24, (250, 226, 180)).word("PUDDING", 0.31, 0.66, 0.48, 0.24, _WHITE)
-    top.polygon([(0.64, 0.45), (0.96, 0.45), (0.9, 0.86), (0.7, 0.86)], (240, 236, 230))
-    top.disc(0.8, 0.45, 0.16, (48, 24, 14), 0.35).disc(0.8, 0.34, 0.09, _WHITE, 0.8).disc(0.8, 0.22, 0.045, _WHITE)
-    side = Label(brown, 128, 48).word("PUDDING", 0.5, 0.5, 0.8, 0.6, (250, 226, 180))
-    return box_atlas({"top": top.turned(1), "front": side.image, "bottom": Label(brown).image})
+    sand: Rgb = (236, 200, 142)
+    top = Label(brown, 96, 160).band(0.0, 0.06, sand).band(0.94, 1.0, sand)
+    top.word("CHOCOLATE", 0.5, 0.16, 0.84, 0.1, sand).word("PUDDING", 0.5, 0.29, 0.8, 0.12, _WHITE)
+    # A glass of pudding with whipped cream and a cherry.
+    top.polygon([(0.16, 0.56), (0.84, 0.56), (0.68, 0.9), (0.32, 0.9)], (226, 228, 232))
+    top.polygon([(0.22, 0.6), (0.78, 0.6), (0.65, 0.87), (0.35, 0.87)], (122, 66, 34))
+    top.disc(0.5, 0.56, 0.34, (150, 86, 46), 0.3).disc(0.5, 0.5, 0.2, _WHITE, 0.7).disc(0.5, 0.42, 0.08, (206, 30, 40))
+    side = Label(brown, 128, 48).word("PUDDING", 0.5, 0.5, 0.8, 0.6, sand)
+    return box_atlas({"top": top.image, "front": side.image, "bottom": Label(brown).image})
 
 
 def _milk_label() -> Image:

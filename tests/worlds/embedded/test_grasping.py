@@ -1,0 +1,105 @@
+"""Every object that a task asks for can be pinched by the Panda's fingers, lifted, carried and held.
+
+The gripper is a free-standing pair of fingers with the pads, forces and inertias of robosuite's Panda gripper.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+
+from pytest_libero_max.worlds.embedded.objects import base, category
+
+PAD = 'type="box" size="0.008 0.004 0.008" solref="0.01 0.5" friction="2 0.05 0.0001"'
+FINGER = 'type="box" size="0.009 0.006 0.02" condim="4" friction="1 0.005 0.0001"'
+GRIPPER = f"""
+<body name="hand" pos="0 0 0.3" gravcomp="1">
+  <joint name="x" type="slide" axis="1 0 0" damping="1000"/>
+  <joint name="y" type="slide" axis="0 1 0" damping="1000"/>
+  <joint name="z" type="slide" axis="0 0 1" damping="1000"/>
+  <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+  <body name="left" gravcomp="1">
+    <joint name="left" type="slide" axis="0 1 0" range="0 0.04" damping="100" armature="1" frictionloss="1"/>
+    <inertial pos="0 0 0" mass="0.1" diaginertia="0.01 0.01 0.005"/>
+    <geom {PAD} pos="0 0.004 0"/><geom {FINGER} pos="0 0.0145 0.022"/>
+  </body>
+  <body name="right" gravcomp="1">
+    <joint name="right" type="slide" axis="0 1 0" range="-0.04 0" damping="100" armature="1" frictionloss="1"/>
+    <inertial pos="0 0 0" mass="0.1" diaginertia="0.01 0.01 0.005"/>
+    <geom {PAD} pos="0 -0.004 0"/><geom {FINGER} pos="0 -0.0145 0.022"/>
+  </body>
+</body>"""
+ACTUATORS = """
+<actuator>
+  <position joint="x" kp="20000"/><position joint="y" kp="20000"/><position joint="z" kp="20000"/>
+  <position joint="left" kp="1000" ctrlrange="0 0.04" forcerange="-20 20"/>
+  <position joint="right" kp="1000" ctrlrange="-0.04 0" forcerange="-20 20"/>
+</actuator>"""
+
+# Category, offset along y from the object's middle, height of the pads above the ground.
+GRASPS = [
+    ("akita_black_bowl", 0.051, 0.040),
+    ("akita_black_bowl", -0.051, 0.040),
+    ("glazed_rim_porcelain_ramekin", 0.042, 0.030),
+    ("alphabet_soup", 0.0, 0.045),
+    ("tomato_sauce", 0.0, 0.045),
+    ("cream_cheese", 0.0, 0.012),
+    ("butter", 0.0, 0.012),
+    ("chocolate_pudding", 0.0, 0.014),
+    ("cookies", 0.0, 0.012),
+    ("milk", 0.0, 0.075),
+    ("orange_juice", 0.0, 0.075),
+    ("ketchup", 0.0, 0.065),
+    ("salad_dressing", 0.0, 0.065),
+    ("bbq_sauce", 0.0, 0.05),
+]
+
+
+def grasp_model(name: str) -> mujoco.MjModel:
+    kind = category(name)
+    elements, _ = base.assets(kind)
+    assets = "".join(ET.tostring(element, encoding="unicode") for element in elements)
+    body = ET.tostring(base.body(kind, "thing_1", (0, 0, kind.origin_height), kind.upright), encoding="unicode")
+    return mujoco.MjModel.from_xml_string(f"""
+      <mujoco><compiler angle="radian" autolimits="true" inertiagrouprange="0 0"/>
+      <option timestep="0.002" cone="elliptic" impratio="20"/>
+      <asset>{assets}</asset>
+      <worldbody><geom type="plane" size="2 2 0.1" friction="1 0.005 0.0001"/>{body}{GRIPPER}</worldbody>{ACTUATORS}</mujoco>""")
+
+
+def drive(model: mujoco.MjModel, data: mujoco.MjData, target: tuple[float, float, float], opening: float, seconds: float) -> None:
+    start = data.ctrl[:3].copy()
+    steps = int(seconds / model.opt.timestep)
+    for step in range(steps):
+        share = min(1.0, 1.5 * (step + 1) / steps)
+        data.ctrl[:3] = start + (np.asarray(target) - start) * share
+        data.ctrl[3:] = opening, -opening
+        mujoco.mj_step(model, data)
+
+
+@pytest.mark.parametrize(("name", "side", "height"), GRASPS, ids=[f"{g[0]}{'-far' if g[1] < 0 else ''}" for g in GRASPS])
+def test_is_lifted_carried_and_held(name, side, height):
+    model = grasp_model(name)
+    data = mujoco.MjData(model)
+    down = height - 0.3
+    data.joint("left").qpos[0], data.joint("right").qpos[0] = 0.04, -0.04
+    drive(model, data, (0.0, side, 0.0), 0.04, 0.4)
+    drive(model, data, (0.0, side, down), 0.04, 0.6)
+    drive(model, data, (0.0, side, down), 0.0, 0.6)
+    before = data.body("thing_1_main").xpos.copy()
+    drive(model, data, (0.0, side, down + 0.15), 0.0, 0.8)
+    lifted = data.body("thing_1_main").xpos[2] - before[2]
+    assert lifted == pytest.approx(0.15, abs=0.02)
+    drive(model, data, (0.15, side - 0.15, down + 0.15), 0.0, 1.0)
+    drive(model, data, (0.15, side - 0.15, down + 0.15), 0.0, 1.0)
+    carried = data.body("thing_1_main").xpos - before
+    assert carried == pytest.approx([0.15, -0.15, 0.15], abs=0.03)
+    drive(model, data, (0.15, side - 0.15, down + 0.004), 0.0, 0.8)
+    drive(model, data, (0.15, side - 0.15, down + 0.004), 0.04, 0.6)
+    drive(model, data, (0.15, side - 0.15, 0.0), 0.04, 0.8)
+    released = data.body("thing_1_main")
+    assert released.xpos == pytest.approx(before + [0.15, -0.15, 0.0], abs=0.02)
+    assert abs(data.joint("thing_1_joint0").qvel).max() < 0.01
