@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
+from pytest_libero_max.worlds.embedded.scene import build_scene
+from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.worlds.tiny import TinyWorld
+
+RED = 0
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """Write 100 and the step into the first pixel."""
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        stamped = image.copy()
+        stamped[0, 0] = 100 + step
+        return stamped
+
+
+@dataclass(frozen=True)
+class Negative:
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        return 255 - image
+
+
+def images(world: TinyWorld | EmbeddedWorld, size: int = 64) -> dict[str, Image]:
+    return {key: value for key, value in world.observe(size=size).items() if key.endswith("_image")}
+
+
+def test_images_have_the_asked_size_and_opengl_rows() -> None:
+    world = TinyWorld()
+    for size in (16, 300, 64):
+        seen = images(world, size)
+        assert list(seen) == ["agentview_image", "robot0_eye_in_hand_image"]
+        assert all(image.shape == (size, size, 3) and image.dtype == np.uint8 for image in seen.values())
+    # The table is below the horizon; in OpenGL order the bottom row comes first.
+    agentview = seen["agentview_image"].astype(int)
+    assert agentview[8, 32].sum() > agentview[-1, 32].sum() + 100
+
+
+def test_an_image_does_not_depend_on_what_was_drawn_before() -> None:
+    world = TinyWorld()
+    small = images(world)
+    images(world, 500)
+    assert all(np.array_equal(small[key], value) for key, value in images(world).items())
+
+
+def test_worlds_of_one_process_are_drawn_apart() -> None:
+    worlds = [TinyWorld(), EmbeddedWorld(build_scene("libero_object", 0)), TinyWorld()]
+    worlds[2].place("box_1", (0.3, 0.3, 0.6))
+    alone = [images(world) for world in worlds]
+    for _ in range(2):
+        for world, expected in zip(worlds, alone, strict=True):
+            assert all(np.array_equal(expected[key], value) for key, value in images(world).items())
+    assert not np.array_equal(alone[0]["agentview_image"], alone[1]["agentview_image"])
+    worlds[1].close()
+    assert all(np.array_equal(alone[0][key], value) for key, value in images(worlds[0]).items())
+
+
+def test_looking_changes_nothing() -> None:
+    world, blind = TinyWorld(), TinyWorld()
+    for _ in range(3):
+        images(world)
+        for each in (world, blind):
+            each.step((0.3, 0.2, -0.1, 0.0, 0.0, 0.0, 1.0))
+        assert world.digest() == blind.digest()
+
+
+def test_the_embedded_world_looks_without_a_trace() -> None:
+    world = EmbeddedWorld(build_scene("libero_spatial", 0))
+    before = world.digest()
+    images(world)
+    assert world.digest() == before
+
+
+def test_a_parked_object_is_not_seen() -> None:
+    world = TinyWorld()
+    seen = images(world)["agentview_image"].astype(int)
+
+    def reddish(image: np.ndarray) -> int:
+        return int((image[..., RED] > 2 * image[..., 1:].max(axis=-1)).sum())
+
+    assert reddish(seen) > 10
+    world.park("box_1", world.position("box_1"))
+    assert reddish(images(world)["agentview_image"].astype(int)) == 0
+    world.unpark("box_1", world.parked_pose("box_1")[0])
+    assert np.array_equal(images(world)["agentview_image"], seen)
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "value"),
+    [
+        ("cam_fovy", 0, 60.0),
+        ("light_diffuse", slice(None), 0.1),
+        ("geom_rgba", slice(None), 0.5),
+        ("mat_rgba", slice(None), 0.5),
+        ("mat_texid", slice(None), -1),
+    ],
+)
+def test_an_alteration_is_seen_and_a_reset_takes_it_back(
+    field: str, index: int | slice, value: float
+) -> None:
+    world = TinyWorld()
+    world.reset(0)
+    before = images(world)["agentview_image"]
+    world.alter(field, index, value)
+    assert not np.array_equal(images(world)["agentview_image"], before)
+    world.reset(0)
+    assert np.array_equal(images(world)["agentview_image"], before)
+
+
+def test_filters_follow_one_another_and_count_from_their_start() -> None:
+    world = TinyWorld()
+    world.step(NOOP_ACTION)
+    plain = images(world)
+    world.add_filter(Stamp())
+    assert all(image[0, 0].tolist() == [100] * 3 for image in images(world).values())
+    world.step(NOOP_ACTION)
+    world.step(NOOP_ACTION)
+    world.add_filter(Negative())
+    world.add_filter(Stamp())
+    world.add_filter(Negative())
+    for image in images(world).values():
+        assert (
+            image[0, 0].tolist() == [155] * 3
+        )  # the second stamp is new, and only the last filter follows it
+        assert image.flags.writeable
+    world.reset(0)
+    world.step(NOOP_ACTION)
+    assert all(np.array_equal(plain[key], image) for key, image in images(world).items())
+    world.add_filter(Stamp())
+    world.step(NOOP_ACTION)
+    world.add_filter(Negative())
+    assert all(image[0, 0].tolist() == [255 - 101] * 3 for image in images(world).values())
+
+
+def test_a_filter_that_breaks_the_image_is_refused() -> None:
+    @dataclass(frozen=True)
+    class Crop:
+        def __call__(self, image: Image, camera: str, step: int) -> Image:
+            return image[1:]
+
+    world = TinyWorld()
+    world.add_filter(Crop())
+    with pytest.raises(SubstrateError, match="keeps shape and type"):
+        world.observe(size=16)
+
+
+def test_a_camera_or_size_that_does_not_exist_is_refused() -> None:
+    world = TinyWorld()
+    with pytest.raises(SubstrateError, match=r"camera='agent'.*Did you mean 'agentview'"):
+        world.observe(["agent"])
+    with pytest.raises(SubstrateError, match="size=0"):
+        world.observe(size=0)
