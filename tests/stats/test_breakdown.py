@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.breakdown import at_floor, breakdown, largest_split, macro_average
+from pytest_libero_max.stats.outcomes import Outcomes
+from pytest_libero_max.stats.paired import Pairs, measure
+
+FATES = st.lists(st.tuples(st.integers(0, 5), st.sampled_from(["plus", "pro"])), max_size=40)
+
+
+def _pairs(fates: list[tuple[int, str]]) -> Pairs:
+    """Fates 0 to 3 are the outcomes with a response, 4 and 5 pairs whose event never fired."""
+    kinds = [fate for fate, _ in fates]
+    return Pairs.of(
+        base=[kind in (0, 1, 4) for kind in kinds],
+        dynamic=[kind in (0, 2, 4) for kind in kinds],
+        triggered=[kind < 4 for kind in kinds],
+        responded=[kind < 4 for kind in kinds],
+        stale=[kind if kind < 4 else -1 for kind in kinds],
+        source=[source for _, source in fates],
+    )
+
+
+@settings(deadline=None)
+@given(FATES)
+def test_every_assigned_pair_is_in_every_denominator(fates: list[tuple[int, str]]) -> None:
+    result = measure(_pairs(fates))
+    n = len(fates)
+    assert result.outcomes.total == n
+    assert result.trigger_coverage.of == result.response_coverage.of == n
+    assert result.outcomes.base.of == result.outcomes.dynamic.of == result.outcomes.change.of == n
+    assert result.exposure.pairs + result.exposure.unanswered == result.trigger_coverage.count
+    assert result.given_response.total == result.response_coverage.count
+    assert (result.change is None) == (n == 0)
+    if result.change is not None:
+        assert result.change.pairs == n
+        assert result.change.estimate == result.outcomes.change.value
+
+
+@settings(deadline=None, max_examples=30)
+@given(FATES)
+def test_groups_add_up_to_the_whole(fates: list[tuple[int, str]]) -> None:
+    pairs = _pairs(fates)
+    groups = breakdown(pairs, pairs.source, ["plus", "pro"])
+    whole = measure(pairs)
+    for name in ("preserved_success", "change_associated_success", "regression", "persistent_failure"):
+        total = sum(getattr(group.outcomes, name) for group in groups.values())
+        assert total == getattr(whole.outcomes, name)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.data(), FATES)
+def test_the_order_of_pairs_never_shows(data: st.DataObject, fates: list[tuple[int, str]]) -> None:
+    assert measure(_pairs(fates)) == measure(_pairs(data.draw(st.permutations(fates))))
+
+
+def test_a_label_outside_the_groups_would_lose_pairs() -> None:
+    pairs = _pairs([(0, "plus"), (1, "pro")])
+    with pytest.raises(ReportError, match="labelled \\['pro'\\]"):
+        breakdown(pairs, pairs.source, ["plus"])
+
+
+def test_contradicting_columns_are_refused() -> None:
+    with pytest.raises(ReportError, match="never fired"):
+        Pairs.of([True], [True], triggered=[False], responded=[True], stale=[-1], source=["plus"])
+    with pytest.raises(ReportError, match="exactly the triggered pairs"):
+        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[-1], source=["plus"])
+    with pytest.raises(ReportError, match="must have one"):
+        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[0], source=[])
+
+
+def test_a_macro_average_weighs_groups_alike() -> None:
+    small, large = Outcomes(1, 0, 0, 0), Outcomes(0, 0, 50, 50)
+    macro = macro_average([small, large])
+    assert (macro.base, macro.dynamic, macro.change) == (0.75, 0.5, -0.25)
+    assert macro.groups == 2
+
+
+def test_a_macro_average_over_an_empty_group_does_not_exist() -> None:
+    assert macro_average([Outcomes(1, 0, 0, 0), Outcomes(0, 0, 0, 0)]).change is None
+    assert macro_average([]).base is None
+
+
+def test_the_largest_split_is_within_one_event() -> None:
+    split = largest_split(
+        {
+            "camera_shift": {"v0": Outcomes(9, 0, 1, 0), "v1": Outcomes(5, 0, 5, 0)},
+            "obstacle_insertion": {"v0": Outcomes(9, 0, 1, 0), "v1": Outcomes(1, 1, 4, 4)},
+            "sensor_noise_onset": {"v0": Outcomes(10, 0, 0, 0), "v1": Outcomes(0, 0, 0, 0)},
+        }
+    )
+    assert split is not None
+    assert split.event == "obstacle_insertion"
+    assert split.rates == {"v0": 0.9, "v1": 0.2}
+    assert split.difference == pytest.approx(0.7)
+    assert largest_split({"camera_shift": {"v0": Outcomes(1, 0, 0, 0)}}) is None
+
+
+def test_the_floor_is_a_fifth_of_base_success() -> None:
+    assert at_floor(Outcomes(19, 0, 0, 81)) is True
+    assert at_floor(Outcomes(20, 0, 0, 80)) is False
+    assert at_floor(Outcomes(0, 0, 0, 0)) is None

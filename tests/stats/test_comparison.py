@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.comparison import contrasts, profile_agreement, ranks
+
+
+def test_a_contrast_counts_who_succeeds_where() -> None:
+    (contrast,) = contrasts({"a": [True, True, False, False, True], "b": [True, False, True, True, True]})
+    assert (contrast.first, contrast.second) == ("a", "b")
+    assert (contrast.first_only, contrast.second_only) == (1, 2)
+    assert contrast.difference is not None
+    assert contrast.difference.estimate == pytest.approx(0.2)
+    assert contrast.test.p_value == 1.0
+
+
+def test_holm_is_over_the_contrasts_made() -> None:
+    column = np.arange(40) % 2 == 0
+    successes = {"a": column, "b": np.ones(40, dtype=bool), "c": np.ones(40, dtype=bool)}
+    three = {(c.first, c.second): c for c in contrasts(successes)}
+    assert three["b", "c"].log10_p_holm is None, "no discordant pair, no test"
+    single = three["a", "b"].test.log10_p
+    assert single is not None
+    assert three["a", "b"].log10_p_holm == pytest.approx(single + np.log10(2))
+    (alone,) = contrasts(successes, pairs=[("a", "b")])
+    assert alone.log10_p_holm == pytest.approx(single)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=50))
+def test_exchanging_the_sides_changes_the_sign_only(rows: list[tuple[bool, bool]]) -> None:
+    a, b = [row[0] for row in rows], [row[1] for row in rows]
+    (forward,), (backward,) = contrasts({"a": a, "b": b}), contrasts({"b": b, "a": a})
+    assert forward.test.log10_p == backward.test.log10_p
+    assert forward.difference is not None
+    assert backward.difference is not None
+    assert forward.difference.estimate == -backward.difference.estimate
+
+
+def test_contrasts_need_common_cases() -> None:
+    with pytest.raises(ReportError, match="common cases"):
+        contrasts({"a": [True], "b": [True, False]})
+
+
+def test_ranks_share_ties_and_leave_out_what_is_unknown() -> None:
+    assert ranks({"a": 0.5, "b": 0.9, "c": 0.5, "d": None}) == {"a": 2.5, "b": 1.0, "c": 2.5, "d": None}
+    assert ranks({}) == {}
+
+
+def test_profiles_that_order_alike_and_contrarily() -> None:
+    agreement = profile_agreement({"a": [1, 2, 3], "b": [10, 20, 90], "c": [3, 2, 1], "d": [0, 0, 0]})
+    assert agreement.correlations["a", "b"] == pytest.approx(1)
+    assert agreement.correlations["a", "c"] == pytest.approx(-1)
+    assert agreement.correlations["a", "d"] is None
+    assert agreement.mean == pytest.approx(-1 / 3)
+    assert profile_agreement({"a": [1, 2]}).mean is None

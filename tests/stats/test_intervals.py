@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+from collections import Counter
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.intervals import mean_change, resampled_total, wilson
+from pytest_libero_max.stats.outcomes import Ratio
+
+DIFFERENCES = st.lists(st.integers(-1, 1), min_size=1, max_size=40)
+
+
+@pytest.mark.parametrize(
+    ("count", "of", "lower", "upper"),
+    [
+        # R. G. Newcombe (1998), Statistics in Medicine 17:857-872, table I, method 3.
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0000, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_wilson_gives_the_published_values(count: int, of: int, lower: float, upper: float) -> None:
+    interval = wilson(Ratio(count, of))
+    assert interval is not None
+    assert interval.lower == pytest.approx(lower, abs=5e-5)
+    assert interval.upper == pytest.approx(upper, abs=5e-5)
+
+
+def test_wilson_of_nothing_is_none() -> None:
+    assert wilson(Ratio(0, 0)) is None
+
+
+@given(st.integers(1, 2000).flatmap(lambda of: st.tuples(st.integers(0, of), st.just(of))))
+def test_wilson_holds_its_estimate_and_stays_within_bounds(counts: tuple[int, int]) -> None:
+    count, of = counts
+    interval = wilson(Ratio(count, of))
+    assert interval is not None
+    assert 0 <= interval.lower <= count / of + 1e-12
+    assert count / of - 1e-12 <= interval.upper <= 1
+    assert interval.lower < interval.upper
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(-2, 2), min_size=1, max_size=5))
+def test_the_exact_bootstrap_is_what_enumeration_finds(values: list[int]) -> None:
+    n = len(values)
+    totals = Counter(sum(sample) for sample in product(values, repeat=n))
+    exact = resampled_total(values)
+    for index, probability in enumerate(exact.probabilities):
+        assert probability == pytest.approx(totals[exact.start + index] / n**n, abs=1e-12)
+    assert exact.probabilities.sum() == pytest.approx(1, abs=1e-12)
+    ordered = sorted(totals.elements())
+    for q in (0.025, 0.5, 0.975):
+        assert exact.quantile(q) == ordered[int(np.ceil(q * n**n - 1e-9)) - 1]
+
+
+def test_the_stratified_bootstrap_is_what_enumeration_finds() -> None:
+    first, second = [1, 0, -1], [-1, -1, 0, 0]
+    totals = sorted(sum(a) + sum(b) for a in product(first, repeat=3) for b in product(second, repeat=4))
+    result = mean_change(first + second, ["a"] * 3 + ["b"] * 4)
+    assert result is not None
+    assert result.lower == totals[int(np.ceil(0.025 * len(totals))) - 1] / 7
+    assert result.upper == totals[int(np.ceil(0.975 * len(totals))) - 1] / 7
+
+
+@pytest.mark.parametrize("n", [60, 400])
+def test_simulation_approaches_the_exact_bootstrap(n: int) -> None:
+    random = np.random.default_rng(20260830)
+    values = random.choice([-1, 0, 1], size=n, p=[0.25, 0.65, 0.1])
+    exact = mean_change(values)
+    means = random.choice(values, size=(20_000, n)).mean(axis=1)
+    simulated = np.quantile(means, [0.025, 0.975], method="inverted_cdf")
+    assert exact is not None
+    assert exact.lower == pytest.approx(simulated[0], abs=1.01 / n)
+    assert exact.upper == pytest.approx(simulated[1], abs=1.01 / n)
+
+
+@given(st.data(), DIFFERENCES)
+def test_the_order_of_pairs_never_shows(data: st.DataObject, values: list[int]) -> None:
+    assert mean_change(values) == mean_change(data.draw(st.permutations(values)))
+
+
+@given(DIFFERENCES)
+def test_exchanging_the_conditions_mirrors_the_distribution(values: list[int]) -> None:
+    forward, backward = resampled_total(values), resampled_total([-value for value in values])
+    np.testing.assert_allclose(forward.probabilities, backward.probabilities[::-1], rtol=0, atol=1e-12)
+
+
+@given(DIFFERENCES)
+def test_one_stratum_is_no_stratification(values: list[int]) -> None:
+    assert mean_change(values) == mean_change(values, ["plus"] * len(values))
+
+
+@given(DIFFERENCES)
+def test_the_interval_holds_the_estimate_and_flags_its_collapse(values: list[int]) -> None:
+    result = mean_change(values)
+    assert result is not None
+    assert result.lower <= result.estimate <= result.upper
+    assert result.degenerate == (len(set(values)) == 1)
+    if result.degenerate:
+        assert result.lower == result.upper == values[0]
+
+
+def test_no_pairs_have_no_change() -> None:
+    assert mean_change([]) is None
+
+
+def test_eight_thousand_pairs_lose_no_probability() -> None:
+    values = np.repeat([-1, 0, 1], [2171, 5652, 177])
+    exact = resampled_total(values)
+    assert exact.probabilities.sum() == pytest.approx(1, abs=1e-12)
+    mean = (exact.probabilities * (exact.start + np.arange(len(exact.probabilities)))).sum() / 8000
+    assert mean == pytest.approx((177 - 2171) / 8000, abs=1e-10)
+
+
+@pytest.mark.parametrize("values", [[0.5, 0.2], [], [[1, 0]]])
+def test_only_integers_have_a_lattice(values: list[float]) -> None:
+    with pytest.raises(ReportError, match="must be a list of integers"):
+        resampled_total(values)
+
+
+def test_a_stratum_for_every_pair() -> None:
+    with pytest.raises(ReportError, match="2 strata for 3 differences"):
+        mean_change([0, 1, 0], ["a", "b"])
+
+
+@pytest.mark.parametrize(("n", "rate", "least"), [(30, 0.5, 0.93), (30, 0.9, 0.92), (100, 0.75, 0.93)])
+def test_wilson_covers_nearly_as_often_as_it_says(n: int, rate: float, least: float) -> None:
+    draws = np.random.default_rng(1).binomial(n, rate, size=4000)
+    covered = {count: wilson(Ratio(count, n)) for count in set(draws.tolist())}
+    hits = [interval.lower <= rate <= interval.upper for k in draws.tolist() if (interval := covered[k])]
+    assert least <= np.mean(hits) <= 0.99
+
+
+def test_the_bootstrap_covers_nearly_as_often_as_it_says() -> None:
+    random = np.random.default_rng(2)
+    hits = []
+    for _ in range(600):
+        result = mean_change(random.choice([-1, 0, 1], size=100, p=[0.25, 0.7, 0.05]))
+        assert result is not None
+        hits.append(result.lower <= -0.2 <= result.upper)
+    assert 0.92 <= np.mean(hits) <= 0.975

@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from pytest_libero_max.stats.significance import holm, mcnemar
+
+
+def test_mcnemar_gives_the_published_value() -> None:
+    # M. W. Fagerland, S. Lydersen & P. Laake (2013), BMC Medical Research Methodology 13:91, table 1 (airway
+    # hyper-responsiveness before and after stem cell transplantation): 1 and 7 discordant, exact p = 0.0703.
+    assert mcnemar(1, 7).p_value == pytest.approx(0.0703, abs=5e-5)
+
+
+def test_mcnemar_gives_the_value_r_gives() -> None:
+    # binom.test(3, 13)$p.value
+    assert mcnemar(3, 10).p_value == pytest.approx(0.09228515625, abs=1e-12)
+
+
+@given(st.integers(0, 300), st.integers(0, 300))
+def test_mcnemar_is_the_binomial_test(losses: int, gains: int) -> None:
+    result = mcnemar(losses, gains)
+    if losses + gains == 0:
+        assert result.p_value is None
+        return
+    expected = stats.binomtest(losses, losses + gains).pvalue
+    assert result.p_value == pytest.approx(expected, rel=1e-9)
+    assert mcnemar(gains, losses).log10_p == result.log10_p
+
+
+def test_mcnemar_does_not_underflow() -> None:
+    result = mcnemar(2205, 147)
+    # Counts of one of the paper's policies; the exact tail, summed in rational arithmetic.
+    exact = sum(math.comb(2352, k) for k in range(148))
+    expected = math.log10(exact) + (1 - 2352) * math.log10(2)
+    assert result.log10_p == pytest.approx(expected, rel=1e-12)
+    assert result.log10_p is not None
+    assert result.log10_p < -308
+    assert result.p_value == 0.0
+
+
+def test_holm_gives_the_textbook_adjustment() -> None:
+    # p.adjust(c(0.01, 0.02, 0.03, 0.005), "holm") in R.
+    adjusted = holm([math.log10(p) for p in (0.01, 0.02, 0.03, 0.005)])
+    assert [10**p for p in adjusted if p is not None] == pytest.approx([0.03, 0.04, 0.04, 0.02])
+
+
+@given(st.lists(st.none() | st.floats(-400, 0), max_size=12))
+def test_holm_only_ever_raises_and_keeps_the_order(values: list[float | None]) -> None:
+    adjusted = holm(values)
+    pairs = [(p, q) for p, q in zip(values, adjusted, strict=True) if p is not None]
+    assert [q for p, q in zip(values, adjusted, strict=True) if p is None] == [None] * (
+        len(values) - len(pairs)
+    )
+    assert all(q is not None and p <= q <= 0 for p, q in pairs)
+    ordered = [q for _, q in sorted(pairs)]
+    assert ordered == sorted(ordered)
