@@ -1,0 +1,252 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pytest_libero_max.errors import ActionError, AdapterError
+from pytest_libero_max.policies.check import (
+    ask,
+    check_actions,
+    check_policy,
+    copy_memory,
+    remembers,
+    restore_memory,
+    start,
+)
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+
+SPEC = PolicySpec("p", horizon=4, query_interval=2)
+QUERY = Query(3, 6, "do it", 0)
+EPISODE = Episode("libero_spatial", 0, "do it", 195, 220)
+
+
+class Sound:
+    """A policy without fault; the broken ones below change one thing."""
+
+    spec = SPEC
+
+    def reset(self, episode: Episode) -> None:
+        pass
+
+    def predict(self, observation: Any, query: Query) -> Any:
+        return np.zeros((2, 7))
+
+
+class WithMemory(Sound):
+    """The same, with a memory."""
+
+    memory: object = "m"
+
+    def snapshot(self) -> object:
+        return self.memory
+
+    def restore(self, memory: object) -> None:
+        self.memory = memory
+
+
+def broken(base: type = Sound, /, **members: Any) -> Any:
+    return type("Broken", (base,), members)()
+
+
+def test_a_sound_policy_passes() -> None:
+    for policy in (Sound(), WithMemory(), broken(predict=lambda self, *anything: None)):
+        assert check_policy(policy, "a.py:policy") is policy
+    assert remembers(WithMemory())
+    assert not remembers(Sound())
+
+
+# Each with one fault, and the message it must produce.
+BROKEN_POLICIES: list[tuple[str, Any, str]] = [
+    (
+        "no spec",
+        type("Bare", (), {})(),
+        "a.py:policy (Bare) has no attribute 'spec', but a policy declares itself with a PolicySpec. "
+        "Add `spec = PolicySpec(name=...)`.",
+    ),
+    (
+        "a dictionary for a spec",
+        broken(spec={"horizon": 4}),
+        "a.py:policy.spec={'horizon': 4}, but must be a PolicySpec. Write `spec = PolicySpec(name=...)`.",
+    ),
+    (
+        "no predict",
+        type("Idle", (), {"spec": SPEC, "reset": lambda self, episode: None})(),
+        "a.py:policy (Idle) has no method 'predict', but a policy has reset(episode) and "
+        "predict(observation, query). Add predict(observation, query).",
+    ),
+    (
+        "no reset",
+        type("Restless", (), {"spec": SPEC, "predict": lambda self, observation, query: None})(),
+        "a.py:policy (Restless) has no method 'reset', but a policy has reset(episode) and "
+        "predict(observation, query). Add reset(episode).",
+    ),
+    (
+        "predict is a table",
+        broken(predict=[0.0]),
+        "a.py:policy.predict=[0.0] is not callable, but must be the method predict(observation, query).",
+    ),
+    (
+        "reset without the episode",
+        broken(reset=lambda self: None),
+        "a.py:policy.reset() cannot be called as reset(episode): too many positional arguments. "
+        "Give it these arguments.",
+    ),
+    (
+        "predict without the query",
+        broken(predict=lambda self, observation: None),
+        "a.py:policy.predict(observation) cannot be called as predict(observation, query): "
+        "too many positional arguments. Give it these arguments.",
+    ),
+    (
+        "predict with one more",
+        broken(predict=lambda self, observation, query, text: None),
+        "a.py:policy.predict(observation, query, text) cannot be called as predict(observation, query): "
+        "missing a required argument: 'text'. Give it these arguments.",
+    ),
+    (
+        "snapshot without restore",
+        broken(snapshot=lambda self: None),
+        "a.py:policy offers snapshot but not restore; a policy with memory has both, one without has "
+        "neither. Add restore.",
+    ),
+    (
+        "restore without snapshot",
+        broken(restore=lambda self, memory: None),
+        "a.py:policy offers restore but not snapshot; a policy with memory has both, one without has "
+        "neither. Add snapshot.",
+    ),
+    (
+        "restore without the memory",
+        broken(WithMemory, restore=lambda self: None),
+        "a.py:policy.restore() cannot be called as restore(memory): too many positional arguments. "
+        "Give it these arguments.",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"), [case[1:] for case in BROKEN_POLICIES], ids=[case[0] for case in BROKEN_POLICIES]
+)
+def test_a_broken_policy_is_told_what_is_wrong(policy: Any, message: str) -> None:
+    with pytest.raises(AdapterError) as caught:
+        check_policy(policy, "a.py:policy")
+    assert str(caught.value) == message
+
+
+BROKEN_ACTIONS: list[tuple[str, Any, str]] = [
+    (
+        "nothing",
+        None,
+        "returned NoneType of dtype object, but predict must return an (n, 7) array",
+    ),
+    ("text", "left", "returned str of dtype <U4, but predict must return an (n, 7) array"),
+    ("booleans", np.ones((2, 7), bool), "returned ndarray of dtype bool, but predict must return"),
+    ("complex numbers", np.ones((2, 7), complex), "returned ndarray of dtype complex128, but predict must"),
+    ("ragged rows", [[0.0] * 7, [0.0] * 6], "returned a list that is no array (setting an array element"),
+    (
+        "eight components",
+        np.zeros((2, 8)),
+        "returned actions of shape (2, 8), but predict must return an",
+    ),
+    (
+        "a batch",
+        np.zeros((1, 2, 7)),
+        "returned actions of shape (1, 2, 7), but predict must return an",
+    ),
+    ("one number", 0.5, "returned actions of shape (), but predict must return an (n, 7) array"),
+    (
+        "no action",
+        np.zeros((0, 7)),
+        "returned 0 action(s), but query_interval=2 are executed before the next",
+    ),
+    ("a single action where Q = 2", np.zeros(7), "returned 1 action(s), but query_interval=2 are executed"),
+    ("more than H", np.zeros((5, 7)), "returned 5 actions > horizon=4, but a query returns at most H."),
+    (
+        "not a number",
+        [[0.0] * 7, [0.0, np.nan, *[0.0] * 5]],
+        "returned actions[1, 1]=nan, but every component",
+    ),
+    (
+        "infinity",
+        [[0.0] * 7, [-np.inf] * 7],
+        "returned actions[1, 0]=-inf, but every component must be finite.",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"), [case[1:] for case in BROKEN_ACTIONS], ids=[case[0] for case in BROKEN_ACTIONS]
+)
+def test_broken_actions_are_told_what_is_wrong(actions: Any, message: str) -> None:
+    with pytest.raises(ActionError) as caught:
+        check_actions(actions, SPEC)
+    assert str(caught.value).startswith(f"policy 'p' {message}")
+    with pytest.raises(ActionError, match=r"^query 3 at step 6: policy 'p' returned"):
+        ask(broken(predict=lambda self, observation, query: actions), {}, QUERY)
+
+
+@given(
+    length=st.integers(2, 4),
+    kind=st.sampled_from([np.float64, np.float32, np.float16, np.int64, np.uint8]),
+    order=st.sampled_from(["C", "F"]),
+    as_list=st.booleans(),
+)
+def test_any_real_numbers_of_the_right_shape_are_actions(
+    length: int, kind: Any, order: Any, as_list: bool
+) -> None:
+    given_actions = np.arange(7 * length).reshape(length, 7).astype(kind, order=order)
+    answer: Any = given_actions.tolist() if as_list else given_actions
+    actions = check_actions(answer, SPEC)
+    assert actions.dtype == np.float64
+    assert actions.flags.c_contiguous
+    assert actions.tolist() == given_actions.tolist()
+    given_actions[:] = 1  # a policy may reuse its buffer
+    assert actions[0].tolist() == list(range(7))
+
+
+def test_a_single_action_may_be_a_vector_where_q_is_one() -> None:
+    assert check_actions(np.arange(7), PolicySpec("p")).tolist() == [[0, 1, 2, 3, 4, 5, 6]]
+
+
+def test_actions_beyond_one_are_the_controllers_business() -> None:
+    assert check_actions(np.full((2, 7), 3.5), SPEC).max() == 3.5
+
+
+def raising(*arguments: Any) -> Any:
+    raise RuntimeError("out of memory")
+
+
+@pytest.mark.parametrize(
+    ("call", "where"),
+    [
+        (lambda policy: start(policy, EPISODE), "reset"),
+        (lambda policy: ask(policy, {}, QUERY), "predict, query 3 at step 6"),
+        (copy_memory, "snapshot"),
+        (lambda policy: restore_memory(policy, None), "restore"),
+    ],
+    ids=["reset", "predict", "snapshot", "restore"],
+)
+def test_whatever_a_policy_raises_names_the_call_and_the_line(call: Any, where: str) -> None:
+    policy = broken(Sound, reset=raising, predict=raising, snapshot=raising, restore=raising)
+    with pytest.raises(AdapterError) as caught:
+        call(policy)
+    line = raising.__code__.co_firstlineno + 1
+    assert str(caught.value) == (
+        f"policy 'p' raised RuntimeError in {where} (test_check.py, line {line}): out of memory. "
+        "Repair the adapter and play the pair again."
+    )
+    assert isinstance(caught.value.__cause__, RuntimeError)
+
+
+def test_memory_is_copied_and_given_back() -> None:
+    policy = WithMemory()
+    policy.memory = "before"
+    memory = copy_memory(policy)
+    policy.memory = "after"
+    restore_memory(policy, memory)
+    assert policy.memory == "before"
+    assert copy_memory(Sound()) is None

@@ -1,0 +1,348 @@
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.loading import load_policy
+
+Writer = Callable[..., Path]
+
+SOUND = """
+from pytest_libero_max.policies.contract import PolicySpec
+
+class Sound:
+    spec = PolicySpec("sound", horizon=8, query_interval=4)
+
+    def reset(self, episode):
+        pass
+
+    def predict(self, observation, query):
+        return [[0.0] * 7] * self.spec.horizon
+"""
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Writer:
+    """Write a file below the test's folder and return its path."""
+
+    def write(text: str, name: str = "adapter.py") -> Path:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(textwrap.dedent(text))
+        return path
+
+    return write
+
+
+@pytest.fixture(autouse=True)
+def _imports_are_left_alone() -> Any:
+    path, modules = list(sys.path), set(sys.modules)
+    yield
+    assert sys.path == path
+    assert not [
+        name
+        for name in set(sys.modules) - modules
+        if getattr(sys.modules[name], "__file__", None) and "pytest-of" in str(sys.modules[name].__file__)
+        if not name.startswith("_pytest_libero_max_adapter_")
+    ]
+
+
+# What can be loaded.
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("policy = Sound()", ""),
+        ("policy = Sound", ""),
+        ("def policy(): return Sound()", ""),
+        ("def make(seed=0): return Sound()", ":make"),
+        ("", ":Sound"),
+    ],
+    ids=["instance", "class", "function", "named function", "named class"],
+)
+def test_a_policy_may_be_given_in_several_ways(write: Writer, line: str, name: str) -> None:
+    path = write(SOUND + line)
+    policy = load_policy(f"{path}{name}")
+    assert type(policy).__name__ == "Sound"
+    assert policy.spec == PolicySpec("sound", horizon=8, query_interval=4)
+
+
+def test_a_module_is_loaded_by_its_dotted_name(write: Writer, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(SOUND + "policy = Sound()\nother = Sound()", "some_robot/policies.py")
+    monkeypatch.syspath_prepend(path.parent.parent)
+    assert load_policy("some_robot.policies").spec.name == "sound"
+    assert load_policy("some_robot.policies:other").spec.name == "sound"
+    del sys.modules["some_robot.policies"], sys.modules["some_robot"]
+
+
+def test_horizon_and_interval_can_be_overridden_and_the_adapter_follows(write: Writer) -> None:
+    path = write(SOUND + "policy = Sound()")
+    for horizon, interval, expected in (
+        (20, None, (20, 4)),
+        (None, 1, (8, 1)),
+        (2, 2, (2, 2)),
+        (None, None, (8, 4)),
+    ):
+        policy = load_policy(str(path), horizon=horizon, query_interval=interval)
+        assert (policy.spec.horizon, policy.spec.query_interval) == expected
+        assert len(policy.predict({}, None)) == expected[0]  # type: ignore[arg-type]
+
+
+def test_every_load_of_a_file_is_a_new_policy(write: Writer) -> None:
+    path = write(SOUND + "policy = Sound()")
+    first, second = load_policy(str(path)), load_policy(str(path))
+    assert first is not second
+    assert type(first) is not type(second)
+
+
+def test_a_relative_path_is_relative_to_the_working_directory(
+    write: Writer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(write(SOUND + "policy = Sound()").parent)
+    assert load_policy("adapter.py").spec.name == "sound"
+    assert load_policy("./adapter.py:policy").spec.name == "sound"
+
+
+# Helpers beside the adapter, and names that collide.
+
+
+def test_an_adapter_may_import_what_lies_beside_it(write: Writer) -> None:
+    write(SOUND, "skills.py")
+    write("from skills import Sound\n", "nested/inner.py")
+    path = write(
+        """
+        from dataclasses import dataclass
+        from nested.inner import Sound
+
+        @dataclass
+        class Later(Sound):
+            speed: "float" = 1.0
+
+            def __post_init__(self):
+                import skills
+                self.skills = skills
+
+        policy = Later
+        """
+    )
+    policy: Any = load_policy(str(path))
+    assert policy.skills.Sound is type(policy).__mro__[1]
+
+
+def test_two_adapters_may_each_have_a_helper_of_the_same_name(write: Writer) -> None:
+    paths = []
+    for folder in ("one", "two"):
+        write(f"NAME = {folder!r}", f"{folder}/skills.py")
+        paths.append(
+            write(SOUND + "import skills\nSound.skill = skills.NAME\npolicy = Sound", f"{folder}/adapter.py")
+        )
+    assert [load_policy(str(path)).skill for path in paths] == ["one", "two"]  # type: ignore[attr-defined]
+
+
+def test_an_adapter_called_random_hides_nothing(write: Writer) -> None:
+    path = write("import random, json\n" + SOUND + "Sound.module = random\npolicy = Sound", "random.py")
+    write("raise AssertionError('not the real one')", "json.py")
+    policy: Any = load_policy(str(path))
+    assert policy.module is random
+    # And in a process in which nobody has imported the real one yet.
+    script = (
+        "import sys\nfrom pytest_libero_max.policies.loading import load_policy\n"
+        "for name in ('random', 'json'): sys.modules.pop(name, None)\n"
+        f"print(load_policy({str(path)!r}).module.Random)"
+    )
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=root, capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout == "<class 'random.Random'>\n", done.stderr
+
+
+def test_what_an_adapter_imports_from_elsewhere_stays_imported(
+    write: Writer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A checkout that holds the adapter and an importable package alike.
+    folder = write("", "some_package/__init__.py").parent.parent
+    path = write("import some_package\n" + SOUND + "policy = Sound")
+    monkeypatch.syspath_prepend(folder)
+    load_policy(str(path))
+    assert "some_package" in sys.modules
+    del sys.modules["some_package"]
+
+
+# What cannot be loaded: each with the message it must produce. {p} is the adapter's path.
+
+BROKEN: list[tuple[str, str, str, str]] = [
+    (
+        "address",
+        "",
+        "http://localhost:8000",
+        "policy='http://localhost:8000' is the address of a policy server, which is not supported yet. ",
+    ),
+    ("websocket", "", "ws://localhost", "policy='ws://localhost' is the address of a policy server"),
+    (
+        "missing file",
+        "policy = 1",
+        "{d}/adaptor.py",
+        "policy='{d}/adaptor.py': there is no file '{d}/adaptor.py'. Did you mean '{d}/adapter.py'?",
+    ),
+    (
+        "missing folder",
+        "",
+        "{d}/no/a.py",
+        "policy='{d}/no/a.py': there is no folder '{d}/no'. Check the path.",
+    ),
+    (
+        "not a name",
+        "",
+        "{p}:my-policy",
+        "policy='{p}:my-policy': 'my-policy' is not the name of anything in Python. Give FILE.py",
+    ),
+    (
+        "not a file",
+        "",
+        "{d}/adapter.txt",
+        "policy='{d}/adapter.txt': '{d}/adapter.txt' is neither a Python file nor the dotted name of a",
+    ),
+    (
+        "missing module",
+        "",
+        "no_such_robot.policies",
+        "policy='no_such_robot.policies': there is no module 'no_such_robot' on the import path. Install it, "
+        "put its folder on PYTHONPATH, or give the file: no_such_robot/policies.py.",
+    ),
+    (
+        "missing name",
+        "polcy = 1\nclass Sound: pass\nPolcy = Sound()",
+        "{p}",
+        "{p}:policy: the adapter defines no 'policy'. Did you mean 'Polcy'? Known: Polcy, Sound. Rename",
+    ),
+    (
+        "empty",
+        "",
+        "{p}:other",
+        "{p}:other: the adapter defines no 'other'. It defines no public name. Rename it, or name it as FILE",
+    ),
+    (
+        "broken import",
+        "import json\nimport no_such_thing",
+        "{p}",
+        "adapter.py, line 2: ModuleNotFoundError while importing it: No module named 'no_such_thing'. "
+        "Repair the adapter; `python adapter.py` in its folder shows the error alone.",
+    ),
+    (
+        "broken syntax",
+        "\n\ndef policy(:\n",
+        "{p}",
+        "adapter.py, line 3: SyntaxError while importing it: invalid syntax",
+    ),
+    (
+        "broken code",
+        "def f():\n    return 1 / 0\nf()",
+        "{p}",
+        "adapter.py, line 2: ZeroDivisionError while importing it: division by zero.",
+    ),
+    ("exit", "raise SystemExit(3)", "{p}", "adapter.py, line 1: SystemExit while importing it: 3."),
+    (
+        "arguments",
+        SOUND + "def policy(path): pass",
+        "{p}",
+        "{p}:policy cannot be called without arguments (missing a required argument: 'path'), but must be a "
+        "policy, or a class or function that returns one when it is called without arguments.",
+    ),
+    (
+        "broken factory",
+        "def policy():\n    raise OSError('no weights')",
+        "{p}",
+        "adapter.py, line 2: OSError while calling {p}:policy(): no weights. Repair the adapter;",
+    ),
+    (
+        "nothing made",
+        "def policy(): pass",
+        "{p}",
+        "{p}:policy (NoneType) has no attribute 'spec', but a policy declares itself with a PolicySpec.",
+    ),
+    ("a number", "policy = 3", "{p}", "{p}:policy (int) has no attribute 'spec', but a policy declares"),
+    (
+        "Q > H",
+        "from pytest_libero_max.policies.contract import PolicySpec\nPolicySpec('x', 2, 3)",
+        "{p}",
+        "adapter.py, line 2: AdapterError while importing it: query_interval=3 > horizon=2 of policy 'x': a",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "reference", "message"), [case[1:] for case in BROKEN], ids=[case[0] for case in BROKEN]
+)
+def test_a_broken_adapter_is_told_what_is_wrong(
+    write: Writer, text: str, reference: str, message: str
+) -> None:
+    path = write(text)
+    names = {"p": str(path), "d": str(path.parent)}
+    with pytest.raises(AdapterError) as caught:
+        load_policy(reference.format(**names))
+    assert str(caught.value).startswith(message.format(**names))
+
+
+def test_the_adapters_own_error_is_chained(write: Writer) -> None:
+    with pytest.raises(AdapterError) as caught:
+        load_policy(str(write("raise OverflowError('too big')")))
+    assert isinstance(caught.value.__cause__, OverflowError)
+
+
+def test_a_module_that_fails_to_import_says_so_and_not_that_it_is_missing(
+    write: Writer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(write("import no_such_thing", "half_there.py").parent)
+    with pytest.raises(
+        AdapterError, match=r"^half_there\.py, line 1: ModuleNotFoundError while importing it"
+    ):
+        load_policy("half_there")
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        (
+            {"horizon": 3},
+            "query_interval=4 (declared by the adapter) > horizon=3 (--libero-max-horizon) of policy "
+            "'sound': a query returns at most H actions, so Q <= H. Lower --libero-max-query-interval or raise "
+            "--libero-max-horizon.",
+        ),
+        (
+            {"query_interval": 9},
+            "query_interval=9 (--libero-max-query-interval) > horizon=8 (declared by the adapter) of policy ",
+        ),
+        (
+            {"horizon": 0, "query_interval": 0},
+            "horizon=0 of policy 'sound', but must be an integer of at least 1.",
+        ),
+    ],
+    ids=["H below Q", "Q above H", "zero"],
+)
+def test_overrides_that_contradict_are_refused(write: Writer, override: Any, message: str) -> None:
+    with pytest.raises(AdapterError) as caught:
+        load_policy(str(write(SOUND + "policy = Sound")), **override)
+    assert str(caught.value).startswith(message)
+
+
+def test_a_spec_that_cannot_be_assigned_is_told_about_the_flags(write: Writer) -> None:
+    path = write(
+        SOUND
+        + "class Fixed(Sound):\n    spec = property(lambda self: PolicySpec('fixed', 8, 4))\npolicy = Fixed"
+    )
+    assert load_policy(str(path)).spec.name == "fixed"
+    with pytest.raises(
+        AdapterError, match=r"policy\.spec cannot be assigned .* Make `spec` a plain attribute"
+    ):
+        load_policy(str(path), horizon=20)
