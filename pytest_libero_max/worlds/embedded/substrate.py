@@ -14,6 +14,7 @@ from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.embedded.placement import initial_state
 from pytest_libero_max.worlds.embedded.predicates import all_hold
 from pytest_libero_max.worlds.embedded.scene import Scene, build_scene
+from pytest_libero_max.worlds.embedded.tasks import Fact
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
 gl.prepare()
@@ -40,6 +41,11 @@ class EmbeddedWorld(RobosuiteWorld):
         self._task = task
         self._starts: dict[int, Array] = {}
         self.reset(0)
+
+    @property
+    def goal(self) -> tuple[Fact, ...]:
+        """What must hold at the end, all of it, in the task's own words: for policies that are privileged."""
+        return self._task.task.goal
 
     def succeeded(self) -> bool:
         return all_hold(self._task.goal, self._model, self._data)
