@@ -1,7 +1,7 @@
-"""Procedural pictures: materials, and the labels of the groceries.
+"""Procedural pictures of materials, and the way of pictures into a compiled model.
 
 Every picture is (H, W, 3) uint8, row 0 on top, a pure function of its arguments: noise comes from a fixed integer hash
-of the pixel's place, never from a generator whose stream could change. OpenCV draws shapes and words.
+of the pixel's place, never from a generator whose stream could change.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pytest_libero_max.worlds.contract import Array, Image
-from pytest_libero_max.worlds.embedded.meshes import FACES
 
 if TYPE_CHECKING:
     import mujoco
@@ -114,90 +113,3 @@ def wicker(size: int = 128, strands: int = 8) -> Image:
     along = np.where(over, x % 1, y % 1)
     pattern = np.sin(np.pi * across) * (0.55 + 0.45 * np.sin(np.pi * along)) + 0.15 * noise(size, size, 51, 4)
     return blend(pattern, (82, 50, 24), (204, 156, 96))
-
-
-def box_atlas(faces: Mapping[str, Image], cell: int = 96) -> Image:
-    """The six pictures of a box, in the layout that :func:`.meshes.box` expects.
-
-    Args:
-        faces: Picture by face name; a face that is absent takes the picture of ``front``.
-        cell: Edge length of each picture in the atlas, pixels.
-    """
-    import cv2
-
-    atlas = np.zeros((2 * cell, 3 * cell, 3), np.uint8)
-    for number, face in enumerate(FACES):
-        picture = cv2.resize(faces.get(face, faces["front"]), (cell, cell), interpolation=cv2.INTER_AREA)
-        row, column = divmod(number, 3)
-        atlas[row * cell : (row + 1) * cell, column * cell : (column + 1) * cell] = picture
-    return atlas
-
-
-class Label:
-    """A picture to draw on, in units of its own size: x to the right and y down, both 0 to 1.
-
-    Args:
-        colour: The ground.
-        width: Pixels.
-        height: Pixels.
-    """
-
-    def __init__(self, colour: Rgb, width: int = 128, height: int = 128) -> None:
-        self.image = plain(colour, height, width)
-        self._size = np.array([width, height])
-
-    def _at(self, x: float, y: float) -> tuple[int, int]:
-        return int(round(x * self._size[0])), int(round(y * self._size[1]))
-
-    def band(self, top: float, bottom: float, colour: Rgb) -> Label:
-        """A horizontal stripe."""
-        self.image[self._at(0, top)[1] : self._at(0, bottom)[1]] = colour
-        return self
-
-    def block(self, left: float, top: float, right: float, bottom: float, colour: Rgb) -> Label:
-        """A rectangle."""
-        import cv2
-
-        cv2.rectangle(self.image, self._at(left, top), self._at(right, bottom), colour, -1)
-        return self
-
-    def disc(self, x: float, y: float, radius: float, colour: Rgb, squeeze: float = 1.0) -> Label:
-        """A disc; ``radius`` in parts of the width, ``squeeze`` its height over its width on the picture."""
-        import cv2
-
-        rx = int(round(radius * self._size[0]))
-        ry = int(round(radius * self._size[0] * squeeze))
-        cv2.ellipse(self.image, self._at(x, y), (rx, ry), 0, 0, 360, colour, -1, cv2.LINE_AA)
-        return self
-
-    def arc(self, x: float, y: float, radius: float, colour: Rgb, begin: float, end: float, weight: float) -> Label:
-        """Part of a circle's line, degrees clockwise from the right; ``weight`` in parts of the width."""
-        import cv2
-
-        r = int(round(radius * self._size[0]))
-        thickness = max(1, int(round(weight * self._size[0])))
-        cv2.ellipse(self.image, self._at(x, y), (r, r), 0, begin, end, colour, thickness, cv2.LINE_AA)
-        return self
-
-    def polygon(self, points: list[tuple[float, float]], colour: Rgb) -> Label:
-        """A filled polygon."""
-        import cv2
-
-        cv2.fillPoly(self.image, [np.array([self._at(x, y) for x, y in points], np.int32)], colour, cv2.LINE_AA)
-        return self
-
-    def word(self, text: str, x: float, y: float, width: float, height: float, colour: Rgb) -> Label:
-        """A bold word centred at (x, y), as large as fits into ``width`` by ``height``."""
-        import cv2
-
-        font, base = cv2.FONT_HERSHEY_DUPLEX, 4.0
-        (w, h), _ = cv2.getTextSize(text, font, base, 10)
-        canvas = np.zeros((h + 24, w + 24), np.uint8)
-        cv2.putText(canvas, text, (12, h + 12), font, base, 255, 14, cv2.LINE_AA)
-        target = max(1, int(width * self._size[0])), max(1, int(height * self._size[1]))
-        mask = cv2.resize(canvas, target, interpolation=cv2.INTER_AREA).astype(np.float64)[..., None] / 255.0
-        left, top = self._at(x - width / 2, y - height / 2)
-        region = self.image[top : top + target[1], left : left + target[0]]
-        mask = mask[: region.shape[0], : region.shape[1]]
-        region[:] = np.rint(region * (1 - mask) + np.asarray(colour) * mask).astype(np.uint8)
-        return self

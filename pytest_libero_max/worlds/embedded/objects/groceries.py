@@ -10,10 +10,11 @@ from collections.abc import Callable
 
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded import rotations
+from pytest_libero_max.worlds.embedded.labels import Label, box_atlas
 from pytest_libero_max.worlds.embedded.meshes import FACES, Mesh, atlas_cell, box, join, panel, revolve
 from pytest_libero_max.worlds.embedded.objects.base import Category, Colour, Link, Skin, Solid
 from pytest_libero_max.worlds.embedded.rotations import Quaternion
-from pytest_libero_max.worlds.embedded.textures import Label, Rgb, box_atlas
+from pytest_libero_max.worlds.embedded.textures import Rgb
 
 _HALF = math.sqrt(0.5)
 _HALF_TURN: Quaternion = (0.0, 0.0, 0.0, 1.0)
