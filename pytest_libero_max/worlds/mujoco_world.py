@@ -191,6 +191,8 @@ class MujocoWorld(ABC):
         self._write_model(self._compiled)
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos[:] = qpos
+        # The first step would do it, and what is parked before that would move by a rounding error.
+        mujoco.mj_normalizeQuat(self._model, self._data.qpos)
         self._steps, self._filters, self._parked = 0, (), {}
         self._settle()
         self._reset_controller()
@@ -468,9 +470,10 @@ def _position(values: Sequence[float] | Array) -> Array:
 
 
 def _quaternion(values: Sequence[float] | Array) -> Array:
-    """A unit quaternion; one that is already of unit length to the last digits keeps its bits."""
+    """A unit quaternion, normalised as MuJoCo does it: what a simulation has produced keeps its bits."""
     quaternion = np.array(values, dtype=np.float64)
     length = float(np.linalg.norm(quaternion)) if quaternion.shape == (4,) else np.nan
     if not abs(length - 1.0) <= _UNIT_TOLERANCE:
         raise SubstrateError(f"quaternion={values!r}: four numbers w, x, y, z of unit length are needed.")
-    return quaternion if abs(length - 1.0) <= 1e-9 else quaternion / length
+    mujoco.mju_normalize4(quaternion)
+    return quaternion

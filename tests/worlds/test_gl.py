@@ -82,8 +82,8 @@ def test_a_word_that_is_no_backend_is_refused_with_the_valid_ones(word: str) -> 
 
 @pytest.mark.parametrize("backend", ["egl", "osmesa"])
 def test_an_explicit_backend_is_kept(backend: str) -> None:
-    code = "from pytest_libero_max.worlds import gl\nimport os\nprint(gl.loads(os.environ['MUJOCO_GL']), gl.prepare())\n"
-    loads, chosen = run(code, MUJOCO_GL=backend).stdout.split()
+    code = "from pytest_libero_max.worlds import gl\nprint(gl.loads({!r}), gl.prepare())\n"
+    loads, chosen = run(code.format(backend), MUJOCO_GL=backend).stdout.split()
     assert chosen == (backend if loads == "True" else "disable")
 
 

@@ -145,7 +145,7 @@ def test_the_digest_sees_every_alterable_field(world: TinyWorld, field: str) -> 
         lambda world: world.step(NOOP_ACTION),
         lambda world: world.add_filter(Darker(0.5)),
         lambda world: world.park("box_1", AWAY),
-        lambda world: world.place("box_1", world.position("box_1") + (0, 0, 1e-9)),
+        lambda world: world.place("box_1", np.add(world.position("box_1"), (0, 0, 1e-9))),
     ],
     ids=["step", "filter", "park", "place"],
 )
@@ -205,7 +205,7 @@ def test_placing_an_object_moves_nothing_else(world: TinyWorld, entity: str) -> 
 def test_placing_a_fixture_takes_its_parts_along(world: TinyWorld) -> None:
     drawer = world.model.body("cabinet_1_drawer").id
     before, at = world.data.xpos[drawer].copy(), world.position("cabinet_1")
-    world.place("cabinet_1", at + (0.1, 0.0, 0.0))
+    world.place("cabinet_1", np.add(at, (0.1, 0.0, 0.0)))
     assert world.data.xpos[drawer] - before == pytest.approx((0.1, 0.0, 0.0))
 
 
@@ -300,13 +300,13 @@ def test_contacts_are_named_by_entity(world: TinyWorld) -> None:
         "clutter_5",
         "plate_1",
     )
-    world.place("box_1", world.end_effector() + (0.0, 0.03, 0.0))
+    world.place("box_1", np.add(world.end_effector(), (0.0, 0.03, 0.0)))
     assert world.contacts("box_1") == ("gripper0",)
 
 
 def test_success_is_the_box_on_the_plate(world: TinyWorld) -> None:
     assert not world.succeeded()
-    world.place("box_1", world.position("plate_1") + (0.0, 0.0, 0.0399))
+    world.place("box_1", np.add(world.position("plate_1"), (0.0, 0.0, 0.0399)))
     assert world.succeeded()
 
 

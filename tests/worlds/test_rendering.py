@@ -9,6 +9,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 from pytest_libero_max.worlds.tiny import TinyWorld
 
 RED = 0
@@ -30,7 +31,7 @@ class Negative:
         return 255 - image
 
 
-def images(world: TinyWorld | EmbeddedWorld, size: int = 64) -> dict[str, Image]:
+def images(world: MujocoWorld, size: int = 64) -> dict[str, Image]:
     return {key: value for key, value in world.observe(size=size).items() if key.endswith("_image")}
 
 
@@ -53,7 +54,7 @@ def test_an_image_does_not_depend_on_what_was_drawn_before() -> None:
 
 
 def test_worlds_of_one_process_are_drawn_apart() -> None:
-    worlds = [TinyWorld(), EmbeddedWorld(build_scene("libero_object", 0)), TinyWorld()]
+    worlds: list[MujocoWorld] = [TinyWorld(), EmbeddedWorld(build_scene("libero_object", 0)), TinyWorld()]
     worlds[2].place("box_1", (0.3, 0.3, 0.6))
     alone = [images(world) for world in worlds]
     for _ in range(2):
