@@ -8,8 +8,6 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.cases import EVENTS, FAMILIES, SUITE_BUDGETS, Case, Manifest, load_manifest
-from pytest_libero_max.construction.subset import stratified
-from pytest_libero_max.construction.tracks import load_track
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.plugin import options
 from pytest_libero_max.plugin.keys import MANIFEST, SETTINGS
@@ -45,6 +43,9 @@ def manifest_of(config: pytest.Config) -> Manifest:
         pytest.UsageError: The track is unknown or the manifest is unusable.
     """
     if MANIFEST not in config.stash:
+        from pytest_libero_max.construction.subset import stratified
+        from pytest_libero_max.construction.tracks import load_track
+
         settings = settings_of(config)
         try:
             manifest = load_manifest(settings.manifest) if settings.manifest else load_track(settings.track)

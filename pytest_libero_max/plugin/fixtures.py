@@ -18,6 +18,7 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.keys import RESULT
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
+from pytest_libero_max.report.junit import properties
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.prefix import BranchPoint
@@ -101,6 +102,7 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
             pytest.fail(_explain(error), pytrace=False)
         raise
     request.node.stash[RESULT] = record.to_dict()
+    request.node.user_properties.extend(properties(record))
     return record
 
 

@@ -20,7 +20,6 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_world,
 )
 from pytest_libero_max.plugin.keys import RESULT, RESULT_ATTRIBUTE
-from pytest_libero_max.report.junit import properties
 
 __all__ = [
     "libero_max_inject",
@@ -64,10 +63,10 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(RunController(config), "libero-max-controller")
 
 
-def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    if file_path != collection.PAIRS_FILE:
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
+    if module_path != collection.PAIRS_FILE:
         return None
-    return collection.PairModule.from_parent(parent, path=file_path, nodeid=collection.PSEUDO_PATH)
+    return collection.PairModule.from_parent(parent, path=module_path, nodeid=collection.PSEUDO_PATH)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -84,8 +83,6 @@ def pytest_runtest_makereport(
     measured = result is not None and "kind" not in result
     if result is not None and call.when == ("call" if measured else "setup"):
         setattr(report, RESULT_ATTRIBUTE, result)
-        if measured:
-            report.user_properties.extend(properties(PairRecord.from_dict(result)))
     return report
 
 

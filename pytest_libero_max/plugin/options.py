@@ -140,7 +140,7 @@ class Settings:
     @property
     def case_set(self) -> str:
         """The track or manifest, for people."""
-        return f"manifest {self.manifest}" if self.manifest else f"track {self.track}"
+        return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
 
 
 def add_options(parser: pytest.Parser) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from pytest_libero_max.errors import SubstrateError, did_you_mean
-from pytest_libero_max.worlds.contract import Substrate
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.contract import Substrate
 
 SUBSTRATES = ("embedded", "tiny")
 

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.cases import EVENTS
+from pytest_libero_max.construction.events import resolve_event
+from pytest_libero_max.construction.identity import Identity
+from pytest_libero_max.construction.metadata import InitialPlacement, Relation, TaskMetadata
+from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.pairing import runner, trace
+from pytest_libero_max.report import output
+from pytest_libero_max.worlds import tiny
+
+# An in-process run forgets what it imported, and NumPy cannot be imported twice: import it all here first.
+IMPORTED_ONCE = (output, runner, tiny, trace)
+
+ON_TABLE = InitialPlacement("On", "main_table_region", "main_table")
+CLUTTER = {f"clutter_{number}": "clutter" for number in range(1, 6)}
+
+TINY_TASK = TaskMetadata(
+    name="put_the_box_on_the_plate",
+    language="put the box on the plate",
+    objects={"box_1": "box", "plate_1": "plate", **CLUTTER},
+    fixtures={"main_table": "table", "cabinet_1": "cabinet"},
+    objects_of_interest=frozenset({"box_1", "plate_1"}),
+    goal=(Relation("On", ("box_1", "plate_1")),),
+    placements={name: ON_TABLE for name in ("box_1", "plate_1", *CLUTTER)},
+)
+
+REACHER = """
+import numpy as np
+from pytest_libero_max.policies.contract import PolicySpec
+
+
+class Reacher:
+    spec = PolicySpec(name="reacher", horizon=8, query_interval=4, cameras=(), image_size=64)
+
+    def reset(self, episode):
+        pass
+
+    def predict(self, observation, query):
+        action = np.zeros(7)
+        action[:3] = np.clip((np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]) / 0.05, -1, 1)
+        return np.tile(action, (8, 1))
+
+
+policy = Reacher
+"""
+"""Moves to where the box begins, so that every event fires, and stays there."""
+
+
+def tiny_manifest(inits: tuple[int, ...] = (0,)) -> dict[str, Any]:
+    records = []
+    for init in inits:
+        identity = Identity("libero", "libero_spatial", 0, init)
+        for name in EVENTS:
+            for variant in (0, 1):
+                records.append(
+                    case_record(identity, resolve_event(name, variant, TINY_TASK, identity), TINY_TASK.name)
+                )
+    protocol = {
+        "arms": ["control", "intervention"],
+        "query_interval": 16,
+        "scoring_track": "physical_completion",
+    }
+    return {"benchmark_id": "tiny", "benchmark_version": "1.0.0", "protocol": protocol, "cases": records}
+
+
+@pytest.fixture
+def run(pytester: pytest.Pytester) -> Callable[..., pytest.RunResult]:
+    """Runs pytest on the tiny substrate: the sixteen event variants, an adapter that reaches all of them."""
+    pytester.makepyfile(adapter=REACHER)
+    pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest()))
+
+    def go(*args: str, policy: str | None = "adapter.py", subprocess: bool = False) -> pytest.RunResult:
+        flags = [] if policy is None else [f"--libero-max-policy={policy}"]
+        flags += ["--libero-max-manifest=tiny.json", "--libero-max-substrate=tiny"]
+        runner = pytester.runpytest_subprocess if subprocess else pytester.runpytest_inprocess
+        return runner("-p", "no:cacheprovider", *flags, *args)
+
+    return go
+
+
+@pytest.fixture
+def results(pytester: pytest.Pytester) -> Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]:
+    """The lines of pairs.jsonl after the first, and the report."""
+
+    def read(folder: str = "libero-max-results") -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        path = Path(pytester.path, folder)
+        lines = [json.loads(line) for line in (path / "pairs.jsonl").read_text().splitlines()]
+        return lines[1:], json.loads((path / "report.json").read_text())
+
+    return read
