@@ -316,8 +316,8 @@ def test_a_module_that_fails_to_import_says_so_and_not_that_it_is_missing(
         (
             {"horizon": 3},
             "query_interval=4 (declared by the adapter) > horizon=3 (--libero-max-horizon) of policy "
-            "'sound': a query returns at most H actions, so Q <= H. Lower --libero-max-query-interval or raise "
-            "--libero-max-horizon.",
+            "'sound': a query returns at most H actions, so Q <= H. Lower --libero-max-query-interval or "
+            "raise --libero-max-horizon.",
         ),
         (
             {"query_interval": 9},
