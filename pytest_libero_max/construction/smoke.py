@@ -1,0 +1,130 @@
+"""The smoke track: every event and variant twice, on unmodified LIBERO tasks of two suites.
+
+One case of LIBERO-Spatial and one of LIBERO-Object for each of the sixteen, two of LIBERO-Object where
+Spatial has no task that can host the event. Each slot takes the first configuration that was not rejected,
+in this order: tasks that the track has used least, then initial states it has used least, then a hash.
+Configurations are rejected by :mod:`.preflight` alone, for reasons written to the ledger beside the track;
+policies have no say.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+from pytest_libero_max.cases import EVENTS, Case, Json, Manifest, parse_case
+from pytest_libero_max.construction.eligibility import eligible
+from pytest_libero_max.construction.events import resolve_event
+from pytest_libero_max.construction.identity import Identity, seed_of
+from pytest_libero_max.construction.metadata import TaskMetadata, task_metadata
+from pytest_libero_max.construction.preflight import problems
+from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.construction.tracks import CHECKSUMS, checksums_of
+from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.worlds.contract import Substrate
+
+SUITES = ("libero_spatial", "libero_object")
+TASKS = 10
+INITS = 10
+SAMPLER = "libero-max-smoke-v1.0"
+TRACK, LEDGER = "smoke.json", "smoke_rejected.tsv"
+
+PROTOCOL: Json = {
+    "arms": ["control", "intervention"],
+    "profile": "smoke",
+    "query_interval": 16,
+    "scoring_track": "physical_completion",
+    "selection_contract": (
+        f"{SAMPLER}; 2 cases per change-type/draw cell, one of each suite where both are eligible; "
+        "least used task, least used initial state, then SHA-256 rank; physical preflight; "
+        "independent of policy outcomes"
+    ),
+    "substrate": "LIBERO",
+}
+
+
+def build_smoke(rejected: Collection[str] = ()) -> Manifest:
+    """Select the 32 cases.
+
+    Args:
+        rejected: Ids of cases that failed the preflight.
+
+    Raises:
+        ManifestError: A slot has no configuration left.
+    """
+    tasks = {(suite, index): task_metadata(suite, index) for suite in SUITES for index in range(TASKS)}
+    used_tasks: Counter[tuple[str, int]] = Counter()
+    used_inits: Counter[int] = Counter()
+    cases: list[Case] = []
+    for event in EVENTS:
+        hosts = [suite for suite in SUITES if any(eligible(event, tasks[suite, i]) for i in range(TASKS))]
+        for variant in (0, 1):
+            for suite in hosts if len(hosts) == 2 else hosts * 2:
+                excluded = {*rejected, *(case.case_id for case in cases)}
+                candidates = (
+                    identity
+                    for identity in _identities(suite, event, tasks)
+                    if identity.case_id(event, variant) not in excluded
+                )
+
+                def preference(
+                    identity: Identity, cell: tuple[str, int] = (event, variant)
+                ) -> tuple[int, int, int]:
+                    key, init = (identity.suite, identity.task_index), identity.init_state_index
+                    return used_tasks[key], used_inits[init], seed_of(SAMPLER, *cell, *key, init)
+
+                identity = min(candidates, key=preference, default=None)
+                if identity is None:
+                    raise ManifestError(
+                        f"{event}, variant {variant}: every configuration of {suite} was rejected."
+                    )
+                used_tasks[identity.suite, identity.task_index] += 1
+                used_inits[identity.init_state_index] += 1
+                cases.append(_case(identity, event, variant, tasks[identity.suite, identity.task_index]))
+    ordered = tuple(sorted(cases, key=lambda case: case.case_id))
+    return Manifest("libero-max-smoke", "1.0.0", PROTOCOL, ordered)
+
+
+def freeze_smoke(folder: Path, substrate: Substrate) -> Manifest:
+    """Select the cases, have the simulator check them, and write track, ledger and checksums.
+
+    Args:
+        folder: Where the tracks are; ``smoke.json``, ``smoke_rejected.tsv`` and ``SHA256SUMS`` are written.
+        substrate: Builds the worlds in which the cases are checked.
+    """
+    rejected: dict[str, str] = {}
+    passed: set[str] = set()
+    while True:
+        manifest = build_smoke(rejected)
+        for case in manifest:
+            if case.case_id not in passed:
+                found = problems(substrate.world(case), case)
+                if found:
+                    rejected[case.case_id] = found[0]
+                else:
+                    passed.add(case.case_id)
+        if all(case.case_id in passed for case in manifest):
+            break
+    (folder / TRACK).write_text(manifest.to_json(), encoding="utf-8")
+    lines = (f"{case_id}\t{reason}\n" for case_id, reason in sorted(rejected.items()))
+    (folder / LEDGER).write_text("".join(lines), encoding="utf-8")
+    (folder / CHECKSUMS).write_text(checksums_of(folder), encoding="utf-8")
+    return manifest
+
+
+def read_ledger(folder: Path) -> dict[str, str]:
+    """Why which configuration was rejected, by case id."""
+    lines = (folder / LEDGER).read_text(encoding="utf-8").splitlines()
+    return {case_id: reason for case_id, _, reason in (line.partition("\t") for line in lines)}
+
+
+def _identities(suite: str, event: str, tasks: Mapping[tuple[str, int], TaskMetadata]) -> Iterator[Identity]:
+    for index in range(TASKS):
+        if eligible(event, tasks[suite, index]):
+            for init in range(INITS):
+                yield Identity("libero", suite, index, init)
+
+
+def _case(identity: Identity, event: str, variant: int, task: TaskMetadata) -> Case:
+    return parse_case(case_record(identity, resolve_event(event, variant, task, identity), task.name))

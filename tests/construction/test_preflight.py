@@ -1,0 +1,100 @@
+"""Cases that are not sensible, each with the reason it must be given."""
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.cases import Case, Event, Trigger, parse_case
+from pytest_libero_max.changes import Change, InsertObstacle, MoveObject, RemoveObject, ShiftCamera
+from pytest_libero_max.construction.identity import Identity
+from pytest_libero_max.construction.preflight import problems
+from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.worlds.tiny import TinyWorld
+
+WORLD = TinyWorld()
+
+
+def case_of(
+    event: str, change: Change, *setup: Change, trigger: str = "box_1", distance_m: float = 0.18
+) -> Case:
+    identity = Identity("libero", "libero_spatial", 0, 0)
+    drawn = Event(
+        event,
+        0,
+        identity.seed(event, 0),
+        "high",
+        change.to_dict(),
+        tuple(removal.to_dict() for removal in setup),
+        Trigger(trigger, distance_m),
+    )
+    return parse_case(case_record(identity, drawn, "tiny"))
+
+
+def found(case: Case) -> str:
+    return "; ".join(problems(WORLD, case))
+
+
+def move(x: float, y: float) -> Case:
+    return case_of("target_relocation", MoveObject("box_1", (x, y, 0.0)))
+
+
+def insertion(x: float, y: float) -> Case:
+    return case_of(
+        "obstacle_insertion",
+        InsertObstacle("clutter_1", "box_1", (x, y, 0.0), True),
+        RemoveObject("clutter_1", (-2.0, 0.0, -5.0)),
+    )
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        case_of("camera_shift", ShiftCamera("agentview", (0.06, 0.0, 0.02), 18.0, 12.0)),
+        move(0.06, 0.0),
+        insertion(0.14, 0.0),
+    ],
+    ids=["camera", "move", "insertion"],
+)
+def test_a_sensible_case_passes(case):
+    assert found(case) == ""
+
+
+def test_an_overlap_is_found():
+    assert "clutter_1 is -" in found(insertion(0.03, 0.0))
+    assert "mm from box_1" in found(insertion(0.03, 0.0))
+
+
+def test_a_near_miss_is_found():
+    gap = np.nextafter(0.03 + 0.02, 1.0)  # the half widths of the two boxes
+    assert "mm from box_1" in found(insertion(gap + 0.005, 0.0))
+    assert "mm from box_1" not in found(insertion(gap + 0.012, 0.0))
+
+
+def test_an_object_that_falls_off_the_table_is_found():
+    reasons = found(move(0.6, 0.0))
+    assert "of it down, after the event" in reasons
+    assert "box_1 has lost its support main_table" in reasons
+
+
+def test_an_event_that_solves_the_task_is_found():
+    WORLD.reset(0)
+    plate, box = WORLD.position("plate_1"), WORLD.position("box_1")
+    way = plate - box + [0.0, 0.0, 0.04]
+    change = MoveObject("box_1", tuple(way))
+    assert "the event solves the task" in found(case_of("target_relocation", change))
+
+
+def test_an_entity_out_of_reach_is_found():
+    case = case_of("camera_shift", ShiftCamera("agentview", (0.0, 0.0, 0.0), 1.0, 0.0), distance_m=0.001)
+    assert found(case) == "the hand does not come within 0.001 m of box_1"
+
+
+def test_what_also_happens_without_the_event_is_not_its_fault(monkeypatch):
+    sliding = TinyWorld()
+    original = sliding.reset
+
+    def reset(init: int) -> None:
+        original(init)
+        sliding.place("clutter_5", sliding.position("clutter_5") + np.array([0.0, 0.0, 0.1]))
+
+    monkeypatch.setattr(sliding, "reset", reset)
+    assert problems(sliding, move(0.06, 0.0)) == ()

@@ -1,0 +1,99 @@
+from collections import Counter
+
+import pytest
+
+from pytest_libero_max.cases import EVENTS
+from pytest_libero_max.changes import change_from_dict
+from pytest_libero_max.construction.events import resolve_event
+from pytest_libero_max.construction.identity import Identity
+from pytest_libero_max.construction.metadata import task_metadata
+from pytest_libero_max.construction.preflight import problems
+from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.construction.smoke import build_smoke, read_ledger
+from pytest_libero_max.construction.tracks import CHECKSUMS, FOLDER, checksums_of, load_track, track_path
+from pytest_libero_max.errors import ManifestError
+
+
+@pytest.fixture(scope="module")
+def smoke():
+    return load_track("smoke")
+
+
+def test_every_event_and_variant_occurs_twice(smoke):
+    assert len(smoke) == 32
+    cells = Counter((case.event.name, case.event.variant) for case in smoke)
+    assert cells == {(event, variant): 2 for event in EVENTS for variant in (0, 1)}
+
+
+def test_each_suite_hosts_every_event_it_can(smoke):
+    for event in EVENTS:
+        suites = sorted(case.suite for case in smoke if case.event.name == event)
+        if event == "distractor_burst":
+            assert suites == ["libero_object"] * 4
+        else:
+            assert suites == ["libero_object"] * 2 + ["libero_spatial"] * 2
+
+
+def test_tasks_and_initial_states_are_spread(smoke):
+    tasks = Counter((case.suite, case.task_index) for case in smoke)
+    assert len(tasks) >= 18
+    assert max(tasks.values()) <= 3
+    inits = Counter(case.init_state_index for case in smoke)
+    assert set(inits) == set(range(10))
+
+
+def test_cases_are_sorted_and_of_unmodified_tasks(smoke):
+    ids = [case.case_id for case in smoke]
+    assert ids == sorted(ids)
+    assert {case.source for case in smoke} == {"libero"}
+    assert {case.policy_seed for case in smoke} == {195}
+
+
+def test_every_case_follows_from_its_identity(smoke):
+    for case in smoke:
+        identity = Identity("libero", case.suite, case.task_index, case.init_state_index)
+        task = task_metadata(case.suite, case.task_index)
+        event = resolve_event(case.event.name, case.event.variant, task, identity)
+        assert case_record(identity, event, task.name) == case.record
+
+
+def test_every_change_can_be_built(smoke):
+    for case in smoke:
+        for raw in (case.event.change, *case.event.setup):
+            assert change_from_dict(raw).to_dict() == raw
+
+
+def test_rebuilding_gives_the_same_bytes():
+    rebuilt = build_smoke(read_ledger(FOLDER))
+    assert rebuilt.to_json() == track_path("smoke").read_text(encoding="utf-8")
+
+
+def test_the_checksums_are_those_of_the_files():
+    assert (FOLDER / CHECKSUMS).read_text(encoding="utf-8") == checksums_of(FOLDER)
+
+
+def test_a_rejected_configuration_is_replaced_within_its_cell(smoke):
+    ledger = read_ledger(FOLDER)
+    first = smoke.cases[0]
+    replaced = build_smoke({*ledger, first.case_id})
+    assert first.case_id not in {case.case_id for case in replaced}
+    cells = Counter((case.event.name, case.event.variant, case.suite) for case in replaced)
+    assert cells == Counter((case.event.name, case.event.variant, case.suite) for case in smoke)
+
+
+def test_a_cell_without_configurations_is_an_error():
+    everything = {
+        Identity("libero", "libero_spatial", index, init).case_id("camera_shift", 0)
+        for index in range(10)
+        for init in range(10)
+    }
+    with pytest.raises(ManifestError, match="camera_shift, variant 0: every configuration of libero_spatial"):
+        build_smoke(everything)
+
+
+def test_every_case_passes_the_preflight(smoke):
+    from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
+
+    substrate = EmbeddedSubstrate()
+    assert {case.case_id: found for case in smoke if (found := problems(substrate.world(case), case))} == {}
+    substrate.close()
