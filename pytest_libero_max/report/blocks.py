@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pytest_libero_max.cases import Json
 from pytest_libero_max.stats.breakdown import MacroAverage, Split, at_floor
+from pytest_libero_max.stats.comparison import Contrast
 from pytest_libero_max.stats.exposure import Exposure
 from pytest_libero_max.stats.intervals import Interval, MeanChange
 from pytest_libero_max.stats.outcomes import Outcomes, Ratio
@@ -117,4 +118,23 @@ def split_json(split: Split | None) -> Json | None:
         "event": split.event,
         "dynamic_success": {name: number(rate) for name, rate in split.rates.items()},
         "difference": number(split.difference),
+    }
+
+
+def contrast_json(contrast: Contrast) -> Json:
+    """A contrast of two conditions."""
+    difference = contrast.difference
+    return {
+        "first": contrast.first,
+        "second": contrast.second,
+        "first_only": contrast.first_only,
+        "second_only": contrast.second_only,
+        "difference": {
+            "value": number(difference.estimate if difference else None),
+            "lower": number(difference.lower if difference else None),
+            "upper": number(difference.upper if difference else None),
+        },
+        "p_value": number(contrast.test.p_value),
+        "log10_p_value": number(contrast.test.log10_p),
+        "log10_p_value_holm": number(contrast.log10_p_holm),
     }

@@ -49,6 +49,8 @@ DIMENSIONS: Mapping[str, Callable[[PlannedPair], str]] = {
 }
 """How pairs are grouped in ``by``."""
 
+GENUINE_SUBSTRATE = "libero"
+
 EMBEDDED_NOTE = (
     "Measured on the embedded substrate: it shares tasks, protocol and events with the genuine one, not its "
     "images. Its scores are not comparable with published ones."
@@ -88,18 +90,13 @@ def build_report(
     columns = _columns([played[pair.case_id] for pair in measured])
     overall = measure(columns)
     counts = _counts(planned, played, failed)
-    substrate = provenance["substrate"]["name"]
     groups = {name: _group(planned, measured, columns, label, name) for name, label in DIMENSIONS.items()}
     return {
         "schema_version": REPORT_VERSION,
         "pairs": counts,
         "headline": _headline(counts, overall),
         "policy": played[measured[0].case_id].policy if measured else None,
-        "substrate": {
-            "name": substrate,
-            "scores_comparable_with_published": False if substrate == "embedded" else None,
-            "note": EMBEDDED_NOTE if substrate == "embedded" else None,
-        },
+        "substrate": _substrate(provenance["substrate"]["name"]),
         "overall": result_json(overall, len(planned)),
         "by": {
             name: {label: result_json(result, total) for label, (result, total) in group.items()}
@@ -241,6 +238,15 @@ def _counts(
         ],
         "missing_pairs": [{"case_id": pair.case_id, "item_id": pair.item_id} for pair in missing],
     }
+
+
+def _substrate(name: str) -> Json:
+    if name == GENUINE_SUBSTRATE:
+        return {"name": name, "scores_comparable_with_published": None, "note": None}
+    note = (
+        EMBEDDED_NOTE if name == "embedded" else f"Measured on the {name} substrate: a dry run, not a score."
+    )
+    return {"name": name, "scores_comparable_with_published": False, "note": note}
 
 
 def _headline(counts: Json, overall: PairedResult) -> Json:

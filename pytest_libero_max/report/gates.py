@@ -1,0 +1,254 @@
+"""Gates: one-line conditions on a report, for example ``event.camera_shift.delta.lower >= -0.15``.
+
+The language::
+
+    gate      = quantity operator number
+    operator  = ">=" | "<=" | ">" | "<" | "==" | "!="
+    number    = a decimal number, or a percentage such as 60% (= 0.6)
+    quantity  = [scope "."] name ["." end]   a rate, a change, a count or a summary of the run
+              | name "(" run ")" ["." end]   the same cases now and in another run, by its folder
+    scope     = dimension "." group          for example event.camera_shift, category.pro-position
+    end       = "lower" | "upper"            of the 95% interval
+
+A gate over pairs of which some are missing or invalid, or whose denominator is zero, is undecidable; an
+undecidable gate is not passed, and its reason is said.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pytest_libero_max.cases import EVENTS, FAMILIES, Json
+from pytest_libero_max.errors import OptionError, did_you_mean
+
+Verdict = Literal["passed", "failed", "undecidable"]
+
+OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "<": operator.lt,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+
+_INTERVALS = {
+    "base_sr": "base_success",
+    "dynamic_sr": "dynamic_success",
+    "delta": "paired_change",
+    "conditional_regression": "conditional_regression",
+    "trigger_coverage": "trigger_coverage",
+    "response_coverage": "response_coverage",
+}
+"""Quantities with an interval, by their place in a block of the report."""
+
+_PLAIN = {
+    "retained": ("retained", "value"),
+    "regressions": ("outcomes", "regression"),
+    "gains": ("outcomes", "change_associated_success"),
+    "p_value": ("mcnemar", "p_value"),
+    "stale_mean": ("stale_actions", "mean"),
+    "stale_median": ("stale_actions", "median"),
+}
+
+_COUNTS = ("planned", "played", "invalid", "missing")
+"""Counts of pairs; decidable in an incomplete run. ``invalid`` and ``missing`` are of the whole run only."""
+
+_VERSUS = {
+    "regressions_vs": "first_only",
+    "gains_vs": "second_only",
+    "dynamic_sr_vs": "difference",
+    "p_value_vs": "p_value",
+}
+"""Against another run, whose Dynamic outcomes come first in the contrast."""
+
+DIMENSIONS = ("event", "family", "suite", "source", "category", "severity", "variant", "difficulty")
+
+_GATE = re.compile(r"(?P<quantity>.+?)\s*(?P<operator>>=|<=|==|!=|>|<)\s*(?P<number>\S+)")
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?%?")
+_CALL = re.compile(r"(?P<name>\w+)\((?P<run>[^()]+)\)(\.(?P<end>\w+))?")
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A condition a report has to meet.
+
+    Attributes:
+        text: As written.
+        name: The quantity, without scope and end.
+        scope: Dimension and group, or None for the whole run.
+        end: ``lower`` or ``upper`` end of the interval, or None for the estimate.
+        run: Where the other run lies, for a quantity against another run.
+        operator: One of :data:`OPERATORS`.
+        threshold: What the quantity is compared with.
+    """
+
+    text: str
+    name: str
+    scope: tuple[str, str] | None
+    end: str | None
+    run: str | None
+    operator: str
+    threshold: float
+
+
+@dataclass(frozen=True)
+class GateResult:
+    """What became of a gate.
+
+    Attributes:
+        value: The quantity's value; None where it is undecidable.
+        reason: A sentence that explains the verdict.
+    """
+
+    gate: Gate
+    verdict: Verdict
+    value: float | None
+    reason: str
+
+    @property
+    def passed(self) -> bool:
+        return self.verdict == "passed"
+
+
+def parse_gate(text: str) -> Gate:
+    """Read a gate.
+
+    Raises:
+        OptionError: It is not in the language; says what is, and the closest known name.
+    """
+    match = _GATE.fullmatch(text.strip())
+    if match is None:
+        raise OptionError(
+            f"gate={text!r} is not a condition. Write QUANTITY OPERATOR NUMBER, for example "
+            f"'dynamic_sr >= 0.6'; operators: {' '.join(OPERATORS)}."
+        )
+    number = match["number"]
+    if not _NUMBER.fullmatch(number):
+        raise OptionError(
+            f"gate={text!r} compares with {number!r}, but must compare with a number or a percentage."
+        )
+    threshold = float(number.rstrip("%")) / (100 if number.endswith("%") else 1)
+    if not math.isfinite(threshold):
+        raise OptionError(f"gate={text!r} compares with {number!r}, but must compare with a finite number.")
+    name, scope, end, run = _parse_quantity(match["quantity"].strip(), text)
+    return Gate(match.string, name, scope, end, run, match["operator"], threshold)
+
+
+def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:
+    """Read gates as an ini file or repeated options give them: empty lines and ``#`` comments are left out.
+
+    Raises:
+        OptionError: One of them is not in the language.
+    """
+    lines = (line.partition("#")[0].strip() for text in texts for line in text.splitlines())
+    return tuple(parse_gate(line) for line in lines if line)
+
+
+def evaluate(gate: Gate, report: Json, contrasts: Mapping[str, Json | str] | None = None) -> GateResult:
+    """Decide a gate. Pure: reads nothing but its arguments.
+
+    Args:
+        gate: What :func:`parse_gate` returned.
+        report: What :func:`~pytest_libero_max.report.build.build_report` returned.
+        contrasts: For each ``run`` that gates name, the contrast of Dynamic success with that run first and
+            this one second, as in ``compare_runs(...)["contrasts"]``; or why there is none.
+    """
+    if gate.run is not None:
+        value, lack = _versus(gate, report, contrasts or {})
+    elif gate.name in _COUNTS and gate.scope is None:
+        value, lack = report["pairs"][gate.name], ""
+    else:
+        value, lack = _in_block(gate, report)
+    if value is None:
+        return GateResult(gate, "undecidable", None, f"{gate.text}: undecidable, {lack.rstrip('.')}.")
+    passed = OPERATORS[gate.operator](value, gate.threshold)
+    verdict: Verdict = "passed" if passed else "failed"
+    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, it is {value:.6g}.")
+
+
+def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | None, str | None, str | None]:
+    call = _CALL.fullmatch(quantity)
+    if call is not None:
+        name, end = call["name"], call["end"]
+        if name not in _VERSUS:
+            raise OptionError(
+                f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, _VERSUS)}"
+            )
+        if end is not None and _VERSUS[name] != "difference":
+            raise OptionError(f"gate={text!r} asks for {end!r} of {name}, which has no interval.")
+        return name, None, _end(end, text), call["run"].strip().strip("'\"")
+    parts = quantity.split(".")
+    scope: tuple[str, str] | None = None
+    if parts[0] in DIMENSIONS:
+        if len(parts) < 3:
+            raise OptionError(
+                f"gate={text!r} names a dimension without group and quantity; write for example "
+                f"'{parts[0]}.GROUP.dynamic_sr >= 0.6'."
+            )
+        scope = (parts[0], parts[1])
+        _check_group(scope, text)
+        parts = parts[2:]
+    name, ends = parts[0], parts[1:]
+    known = [*_INTERVALS, *_PLAIN, *(_COUNTS if scope is None else _COUNTS[:2])]
+    if name not in known:
+        names = known if scope else [*known, *DIMENSIONS, *_VERSUS]
+        raise OptionError(f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, names)}")
+    if len(ends) > 1 or (ends and name not in _INTERVALS):
+        raise OptionError(f"gate={text!r} asks for {'.'.join(ends)!r} of {name}, which has no such part.")
+    return name, scope, _end(ends[0] if ends else None, text), None
+
+
+def _end(end: str | None, text: str) -> str | None:
+    if end not in (None, "lower", "upper"):
+        raise OptionError(
+            f"gate={text!r} has the unknown part {end!r}. {did_you_mean(end, ('lower', 'upper'))}"
+        )
+    return end
+
+
+def _check_group(scope: tuple[str, str], text: str) -> None:
+    """Refuse names that no report can have; other groups depend on the run."""
+    known = {"event": tuple(EVENTS), "family": FAMILIES}.get(scope[0])
+    if known is not None and scope[1] not in known:
+        raise OptionError(
+            f"gate={text!r} has the unknown {scope[0]} {scope[1]!r}. {did_you_mean(scope[1], known)}"
+        )
+
+
+def _in_block(gate: Gate, report: Json) -> tuple[float | None, str]:
+    block: Json = report["overall"]
+    where = "the run"
+    if gate.scope is not None:
+        dimension, group = gate.scope
+        groups = report["by"][dimension]
+        if group not in groups:
+            return None, f"the run has no {dimension} {group!r}. {did_you_mean(group, groups)}"
+        block, where = groups[group], f"{dimension} {group}"
+    if gate.name in _COUNTS:
+        return block[gate.name], ""
+    if block["played"] < block["planned"]:
+        return None, f"{block['played']} of {block['planned']} planned pairs of {where} were played"
+    if gate.name in _PLAIN:
+        place, key = _PLAIN[gate.name]
+    else:
+        place, key = _INTERVALS[gate.name], gate.end or "value"
+    return block[place][key], f"{where} has no pair to measure {gate.name} on"
+
+
+def _versus(gate: Gate, report: Json, contrasts: Mapping[str, Json | str]) -> tuple[float | None, str]:
+    contrast = contrasts.get(gate.run or "", f"there is no comparison with {gate.run!r}")
+    if isinstance(contrast, str):
+        return None, contrast
+    if not report["pairs"]["complete"]:
+        counts = report["pairs"]
+        return None, f"{counts['played']} of {counts['planned']} planned pairs of the run were played"
+    found: Any = contrast[_VERSUS[gate.name]]
+    if isinstance(found, dict):
+        found = found[gate.end or "value"]
+    return found, f"no case tells this run and {gate.run!r} apart"

@@ -1,0 +1,65 @@
+"""Gates decided on a run's folder, and how their verdicts are said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pytest_libero_max.cases import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.blocks import contrast_json
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.compare import common_cases
+from pytest_libero_max.report.gates import Gate, GateResult, evaluate
+from pytest_libero_max.report.store import StoredRun, read_pairs
+from pytest_libero_max.stats.comparison import contrasts
+
+
+def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult, ...]:
+    """Decide gates on the run in ``folder``.
+
+    Args:
+        gates: What :func:`~pytest_libero_max.report.gates.parse_gates` returned.
+        folder: Folder of the run, or its ``pairs.jsonl``.
+        start: What relative paths of other runs in the gates are relative to.
+
+    Raises:
+        ReportError: The run itself cannot be read. Another run that cannot makes its gates undecidable.
+    """
+    stored = read_pairs(folder)
+    run = stored.run
+    report = build_report(stored.records, stored.errors, run.planned, run.provenance)
+    others = {gate.run for gate in gates if gate.run is not None}
+    against = {other: _against(stored, start / other) for other in sorted(others)}
+    return tuple(evaluate(gate, report, against) for gate in gates)
+
+
+def gate_lines(results: Sequence[GateResult]) -> list[str]:
+    """What the terminal says of gates: one line each."""
+    marks = {"passed": "pass", "failed": "FAIL", "undecidable": "FAIL"}
+    return [f"gate {marks[result.verdict]}  {result.reason}" for result in results]
+
+
+def github_annotations(results: Sequence[GateResult]) -> list[str]:
+    """Workflow commands that show gates which did not pass on a GitHub run."""
+    return [
+        f"::error title=LIBERO-MAX gate {result.verdict}::{_escaped(result.reason)}"
+        for result in results
+        if not result.passed
+    ]
+
+
+def _against(stored: StoredRun, other: Path) -> Json | str:
+    """The contrast of Dynamic success, the other run first; or why there is none."""
+    try:
+        baseline = read_pairs(other.parent if other.name == "report.json" else other)
+        common = common_cases({"baseline": baseline, "now": stored})
+    except ReportError as error:
+        return str(error)
+    outcomes = {name: [row.dynamic_success for row in rows] for name, rows in common.records.items()}
+    (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
+    return contrast_json(contrast)
+
+
+def _escaped(text: str) -> str:
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")

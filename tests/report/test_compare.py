@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cases import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.compare import common_cases, compare_runs, replay_command
+from pytest_libero_max.report.gates import parse_gates
+from pytest_libero_max.report.gating import decide, gate_lines, github_annotations
+from pytest_libero_max.report.plan import PlannedPair, Run
+from pytest_libero_max.report.store import PairStore, StoredRun
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+PAIRS = plan()
+
+
+def _run(
+    outcomes: list[tuple[bool, bool]], pairs: list[PlannedPair] = PAIRS, **provenance: Json
+) -> StoredRun:
+    records = [record_of(pair, *outcome) for pair, outcome in zip(pairs, outcomes, strict=False)]
+    return StoredRun(Run(tuple(pairs), {**PROVENANCE, **provenance}), tuple(records), (), torn=False)
+
+
+ALWAYS = [(True, True)] * 32
+"""Everything succeeds."""
+
+MIXED = [(True, True)] * 28 + [(True, False)] * 4
+"""The last four planned pairs (two events of the second source) regress."""
+
+
+def test_a_comparison_finds_the_flips_and_ranks_the_runs() -> None:
+    comparison = compare_runs({"old": _run(ALWAYS), "new": _run(MIXED)})
+    assert comparison["pairs"] == {
+        "common": 32,
+        "restricted": False,
+        "left_out": {"old": [], "new": []},
+    }
+    assert [(row["name"], row["rank"]) for row in comparison["runs"]] == [("old", 1.0), ("new", 2.0)]
+    (contrast,) = comparison["contrasts"]
+    assert (contrast["first_only"], contrast["second_only"]) == (4, 0)
+    assert contrast["difference"]["value"] == -0.125
+    assert contrast["p_value"] == 0.125
+    flips = comparison["flips"]
+    assert sorted(flip["case_id"] for flip in flips) == sorted(pair.case_id for pair in PAIRS[28:])
+    assert flips[0]["outcomes"] == {"old": "preserved_success", "new": "regression"}
+    assert comparison["substrate"]["scores_comparable_with_published"] is False
+
+
+def test_the_replay_command_plays_one_case_of_that_run() -> None:
+    run = _run(ALWAYS, policy={"reference": "a.py", "horizon": None, "query_interval": 2})
+    assert replay_command(run, "item") == [
+        "pytest",
+        "--libero-max-policy=a.py",
+        "--libero-max-track=smoke",
+        "--libero-max-query-interval=2",
+        "-k",
+        "item",
+    ]
+
+
+def test_runs_with_other_cases_are_refused_or_restricted() -> None:
+    runs = {"old": _run(ALWAYS), "new": _run(MIXED[:30])}
+    with pytest.raises(ReportError, match="2 of 'old', 2 of 'new'"):
+        compare_runs(runs)
+    comparison = compare_runs(runs, restrict=True)
+    assert comparison["pairs"]["restricted"] is True
+    assert comparison["pairs"]["common"] == 30
+    assert comparison["pairs"]["left_out"]["new"] == sorted(pair.case_id for pair in PAIRS[30:])
+    assert comparison["runs"][0]["dynamic_success"]["of"] == 30
+
+
+def test_what_cannot_be_compared_says_why() -> None:
+    with pytest.raises(ReportError, match="two or more"):
+        common_cases({"old": _run(ALWAYS)})
+    with pytest.raises(ReportError, match="embedded and libero"):
+        common_cases({"old": _run(ALWAYS), "new": _run(ALWAYS, substrate={"name": "libero"})})
+    with pytest.raises(ReportError, match="no measured case in common"):
+        common_cases({"old": _run(ALWAYS, PAIRS[:4]), "new": _run(ALWAYS, PAIRS[4:])}, restrict=True)
+    other = [PlannedPair(**{**vars(pair), "case_digest": "0" * 64}) for pair in PAIRS]
+    with pytest.raises(ReportError, match="manifests differ"):
+        common_cases({"old": _run(ALWAYS), "new": _run(ALWAYS, other)})
+
+
+def _store(folder: Path, run: StoredRun) -> Path:
+    store = PairStore(folder, run.run)
+    for record in run.records:
+        store.append(record)
+    store.close()
+    return folder
+
+
+def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> None:
+    _store(tmp_path / "old", _run(ALWAYS))
+    new = _store(tmp_path / "new", _run(MIXED))
+    gates = parse_gates(
+        [
+            "regressions_vs(old) <= 3",
+            "regressions_vs(old/report.json) <= 4",
+            "gains_vs(lost) >= 0",
+            "base_sr == 1",
+        ]
+    )
+    results = decide(gates, new, start=tmp_path)
+    assert [result.verdict for result in results] == ["failed", "passed", "undecidable", "passed"]
+    lines = gate_lines(results)
+    assert lines[0] == "gate FAIL  regressions_vs(old) <= 3: failed, it is 4."
+    assert lines[2].startswith("gate FAIL  gains_vs(lost) >= 0: undecidable, Cannot read")
+    annotations = github_annotations(results)
+    assert len(annotations) == 2
+    assert annotations[0] == (
+        "::error title=LIBERO-MAX gate failed::regressions_vs(old) <= 3: failed, it is 4."
+    )
+
+
+def test_a_baseline_of_other_cases_decides_nothing(tmp_path: Path) -> None:
+    _store(tmp_path / "old", _run(ALWAYS[:31]))
+    new = _store(tmp_path / "new", _run(ALWAYS))
+    (result,) = decide(parse_gates(["regressions_vs(old) <= 3"]), new, start=tmp_path)
+    assert result.verdict == "undecidable"
+    assert "do not share all cases" in result.reason
+
+
+def test_fourteen_runs_give_ninety_one_contrasts() -> None:
+    runs = {f"policy {n:02d}": _run([(True, index % (n + 2) > 0) for index in range(32)]) for n in range(14)}
+    comparison = compare_runs(runs)
+    assert len(comparison["contrasts"]) == 91
+    holm = [row["log10_p_value_holm"] for row in comparison["contrasts"]]
+    plain = [row["log10_p_value"] for row in comparison["contrasts"]]
+    assert all(h >= p for h, p in zip(holm, plain, strict=True) if p is not None)
