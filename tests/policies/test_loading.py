@@ -12,7 +12,7 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.policies.loading import check_reference, load_policy
 
 Writer = Callable[..., Path]
 
@@ -222,7 +222,7 @@ BROKEN: list[tuple[str, str, str, str]] = [
     ),
     (
         "missing name",
-        "polcy = 1\nclass Sound: pass\nPolcy = Sound()",
+        "class Sound: pass\nPolcy = Sound()",
         "{p}",
         "{p}:policy: the adapter defines no 'policy'. Did you mean 'Polcy'? Known: Polcy, Sound. Rename",
     ),
@@ -281,6 +281,20 @@ BROKEN: list[tuple[str, str, str, str]] = [
 ]
 
 
+CHECKED = (
+    "address",
+    "websocket",
+    "missing file",
+    "missing folder",
+    "not a name",
+    "not a file",
+    "missing name",
+    "empty",
+    "broken syntax",
+)
+"""Those of them that show without executing the adapter."""
+
+
 @pytest.mark.parametrize(
     ("text", "reference", "message"), [case[1:] for case in BROKEN], ids=[case[0] for case in BROKEN]
 )
@@ -292,6 +306,42 @@ def test_a_broken_adapter_is_told_what_is_wrong(
     with pytest.raises(AdapterError) as caught:
         load_policy(reference.format(**names))
     assert str(caught.value).startswith(message.format(**names))
+
+
+# What can be found out without executing anything.
+
+
+@pytest.mark.parametrize(
+    ("text", "reference"),
+    [
+        (SOUND + "policy = Sound()\nraise AssertionError('executed')", "{p}"),
+        ("def make(): pass", "{p}:make"),
+        ("class Make: pass", "{p}:Make"),
+        ("from somewhere import policy", "{p}"),
+        ("import somewhere.far as policy", "{p}"),
+        ("from somewhere import *", "{p}"),
+        ("try:\n    policy, other = 1, 2\nexcept OSError:\n    policy = 3", "{p}"),
+        ("if True:\n    policy: object = 1", "{p}:policy"),
+        ("", "some_robot.policies:policy"),
+    ],
+)
+def test_a_reference_that_may_be_right_passes(write: Writer, text: str, reference: str) -> None:
+    check_reference(reference.format(p=write(text)))
+
+
+@pytest.mark.parametrize(
+    ("text", "reference", "message"),
+    [case[1:] for case in BROKEN if case[0] in CHECKED],
+    ids=[case[0] for case in BROKEN if case[0] in CHECKED],
+)
+def test_a_reference_is_checked_without_executing_it(
+    write: Writer, text: str, reference: str, message: str
+) -> None:
+    path = write(text + "\nraise AssertionError('executed')" if "def policy(:" not in text else text)
+    names = {"p": str(path), "d": str(path.parent)}
+    with pytest.raises(AdapterError) as caught:
+        check_reference(reference.format(**names))
+    assert str(caught.value).startswith(message.format(**names).replace("importing it", "reading it"))
 
 
 def test_the_adapters_own_error_is_chained(write: Writer) -> None:
