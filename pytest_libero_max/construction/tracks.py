@@ -38,7 +38,7 @@ def load_track(name: str) -> Manifest:
         ManifestError: Its file differs from its checksum.
     """
     path = track_path(name)
-    expected = _checksums().get(path.name)
+    expected = _checksums().get(path.name, "nothing of it")
     if hashlib.sha256(path.read_bytes()).hexdigest() != expected:
         raise ManifestError(
             f"{path}: the content is not the one that was frozen ({CHECKSUMS} says {expected}). "
@@ -56,5 +56,8 @@ def checksums_of(folder: Path) -> str:
 
 
 def _checksums() -> dict[str, str]:
-    lines = (FOLDER / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+    try:
+        lines = (FOLDER / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise ManifestError(f"{error}. The installation is incomplete; install the package again.") from error
     return {name: digest for digest, name in (line.split() for line in lines)}
