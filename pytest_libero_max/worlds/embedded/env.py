@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.worlds import gl
-from pytest_libero_max.worlds.contract import CONTROL_HZ
+from pytest_libero_max.worlds.contract import CONTROL_HZ, WorldState
 from pytest_libero_max.worlds.embedded.predicates import all_hold
 from pytest_libero_max.worlds.embedded.robot import add_robot
 from pytest_libero_max.worlds.embedded.scene import Scene
@@ -20,6 +20,7 @@ from pytest_libero_max.worlds.embedded.textures import upload
 
 gl.prepare()
 
+import mujoco  # noqa: E402
 from robosuite.controllers import load_controller_config  # noqa: E402
 from robosuite.environments.manipulation.single_arm_env import SingleArmEnv  # noqa: E402
 
@@ -65,6 +66,20 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
     def _initialize_sim(self, xml_string: str | None = None) -> None:
         super()._initialize_sim(xml_string)
         upload(self.sim.model._model, self._scene.textures)
+
+    def assume(self, state: WorldState) -> None:
+        """Continue from the state of the embedded world of the same scene.
+
+        Args:
+            state: Its snapshot. Alterations of the model are not taken over.
+        """
+        model, data = self.sim.model._model, self.sim.data._data
+        mujoco.mj_setState(model, data, state.physics.copy(), mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_forward(model, data)
+        robot = self.robots[0]
+        robot.controller.goal_ori = state.controller[:9].reshape(3, 3).copy()
+        robot.controller.new_update = True
+        robot.gripper.current_action = state.controller[9:].copy()
 
     def reward(self, action: Any = None) -> float:
         return float(self._check_success())

@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+from pytest_libero_max.bench.stepping import StepTimes, measure_stepping
+
+
+def times(**changed: float | None) -> StepTimes:
+    values = {
+        "scene": "libero_spatial/0",
+        "steps": 60,
+        "lean": 1.5,
+        "robosuite": 6.0,
+        "robosuite_images": 30.0,
+        "bare": 1.0,
+        "image": 7.0,
+        "size": 256,
+        "contacts": 20,
+    }
+    return StepTimes(**{**values, **changed})  # type: ignore[arg-type]
+
+
+def test_ratios_are_of_the_lean_step() -> None:
+    measured = times()
+    assert measured.times_robosuite == 4.0
+    assert measured.times_robosuite_images == 20.0
+    assert measured.over_bare == 1.5
+
+
+def test_the_table_says_what_was_measured() -> None:
+    assert times().lines() == [
+        "libero_spatial/0: 60 control steps, 20 contacts at the end, medians",
+        "  lean step                                     1.50 ms  667 steps/s",
+        "  bare mj_step x substeps                       1.00 ms  lean step is 1.50 times that",
+        "  robosuite env.step                            6.00 ms  4.0 times the lean step",
+        "  robosuite env.step, two 256 px images        30.00 ms  20.0 times the lean step",
+        "  one 256 px image                              7.00 ms",
+    ]
+
+
+def test_without_images_their_rows_are_left_out() -> None:
+    measured = times(robosuite_images=None, image=None)
+    assert measured.times_robosuite_images is None
+    assert len(measured.lines()) == 4
+
+
+def test_a_short_measurement_of_the_real_thing() -> None:
+    measured = measure_stepping("libero_object", 0, steps=4, size=64)
+    assert measured.scene == "libero_object/0"
+    assert measured.bare > 0
+    assert 0 < measured.lean < measured.robosuite
+    assert measured.image is None or measured.image > 0
