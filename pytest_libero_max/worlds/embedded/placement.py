@@ -19,7 +19,7 @@ from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.embedded.arenas import ARENAS
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.predicates import touching
-from pytest_libero_max.worlds.embedded.scene import Scene
+from pytest_libero_max.worlds.embedded.scene import Scene, resolve
 from pytest_libero_max.worlds.embedded.tasks import Fact, category_of
 
 if TYPE_CHECKING:
@@ -34,8 +34,13 @@ FINGER_JOINTS = {"gripper0_finger_joint1": 0.020833, "gripper0_finger_joint2": -
 
 # LIBERO's initial states scatter each arm joint with a standard deviation of 0.02 rad, never by more than 0.08.
 _ARM_SPREAD, _ARM_LIMIT = 0.02, 0.08
-# How far the middle of something may be from the middle of a fixture's region, in the region's plane, m.
-_SITE_SPREAD = {"top_side": (0.03, 0.02), "cook_region": (0.01, 0.01), "top_region": (0.01, 0.0)}
+# Where things are put relative to the middle of a fixture's region, along the fixture's axes, m: (x_min, x_max),
+# (y_min, y_max). In a drawer they stand towards its front, clear of the cabinet above.
+_SITE_SPREAD = {
+    "top_side": ((-0.03, 0.03), (-0.02, 0.02)),
+    "cook_region": ((-0.01, 0.01), (-0.01, 0.01)),
+    "top_region": ((-0.01, 0.01), (-0.020, -0.016)),
+}
 # LIBERO opens a drawer to somewhere between these.
 _OPEN_RANGE = (-0.16, -0.14)
 _DROP = 0.0008
@@ -157,7 +162,7 @@ def _spot(
     if place in scene.regions:
         site = data.site(place)
         reach = next(reach for name, reach in _SITE_SPREAD.items() if place.endswith(name))
-        offset = np.array([draw.uniform(f"{fact.subject}/{axis}", -r, r) for axis, r in zip("xy", reach, strict=True)])
+        offset = [draw.uniform(f"{fact.subject}/{axis}", *span) for axis, span in zip("xy", reach, strict=True)]
         frame = data.body(support.body).xmat.reshape(3, 3)
         x, y, _ = site.xpos + frame @ np.array([*offset, 0.0])
     else:
@@ -286,4 +291,9 @@ def _defect(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, qpos: Arra
             return f"{name} does not rest on {entity.support}"
         if others - above - {entity.support}:
             return f"{name} touches {min(others - above - {entity.support})}"
+    for fact in scene.task.start:
+        declared = fact.subject in scene.task.objects or fact.place is None
+        if declared and fact.place not in scene.task.places:
+            if not resolve(fact, scene.entities, scene.regions).holds(model, data):
+                return f"{fact.subject} is not {fact.predicate} {fact.place or ''}".rstrip()
     return ""

@@ -1,0 +1,3 @@
+from pytest_libero_max.worlds import gl
+
+gl.prepare()  # before any test module imports MuJoCo
