@@ -66,6 +66,7 @@ def test_fork_and_replay_measure_the_same_pair(world: TinyWorld, case: Case, pol
         assume("bit for bit as it was" not in str(error))  # an event drawn with zero magnitude
         raise
     assert fork.record.identity() == replay.record.identity()
+    assert PairRecord.from_dict(json.loads(json.dumps(fork.record.to_dict(), allow_nan=False))) == fork.record
     event(f"triggered: {fork.record.triggered}")
     if fork.dynamic is None:
         assert fork.record.dynamic_success == fork.record.base_success
@@ -185,7 +186,7 @@ def test_the_setup_is_shared_and_the_trigger_entity_must_exist(world: TinyWorld)
 # Stale actions and queries.
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     serving=st.integers(1, 12).flatmap(lambda h: st.tuples(st.just(h), st.integers(1, h))),
     extra=st.integers(0, 11),
