@@ -9,9 +9,12 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from dataclasses import dataclass, replace
+from functools import cache
+from statistics import NormalDist
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of
@@ -34,9 +37,12 @@ class SensorCorruption:
     """Gaussian noise on every channel, then one black rectangle at a random place.
 
     Everything random comes from a stream of its own, seeded by SHA-256 of (seed, step, camera) into
-    NumPy's ``RandomState``, whose streams are frozen. The authors draw from one stream over both cameras
-    in the order in which they are rendered, counted in looks; here each camera has its own stream, counted
-    in control steps, so a policy that asks for one camera sees the pixels it would see beside another.
+    NumPy's ``RandomState``, whose streams are frozen. Each channel of a pixel takes 16 bits of it, as the
+    level of a quantile of the normal distribution, which costs less than a draw of ``normal``.
+
+    The authors draw from one stream over both cameras in the order in which they are rendered, counted in
+    looks. Here each camera has its own stream, counted in control steps, so a policy that asks for one
+    camera sees the pixels it would see beside another.
 
     Attributes:
         noise_std: Standard deviation of the noise, grey levels (0 to 255).
@@ -55,13 +61,15 @@ class SensorCorruption:
         # The place is drawn first, and relative to the room there is, so that it stays
         # the same when the image size or the strength of the noise differs.
         across, down = stream.random_sample(2)
-        noisy = image + stream.normal(0.0, 1.0, image.shape) * self.noise_std
+        draws = np.frombuffer(stream.bytes(2 * image.size), dtype="<u2").reshape(image.shape)
+        noisy = image + _normal_quantiles()[draws] * np.float32(self.noise_std)
         height, width = image.shape[:2]
         side = float(np.sqrt(self.occlusion_fraction))
         tall, wide = round(height * side), round(width * side)
         top, left = int(down * (height - tall + 1)), int(across * (width - wide + 1))
         noisy[top : top + tall, left : left + wide] = 0.0
-        return noisy.clip(0.0, 255.0).astype(np.uint8)
+        corrupted: Image = noisy.clip(0.0, 255.0).astype(np.uint8)
+        return corrupted
 
 
 @dataclass(frozen=True)
@@ -106,6 +114,13 @@ class SetSensorCorruption(ManifestFields):
         if s == 1.0:
             return self
         return replace(self, noise_std=self.noise_std * s, occlusion_fraction=self.occlusion_fraction * s)
+
+
+@cache
+def _normal_quantiles() -> NDArray[np.float32]:
+    """The 65,536 equally likely values that stand for a standard normal variable."""
+    normal, count = NormalDist(), 2**16
+    return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)
 
 
 def filter_records(world: World) -> list[dict[str, Any]]:
