@@ -84,6 +84,10 @@ def test_the_robot_is_light_to_draw_and_complete(table: EmbeddedWorld) -> None:
     assert links | {"gripper0_leftfinger", "gripper0_rightfinger", "gripper0_right_gripper"} <= drawn
 
 
+def test_no_marker_is_drawn(table: EmbeddedWorld) -> None:
+    assert not table.model.site_rgba[:, 3].any()
+
+
 def test_the_fingers_are_in_the_wrist_view(table: EmbeddedWorld) -> None:
     table.reset(0)
     opened = table.observe(["robot0_eye_in_hand"], 128)["robot0_eye_in_hand_image"].astype(int)

@@ -51,6 +51,8 @@ def _lighten(robot: ET.Element) -> None:
     """Replace every drawn geom by a light one and drop the assets that nothing uses any more."""
     for body in _bodies(robot):
         name = body.get("name", "")
+        for site in [child for child in body if child.tag == "site"]:
+            site.set("rgba", "0 0 0 0")  # robosuite hides its markers only while it resets
         for geom in [child for child in body if child.tag == "geom"]:
             if geom.get("group") == "1" and geom.get("mesh") not in _KEPT_MESHES:
                 body.remove(geom)
