@@ -87,7 +87,7 @@ def build_report(
     failed = {error.case_id: error for error in errors if error.case_id not in played}
     _require_planned(failed, {pair.case_id: pair for pair in planned})
     measured = [pair for pair in planned if pair.case_id in played]
-    columns = _columns([played[pair.case_id] for pair in measured])
+    columns = columns_of([played[pair.case_id] for pair in measured])
     overall = measure(columns)
     counts = _counts(planned, played, failed)
     groups = {name: _group(planned, measured, columns, label, name) for name, label in DIMENSIONS.items()}
@@ -96,7 +96,7 @@ def build_report(
         "pairs": counts,
         "headline": _headline(counts, overall),
         "policy": played[measured[0].case_id].policy if measured else None,
-        "substrate": _substrate(provenance["substrate"]["name"]),
+        "substrate": substrate_json(provenance["substrate"]["name"]),
         "overall": result_json(overall, len(planned)),
         "by": {
             name: {label: result_json(result, total) for label, (result, total) in group.items()}
@@ -155,12 +155,13 @@ def _by_case(records: Iterable[PairRecord], planned: Mapping[str, PlannedPair]) 
                 f"The record of case_id={case_id!r} has case_digest={record.case_digest!r}, but the planned "
                 f"case has {planned[case_id].case_digest!r}: another case was played. Play it again."
             )
-    policies = sorted({json.dumps(record.policy, sort_keys=True) for record in played.values()})
-    if len(policies) > 1:
-        raise ReportError(
-            f"The records are of {len(policies)} policies ({' and '.join(policies[:2])}), but a report is of "
-            "one. Compare runs instead of mixing them."
-        )
+    specs = [record.policy for record in played.values()]
+    for spec in specs:
+        if spec != specs[0]:
+            raise ReportError(
+                f"The records are of several policies ({specs[0]} and {spec}), but a report is of one. "
+                "Compare runs instead of mixing them."
+            )
     return played
 
 
@@ -173,7 +174,8 @@ def _require_planned(pairs: Mapping[str, object], planned: Mapping[str, PlannedP
         )
 
 
-def _columns(records: Sequence[PairRecord]) -> Pairs:
+def columns_of(records: Sequence[PairRecord]) -> Pairs:
+    """The columns of the statistics, one row a record."""
     return Pairs.of(
         base=[record.base_success for record in records],
         dynamic=[record.dynamic_success for record in records],
@@ -240,7 +242,8 @@ def _counts(
     }
 
 
-def _substrate(name: str) -> Json:
+def substrate_json(name: str) -> Json:
+    """What a substrate's scores may be compared with."""
     if name == GENUINE_SUBSTRATE:
         return {"name": name, "scores_comparable_with_published": None, "note": None}
     note = (

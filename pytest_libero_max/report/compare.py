@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.cases import EVENTS, Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.blocks import contrast_json, number
-from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.blocks import change_json, contrast_json, number, result_json
+from pytest_libero_max.report.build import columns_of, substrate_json
 from pytest_libero_max.report.plan import PlannedPair
 from pytest_libero_max.report.store import StoredRun
+from pytest_libero_max.stats.breakdown import breakdown
 from pytest_libero_max.stats.comparison import contrasts, profile_agreement, ranks
+from pytest_libero_max.stats.paired import measure
 
 COMPARISON_VERSION = 1
 
@@ -91,14 +93,30 @@ def compare_runs(runs: Mapping[str, StoredRun], restrict: bool = False) -> Json:
         ReportError: See :func:`common_cases`.
     """
     common = common_cases(runs, restrict)
-    reports = {
-        name: build_report(common.records[name], [], common.planned, run.run.provenance)
-        for name, run in runs.items()
+    events = [event for event in EVENTS if any(pair.event == event for pair in common.planned)]
+    labels = [pair.event for pair in common.planned]
+    columns = {name: columns_of(rows) for name, rows in common.records.items()}
+    results = {name: measure(column) for name, column in columns.items()}
+    by_event = {name: breakdown(column, labels, events) for name, column in columns.items()}
+    changes = {
+        name: [group.outcomes.change.count / group.outcomes.total for group in groups.values()]
+        for name, groups in by_event.items()
     }
-    dynamic = {name: [record.dynamic_success for record in rows] for name, rows in common.records.items()}
-    sources = [pair.source for pair in common.planned]
-    agreement = profile_agreement({name: _profile(report) for name, report in reports.items()})
-    ranked = ranks({name: report["overall"]["dynamic_success"]["value"] for name, report in reports.items()})
+    agreement = profile_agreement(changes)
+    ranked = ranks({name: result.outcomes.dynamic.value for name, result in results.items()})
+    rows = []
+    for name, result in results.items():
+        block = result_json(result, len(common.planned))
+        rows.append(
+            {
+                "name": name,
+                "rank": ranked[name],
+                "policy": common.records[name][0].policy,
+                "replay": replay_command(runs[name]),
+                **{key: block[key] for key in _RUN_COLUMNS},
+                "by_event": {event: change_json(group) for event, group in by_event[name].items()},
+            }
+        )
     return {
         "schema_version": COMPARISON_VERSION,
         "pairs": {
@@ -106,24 +124,21 @@ def compare_runs(runs: Mapping[str, StoredRun], restrict: bool = False) -> Json:
             "restricted": any(common.left_out.values()),
             "left_out": {name: list(cases) for name, cases in common.left_out.items()},
         },
-        "substrate": next(iter(reports.values()))["substrate"],
-        "runs": [
-            {
-                "name": name,
-                "rank": ranked[name],
-                "policy": report["policy"],
-                **{key: report["overall"][key] for key in _RUN_COLUMNS},
-                "by_event": {event: block["paired_change"] for event, block in report["by"]["event"].items()},
-            }
-            for name, report in reports.items()
+        "substrate": substrate_json(next(iter(runs.values())).run.provenance["substrate"]["name"]),
+        "runs": rows,
+        "contrasts": [
+            contrast_json(contrast)
+            for contrast in contrasts(
+                {name: column.dynamic for name, column in columns.items()},
+                [pair.source for pair in common.planned],
+            )
         ],
-        "contrasts": [contrast_json(contrast) for contrast in contrasts(dynamic, sources)],
         "event_profiles": {
             "mean_spearman": number(agreement.mean),
             "lowest": number(agreement.lowest),
             "highest": number(agreement.highest),
         },
-        "flips": _flips(common, runs),
+        "flips": _flips(common),
     }
 
 
@@ -138,8 +153,8 @@ _RUN_COLUMNS = (
 )
 
 
-def replay_command(run: StoredRun, item_id: str) -> list[str]:
-    """The command that plays one case of a run again."""
+def replay_command(run: StoredRun) -> list[str]:
+    """The command that plays one case of a run again, once the case's item id is appended."""
     provenance = run.run.provenance
     command = ["pytest", f"--libero-max-policy={provenance['policy']['reference']}"]
     kind, _, name = provenance["case_set"]["name"].partition(" ")
@@ -148,10 +163,10 @@ def replay_command(run: StoredRun, item_id: str) -> list[str]:
     for key, flag in (("horizon", "horizon"), ("query_interval", "query-interval")):
         if provenance["policy"].get(key) is not None:
             command.append(f"--libero-max-{flag}={provenance['policy'][key]}")
-    return [*command, "-k", item_id]
+    return [*command, "-k"]
 
 
-def _flips(common: CommonCases, runs: Mapping[str, StoredRun]) -> list[Json]:
+def _flips(common: CommonCases) -> list[Json]:
     flips: list[Json] = []
     names = list(common.records)
     for index, pair in enumerate(common.planned):
@@ -162,11 +177,6 @@ def _flips(common: CommonCases, runs: Mapping[str, StoredRun]) -> list[Json]:
                     "case_id": pair.case_id,
                     "item_id": pair.item_id,
                     "outcomes": outcomes,
-                    "replay": {name: replay_command(runs[name], pair.item_id) for name in names},
                 }
             )
     return flips
-
-
-def _profile(report: Json) -> Sequence[float]:
-    return [block["paired_change"]["value"] for block in report["by"]["event"].values()]

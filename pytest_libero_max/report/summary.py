@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from pytest_libero_max.cases import Json
@@ -20,10 +21,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     pairs, overall = report["pairs"], report["overall"]
     lines = [] if pairs["complete"] else [incomplete_text(pairs)]
     lines.append(_header(report))
-    if report["substrate"]["scores_comparable_with_published"] is False:
-        lines.append(
-            f"Scores on the {report['substrate']['name']} substrate are not comparable with published ones."
-        )
+    lines += substrate_lines(report["substrate"])
     lines.append("")
     if pairs["played"] == 0:
         return [*lines, "No pair was played; there is nothing to report.", *_written(paths)]
@@ -38,7 +36,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
         f"(0,1) {outcomes['change_associated_success']}   (1,0) {outcomes['regression']}   "
         f"(0,0) {outcomes['persistent_failure']}",
         f"{'Base successes lost':<32}{rate_text(overall['conditional_regression'])}   "
-        f"retained {_percent(overall['retained']['value'])}",
+        f"retained {percent(overall['retained']['value'])}",
         f"{'Event fired / query after it':<32}{count_text(overall['trigger_coverage'])} / "
         f"{count_text(overall['response_coverage'])}   {_stale_text(overall['stale_actions'])}",
         "",
@@ -48,6 +46,13 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     if any(block["floor"] for block in report["by"]["event"].values()):
         lines.append("* Base success is too low to fall: a small change is no sign of robustness there.")
     return [*lines, *_written(paths)]
+
+
+def substrate_lines(substrate: Json) -> list[str]:
+    """The warning that belongs wherever scores of a stand-in substrate are printed."""
+    if substrate["scores_comparable_with_published"] is not False:
+        return []
+    return [f"Scores on the {substrate['name']} substrate are not comparable with published ones."]
 
 
 def incomplete_text(pairs: Json) -> str:
@@ -81,10 +86,10 @@ def _event_line(name: str, block: Json) -> str:
     return _row(
         name,
         f"{block['played']} of {block['planned']}" if partial else str(block["played"]),
-        _percent(block["base_success"]["value"]) + ("*" if block["floor"] else " "),
-        _percent(block["dynamic_success"]["value"]),
-        _points(change["value"]),
-        _interval(change, signed=True),
+        percent(block["base_success"]["value"]) + ("*" if block["floor"] else " "),
+        percent(block["dynamic_success"]["value"]),
+        points(change["value"]),
+        interval_text(change, signed=True),
         count_text(block["conditional_regression"]),
     )
 
@@ -95,15 +100,16 @@ def _row(event: str, pairs: str, base: str, dynamic: str, change: str, interval:
 
 def rate_text(rate: Json) -> str:
     """A rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
-    return f"{_percent(rate['value'])} {_interval(rate)}  {count_text(rate)}".rstrip()
+    return f"{percent(rate['value'])} {interval_text(rate)}  {count_text(rate)}".rstrip()
 
 
 def change_text(change: Json) -> str:
     """A paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
-    return f"{_points(change['value'])} pp {_interval(change, signed=True)}"
+    return f"{points(change['value'])} pp {interval_text(change, signed=True)}"
 
 
-def _interval(value: Json, signed: bool = False) -> str:
+def interval_text(value: Json, signed: bool = False) -> str:
+    """An interval in percent; says so where resampling could not vary."""
     if value["lower"] is None:
         return "n/a"
     if value.get("degenerate"):
@@ -112,11 +118,13 @@ def _interval(value: Json, signed: bool = False) -> str:
     return f"[{100 * value['lower']:{sign}.1f}, {100 * value['upper']:{sign}.1f}]"
 
 
-def _percent(value: float | None) -> str:
+def percent(value: float | None) -> str:
+    """A rate as a percentage with one decimal."""
     return "n/a" if value is None else f"{100 * value:.1f}%"
 
 
-def _points(value: float | None) -> str:
+def points(value: float | None) -> str:
+    """A difference of rates in percentage points, with its sign."""
     return "n/a" if value is None else f"{100 * value:+.1f}"
 
 
@@ -127,13 +135,16 @@ def count_text(ratio: Json) -> str:
 
 def p_text(test: Json) -> str:
     """A p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
-    if test["p_value"] is None:
-        return "n/a (no discordant pair)"
-    if test["p_value"] >= 0.001:
-        return f"p = {test['p_value']:.3f}"
-    exponent = int(test["log10_p_value"] // 1)
-    mantissa = 10 ** (test["log10_p_value"] - exponent)
-    return f"p = {mantissa:.1f}e{exponent}"
+    log10_p = test["log10_p_value"]
+    return "n/a (no discordant pair)" if log10_p is None else f"p = {p_number(log10_p)}"
+
+
+def p_number(log10_p: float) -> str:
+    """A p-value from its decimal logarithm."""
+    if log10_p >= -3:
+        return f"{10**log10_p:.3f}"
+    exponent = math.floor(log10_p)
+    return f"{10 ** (log10_p - exponent):.1f}e{exponent}"
 
 
 def _stale_text(stale: Json) -> str:

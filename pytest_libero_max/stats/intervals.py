@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
+from scipy import special
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.outcomes import Ratio
@@ -49,13 +50,19 @@ class MeanChange:
 def wilson(ratio: Ratio, confidence: float = CONFIDENCE) -> Interval | None:
     """Wilson score interval of a binomial proportion, without continuity correction.
 
-    Reference: E. B. Wilson (1927), JASA 22:209-212; computed by SciPy. It stays within [0, 1], has positive
-    width for 0 of n and n of n, and its coverage is near nominal on average from small n on. None for n = 0.
+    Reference: E. B. Wilson (1927), JASA 22:209-212. It stays within [0, 1], has positive width for 0 of n
+    and n of n, and its coverage is near nominal on average from small n on. None for n = 0. (SciPy has it
+    in ``binomtest``, which spends a hundred times as long on a p-value that is not wanted.)
     """
-    if ratio.of == 0:
+    n = ratio.of
+    if n == 0:
         return None
-    low, high = stats.binomtest(ratio.count, ratio.of).proportion_ci(confidence, method="wilson")
-    return Interval(float(low), float(high))
+    z = float(special.ndtri((1 + confidence) / 2))
+    rate = ratio.count / n
+    middle = rate + z * z / (2 * n)
+    half = z * math.sqrt(rate * (1 - rate) / n + z * z / (4 * n * n))
+    scale = 1 + z * z / n
+    return Interval(max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale))
 
 
 @dataclass(frozen=True, eq=False)

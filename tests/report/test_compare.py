@@ -7,6 +7,7 @@ import pytest
 from pytest_libero_max.cases import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.compare import common_cases, compare_runs, replay_command
+from pytest_libero_max.report.compare_text import comparison_lines
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.gating import decide, gate_lines, github_annotations
 from pytest_libero_max.report.plan import PlannedPair, Run
@@ -45,18 +46,18 @@ def test_a_comparison_finds_the_flips_and_ranks_the_runs() -> None:
     flips = comparison["flips"]
     assert sorted(flip["case_id"] for flip in flips) == sorted(pair.case_id for pair in PAIRS[28:])
     assert flips[0]["outcomes"] == {"old": "preserved_success", "new": "regression"}
+    assert comparison["runs"][1]["replay"][-1] == "-k"
     assert comparison["substrate"]["scores_comparable_with_published"] is False
 
 
 def test_the_replay_command_plays_one_case_of_that_run() -> None:
     run = _run(ALWAYS, policy={"reference": "a.py", "horizon": None, "query_interval": 2})
-    assert replay_command(run, "item") == [
+    assert replay_command(run) == [
         "pytest",
         "--libero-max-policy=a.py",
         "--libero-max-track=smoke",
         "--libero-max-query-interval=2",
         "-k",
-        "item",
     ]
 
 
@@ -129,3 +130,31 @@ def test_fourteen_runs_give_ninety_one_contrasts() -> None:
     holm = [row["log10_p_value_holm"] for row in comparison["contrasts"]]
     plain = [row["log10_p_value"] for row in comparison["contrasts"]]
     assert all(h >= p for h, p in zip(holm, plain, strict=True) if p is not None)
+
+
+def test_a_comparison_is_said_in_a_few_lines() -> None:
+    runs = {"old": _run(ALWAYS), "new": _run(MIXED)}
+    assert "\n".join(comparison_lines(compare_runs(runs))) == COMPARISON
+    restricted = compare_runs({**runs, "new": _run(MIXED[:30])}, restrict=True)
+    assert comparison_lines(restricted)[0] == "RESTRICTED to 30 common cases; left out: 2 of old, 2 of new"
+
+
+COMPARISON = """\
+2 runs on 32 common cases
+Scores on the embedded substrate are not comparable with published ones.
+
+rank  run                            Base   Dynamic    change     lost
+   1  old                          100.0%    100.0%      +0.0     0/32
+   2  new                          100.0%     87.5%     -12.5     4/32
+
+Dynamic success, second against first      change     95% interval    Holm p
+new against old                             -12.5    [-25.0, -3.1]     0.125
+
+4 cases changed, (Base, Dynamic) in old, new:
+(1,1) (1,0)  pro-spatial-t00-distractor_burst-v0
+(1,1) (1,0)  pro-spatial-t00-distractor_burst-v1
+(1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v0
+(1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
+Play one again with its name behind:
+  old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k
+  new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k"""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import mean_change, resampled_total, wilson
@@ -30,6 +31,14 @@ def test_wilson_gives_the_published_values(count: int, of: int, lower: float, up
     assert interval is not None
     assert interval.lower == pytest.approx(lower, abs=5e-5)
     assert interval.upper == pytest.approx(upper, abs=5e-5)
+
+
+@given(st.integers(1, 9000).flatmap(lambda of: st.tuples(st.integers(0, of), st.just(of))))
+def test_wilson_is_what_scipy_gives(counts: tuple[int, int]) -> None:
+    interval = wilson(Ratio(*counts))
+    expected = stats.binomtest(*counts).proportion_ci(0.95, method="wilson")
+    assert interval is not None
+    assert (interval.lower, interval.upper) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
 def test_wilson_of_nothing_is_none() -> None:
