@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
+import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -222,7 +222,7 @@ def load_manifest(path: Path) -> Manifest:
         ) from error
     try:
         document = json.loads(text, parse_constant=_refuse_constant)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ManifestError(
             f"{path}: not a JSON document ({error}). The file is damaged or is not a manifest; restore it."
         ) from error
@@ -319,7 +319,7 @@ def parse_case(record: Any, where: str = "case") -> Case:
     )
     source, category = _source(case, where)
     difficulty = case.get("substrate_difficulty")
-    if difficulty is not None and difficulty not in (1, 2, 3, 4, 5):
+    if difficulty is not None and (type(difficulty) is not int or not 1 <= difficulty <= 5):
         raise ManifestError(f"{where}: substrate_difficulty={difficulty!r}, but must be null or 1 to 5.")
     return Case(
         case_id=case_id,
@@ -345,7 +345,7 @@ def _parse_event(value: Any, where: str) -> Event:
         raise ManifestError(f"{where}.change_type={name!r} is not an event. {did_you_mean(name, EVENTS)}")
     randomization = _object(scenario.get("randomization", {"draw_id": 0}), f"{where}.randomization")
     draw = randomization.get("draw_id")
-    if draw not in (0, 1):
+    if type(draw) is not int or draw not in (0, 1):
         raise ManifestError(f"{where}.randomization.draw_id={draw!r}, but an event has the variants 0 and 1.")
     kind = EVENTS[name]
     if scenario["change_family"] != kind.code:
@@ -374,7 +374,8 @@ def _parse_trigger(value: Any, where: str) -> Trigger:
             f"{where}.type={trigger['type']!r}; every event of the benchmark fires 'on_proximity'."
         )
     distance = trigger.get("distance_m")
-    if isinstance(distance, bool) or not isinstance(distance, int | float) or not 0 < distance < math.inf:
+    longest = sys.float_info.max
+    if isinstance(distance, bool) or not isinstance(distance, int | float) or not 0 < distance <= longest:
         raise ManifestError(f"{where}.distance_m={distance!r}, but must be a length in metres above 0.")
     return Trigger(entity=_text(trigger, "value", where), distance_m=float(distance))
 

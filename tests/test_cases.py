@@ -2,7 +2,7 @@ import copy
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
@@ -14,6 +14,7 @@ from pytest_libero_max.cases import (
     parse_case,
     parse_manifest,
 )
+from pytest_libero_max.changes import check_changes
 from pytest_libero_max.construction.events import resolve_event
 from pytest_libero_max.construction.identity import Identity
 from pytest_libero_max.construction.metadata import task_metadata
@@ -181,3 +182,60 @@ def test_a_damaged_file_is_named(tmp_path, content, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ManifestError, match=r"Cannot read manifest .*nowhere\.json"):
         load_manifest(tmp_path / "nowhere.json")
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=3) | st.just(10**400),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
+    max_leaves=4,
+)
+
+
+def places(value: object, path: tuple = ()) -> list:
+    """The path of every value inside a document."""
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [path, *(place for key, item in inside for place in places(item, (*path, key)))]
+
+
+@given(st.sampled_from(places(document())), JSON)
+@settings(max_examples=500)
+def test_whatever_stands_in_a_manifest_it_is_read_or_refused(path, value):
+    changed = {"top": document()}
+    *parents, last = ("top", *path)
+    at = changed
+    for key in parents:
+        at = at[key]
+    at[last] = value
+    try:
+        manifest = parse_manifest(changed["top"])
+    except ManifestError:
+        return
+    for case in manifest:
+        assert type(case.event.variant) is int
+        assert type(case.event.trigger.distance_m) is float
+        assert parse_case(case.record) == case
+
+
+@pytest.mark.parametrize("draw", [True, 1.0, "1", None, [1]])
+def test_a_variant_is_the_number_zero_or_one(draw):
+    with pytest.raises(ManifestError, match="but an event has the variants 0 and 1"):
+        parse_manifest(altered("scenario.randomization.draw_id", draw))
+
+
+def test_a_document_nested_too_deep_is_refused(tmp_path):
+    path = tmp_path / "deep.json"
+    path.write_text("[" * 100_000)
+    with pytest.raises(ManifestError, match=r"deep\.json: not a JSON document"):
+        load_manifest(path)
+
+
+def test_changes_are_checked_before_anything_is_played():
+    check_changes([parse_case(record())])
+    bad = parse_manifest(altered("scenario.change.yaw_degrees", "left"))
+    with pytest.raises(
+        ManifestError, match=r"case 'libero-spatial-t03-.*': shift_camera\.yaw_degrees='left'"
+    ):
+        check_changes(bad)
+    bad = parse_manifest(altered("scenario.setup", [{"operation": "remove_objekt"}]))
+    with pytest.raises(ManifestError, match="Did you mean 'remove_object'"):
+        check_changes(bad)

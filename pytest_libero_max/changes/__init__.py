@@ -15,7 +15,7 @@ from pytest_libero_max.changes.poses import (
     Placement,
     RemoveObject,
 )
-from pytest_libero_max.changes.registry import OPERATIONS, change_from_dict
+from pytest_libero_max.changes.registry import OPERATIONS, change_from_dict, check_changes
 
 __all__ = [
     "OPERATIONS",
@@ -35,4 +35,5 @@ __all__ = [
     "SetVisualTheme",
     "ShiftCamera",
     "change_from_dict",
+    "check_changes",
 ]

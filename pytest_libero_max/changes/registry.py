@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from pytest_libero_max.cases import Case
 from pytest_libero_max.changes.base import Change
 from pytest_libero_max.changes.camera import ShiftCamera
 from pytest_libero_max.changes.light import SetLighting
@@ -12,7 +13,7 @@ from pytest_libero_max.changes.material import SetVisualTheme
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.pixels import SetSensorCorruption
 from pytest_libero_max.changes.poses import InsertDistractors, InsertObstacle, MoveObject, RemoveObject
-from pytest_libero_max.errors import ChangeError, did_you_mean
+from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 
 _KINDS = (
     SetLighting,
@@ -49,3 +50,17 @@ def change_from_dict(raw: Mapping[str, Any]) -> Change:
             f"operation={operation!r} is not a change. {did_you_mean(str(operation), OPERATIONS)}"
         )
     return _BY_OPERATION[operation].from_dict(raw)
+
+
+def check_changes(cases: Iterable[Case]) -> None:
+    """Build every change and setup of the cases once, to find out before anything is played.
+
+    Raises:
+        ManifestError: One of them is malformed; names the case.
+    """
+    for case in cases:
+        for raw in (case.event.change, *case.event.setup):
+            try:
+                change_from_dict(raw)
+            except ChangeError as error:
+                raise ManifestError(f"case {case.case_id!r}: {error}") from error
