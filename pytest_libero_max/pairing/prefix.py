@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.cases import Case
-from pytest_libero_max.errors import ProtocolError
+from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.episode import ask_policy, begin_policy, begin_world, make_query
-from pytest_libero_max.policies.check import remembers, restore_memory
+from pytest_libero_max.policies.check import memory_digest, remembers, restore_memory
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import Array, World, WorldState
 
@@ -52,6 +52,7 @@ class BranchPoint:
         state: The world.
         digest: Its fingerprint, 32 bytes.
         memory: What the policy's ``snapshot`` returned; None for a policy without one.
+        memory_digest: Its fingerprint then; None where it cannot be told.
         pending: (k, 7) queued actions, which an event does not cancel.
         actions: (step, 7) executed so far.
         end_effector: (step, 3) m, world frame, after each step.
@@ -66,6 +67,7 @@ class BranchPoint:
     state: WorldState
     digest: bytes
     memory: object
+    memory_digest: bytes | None
     pending: NDArray[np.float64]
     actions: NDArray[np.float64]
     end_effector: Array
@@ -122,9 +124,15 @@ def return_to(
 
     Raises:
         ProtocolError: Another state was reached, or the policy answers differently this time.
-        AdapterError: The policy raised.
+        AdapterError: The policy raised, or its snapshot was no copy.
     """
     clock = Clock() if clock is None else clock
+    if memory_digest(branch.memory) != branch.memory_digest:
+        raise AdapterError(
+            f"{case.item_id}: the memory that policy {policy.spec.name!r} copied at step {branch.step} has "
+            "changed since. Let snapshot() return a copy that the policy does not write to, and "
+            "restore(memory) copy from it (copy.deepcopy in both)."
+        )
     if mode == "replay":
         _replay(branch, case, world, policy, clock)
     else:

@@ -13,7 +13,7 @@ from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.episode import ask_policy, begin_policy, begin_world, make_query
 from pytest_libero_max.pairing.prefix import Answer, BranchPoint, event_link, first_link, next_link
 from pytest_libero_max.pairing.queue import ActionQueue
-from pytest_libero_max.policies.check import copy_memory, remembers
+from pytest_libero_max.policies.check import copy_memory, memory_digest, remembers
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import Array, World, WorldState
 
@@ -175,12 +175,14 @@ class Rollout:
 
     def _branch(self) -> BranchPoint:
         self._keep_asked = False
+        memory = copy_memory(self._policy)
         return BranchPoint(
             step=self.steps,
             distance_m=self.distance_m,
             state=self._world.snapshot(),
             digest=self._digest,
-            memory=copy_memory(self._policy),
+            memory=memory,
+            memory_digest=memory_digest(memory),
             pending=self._queue.pending,
             actions=np.array(self._actions),
             end_effector=np.array(self._end_effector),

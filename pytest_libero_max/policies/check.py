@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
+import pickle
 import sys
 import traceback
 from pathlib import Path
@@ -151,6 +153,15 @@ def copy_memory(policy: Policy) -> object:
         return remembering.snapshot()
     except Exception as error:
         raise _raised(policy, "snapshot", error) from error
+
+
+def memory_digest(memory: object) -> bytes | None:
+    """Fingerprint by which a copied memory that changes later is noticed; None if it has no pickle."""
+    try:
+        pickled = pickle.dumps(memory, protocol=5)
+    except Exception:  # whatever a foreign object raises: it then goes unchecked
+        return None
+    return hashlib.sha256(pickled).digest()
 
 
 def restore_memory(policy: Policy, memory: object) -> None:

@@ -132,9 +132,13 @@ class Policy(Protocol):
 class RemembersPolicy(Policy, Protocol):
     """A policy whose memory can be copied."""
 
-    def snapshot(self) -> object: ...
+    def snapshot(self) -> object:
+        """A copy of everything that later answers depend on; the policy must not write to it any more."""
+        ...
 
-    def restore(self, memory: object) -> None: ...
+    def restore(self, memory: object) -> None:
+        """Remember what ``snapshot`` copied; the copy must stay as it is, to be restored again."""
+        ...
 
 
 def query_seed(policy_seed: int, index: int) -> int:

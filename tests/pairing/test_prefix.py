@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
 from pytest_libero_max.cases import Case
-from pytest_libero_max.errors import ProtocolError
+from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.prefix import PrefixMode, event_link, first_link, next_link, return_to
 from pytest_libero_max.pairing.runner import PairSettings, continue_rollout, inject, play_pair, play_prefix
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
@@ -168,6 +168,61 @@ def test_memory_is_restored_through_its_own_snapshot(world: TinyWorld) -> None:
     assert fork.trigger_step is not None
     assert fork.trigger_step > 2
     assert fork.identity() == replay.identity()
+
+
+class Aliasing(RememberingPolicy):
+    """Hands out its living memory, or takes a copy for its own."""
+
+    hands_out = True
+
+    def reset(self, episode: Episode) -> None:
+        super().reset(episode)
+        self.seen: list[int] = []
+
+    def predict(self, observation: Any, query: Query) -> Any:
+        self.seen.append(query.index)
+        return super().predict(observation, query)
+
+    def snapshot(self) -> object:
+        return self._memory, self.seen if self.hands_out else list(self.seen)
+
+    def restore(self, memory: Any) -> None:
+        self._memory, self.seen = memory
+
+
+def test_a_snapshot_that_is_no_copy_is_caught(world: TinyWorld) -> None:
+    policy = remembering(Aliasing)
+    with pytest.raises(
+        AdapterError, match=r"the memory that policy 'remembering' copied at step . has changed since"
+    ):
+        play_pair(make_case(), world, policy)
+
+
+def test_a_restore_that_takes_the_copy_for_its_own_is_caught_when_it_is_needed_again(
+    world: TinyWorld,
+) -> None:
+    case, policy = make_case(), remembering(Aliasing)
+    policy.hands_out = False  # type: ignore[attr-defined]
+    branch = play_prefix(case, world, policy)
+    assert branch is not None
+    return_to(branch, case, world, policy)
+    continue_rollout(branch, case, world, policy)
+    with pytest.raises(AdapterError, match="has changed since"):
+        return_to(branch, case, world, policy)
+
+
+def test_a_memory_that_cannot_be_pickled_is_taken_as_it_is(world: TinyWorld) -> None:
+    class Closure(RememberingPolicy):
+        def snapshot(self) -> object:
+            memory = self._memory
+            return lambda: memory
+
+        def restore(self, memory: Any) -> None:
+            self._memory = memory()
+
+    assert play_pair(make_case(), world, remembering(Closure)).identity() == (
+        play_pair(make_case(), world, remembering()).identity()
+    )
 
 
 def test_memory_without_a_snapshot_needs_the_whole_replay(world: TinyWorld) -> None:
