@@ -40,6 +40,7 @@ class StepTimes:
         robosuite: Robosuite's ``env.step`` without cameras.
         robosuite_images: Robosuite's ``env.step`` with the two cameras; None without OpenGL.
         bare: As many ``mj_step`` as a control step has, from the same state.
+        passes: The physics that ``env.step`` does: two ``mj_forward`` before each ``mj_step``.
         image: One image of ours; None without OpenGL.
         size: Side of the images in pixels.
         contacts: Contacts at the end, as a measure of how busy the scene is.
@@ -51,6 +52,7 @@ class StepTimes:
     robosuite: float
     robosuite_images: float | None
     bare: float
+    passes: float
     image: float | None
     size: int
     contacts: int
@@ -74,8 +76,11 @@ class StepTimes:
         """A small table for people."""
         rows = [
             ("lean step", self.lean, f"{1000 / self.lean:.0f} steps/s"),
-            ("bare mj_step x substeps", self.bare, f"lean step is {self.over_bare:.2f} times that"),
+            ("  of which bare mj_step", self.bare, f"the lean step is {self.over_bare:.2f} times that"),
+            ("  of which controller and gripper", self.lean - self.bare, ""),
             ("robosuite env.step", self.robosuite, f"{self.times_robosuite:.1f} times the lean step"),
+            ("  of which three physics passes", self.passes, ""),
+            ("  of which Python", self.robosuite - self.passes, ""),
         ]
         if self.robosuite_images is not None:
             note = f"{self.times_robosuite_images:.1f} times the lean step"
@@ -112,13 +117,32 @@ def measure_stepping(
         env.assume(world.snapshot())
     scratch = mujoco.MjData(world.model)
     substeps = round(1.0 / (CONTROL_HZ * world.model.opt.timestep))
-    times: dict[str, list[float]] = {"lean": [], "bare": [], "plain": [], "seeing": [], "image": []}
+    times: dict[str, list[float]] = {
+        "lean": [],
+        "bare": [],
+        "passes": [],
+        "plain": [],
+        "seeing": [],
+        "image": [],
+    }
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (WARM_UP + steps, ACTION_DIM))
+    model = world.model
+
+    def bare() -> None:
+        mujoco.mj_step(model, scratch, substeps)
+
+    def passes() -> None:
+        for _ in range(substeps):
+            mujoco.mj_forward(model, scratch)
+            mujoco.mj_forward(model, scratch)
+            mujoco.mj_step(model, scratch)
+
     for action in actions:
-        mujoco.mj_setState(
-            world.model, scratch, world.snapshot().physics.copy(), mujoco.mjtState.mjSTATE_INTEGRATION
-        )
-        times["bare"].append(_ms(lambda: mujoco.mj_step(world.model, scratch, substeps)))
+        for name, physics in (("bare", bare), ("passes", passes)):
+            mujoco.mj_setState(
+                model, scratch, world.snapshot().physics.copy(), mujoco.mjtState.mjSTATE_INTEGRATION
+            )
+            times[name].append(_ms(physics))
         times["lean"].append(_ms(lambda action=action: world.step(action)))
         times["plain"].append(_ms(lambda action=action: plain.step(action)))
         if seeing is not None:
@@ -136,6 +160,7 @@ def measure_stepping(
     world.close()
     assert result["lean"] is not None
     assert result["bare"] is not None
+    assert result["passes"] is not None
     assert result["plain"] is not None
     return StepTimes(
         scene=scene.key,
@@ -144,6 +169,7 @@ def measure_stepping(
         robosuite=result["plain"],
         robosuite_images=result["seeing"],
         bare=result["bare"],
+        passes=result["passes"],
         image=result["image"],
         size=size,
         contacts=contacts,

@@ -86,7 +86,6 @@ class Stepper:
             _addresses(),
             model._address,
             data._address,
-            self._substeps,
             self._site,
             data.qpos,
             data.qvel,
@@ -114,9 +113,7 @@ class Stepper:
     def start(self) -> None:
         """Forget the last episode: hold the present orientation, fingers half open.
 
-        Derived data must be up to date. (LIBERO itself starts with the kinematics of an earlier pose;
-        whoever has to reproduce that passes them to :meth:`step` and writes the goal with
-        :meth:`restore`.)
+        Derived data must be up to date.
         """
         self._goal_ori[:] = self._data.site_xmat[self._site].reshape(3, 3)
         self._grip[:] = 0.0
@@ -132,17 +129,29 @@ class Stepper:
 
     def step(self, action: Array) -> None:
         """Play one control step of a (7,) float64 action; derived data are up to date before and after."""
+        self._play(self._aim(action), action, self._substeps)
+
+    def _aim(self, action: Array) -> Array:
+        """Set the goal from the present kinematics; the goal position (3,), m, world.
+
+        A substrate that has to reproduce an environment whose controller starts from kinematics of
+        another pose, as LIBERO's does after ``set_init_state``, plays that substep with robosuite's own
+        controller and the remaining ones with :meth:`_play`.
+        """
         delta = self._controller.scale_action(action[: ACTION_DIM - 1])
         if not all(math.isclose(part, 0.0) for part in delta[3:]):
             now = self._data.site_xmat[self._site].reshape(3, 3)
             self._goal_ori[:] = set_goal_orientation(delta[3:], now)
-        goal_pos = self._data.site_xpos[self._site] + delta[:3]
+        goal: Array = self._data.site_xpos[self._site] + delta[:3]
+        return goal
+
+    def _play(self, goal_pos: Array, action: Array, substeps: int) -> None:
         push = self._speed * np.sign(action[ACTION_DIM - 1])
-        _control_step(goal_pos, self._goal_ori, self._grip, push, *self._fixed)
+        _control_step(goal_pos, self._goal_ori, self._grip, push, substeps, *self._fixed)
 
 
 def _check(env: Any, robot: Any, controller: Any) -> None:
-    wanted = {
+    wanted: dict[str, tuple[Any, Any]] = {
         "robot.dof": (len(robot._ref_joint_pos_indexes), ARM_DOFS),
         "controller.name": (controller.name, "OSC_POSE"),
         "controller.impedance_mode": (controller.impedance_mode, "fixed"),
@@ -155,7 +164,7 @@ def _check(env: Any, robot: Any, controller: Any) -> None:
         "gripper.dof": (robot.gripper.dof, 1),
     }
     for what, (seen, rule) in wanted.items():
-        if seen != rule:
+        if not np.array_equal(seen, rule):
             raise SubstrateError(f"{what}={seen!r}, but the lean control step reproduces {rule!r} only.")
     if env.sim.model.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER:
         raise SubstrateError("The lean control step splits mj_step in two, which needs the Euler integrator.")
@@ -205,10 +214,10 @@ def _control_step(
     goal_ori: Any,
     grip: Any,
     push: Any,
+    substeps: Any,
     functions: Any,
     model: Any,
     data: Any,
-    substeps: Any,
     site: Any,
     qpos: Any,
     qvel: Any,

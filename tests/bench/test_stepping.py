@@ -11,6 +11,7 @@ def times(**changed: float | None) -> StepTimes:
         "robosuite": 6.0,
         "robosuite_images": 30.0,
         "bare": 1.0,
+        "passes": 2.5,
         "image": 7.0,
         "size": 256,
         "contacts": 20,
@@ -29,8 +30,11 @@ def test_the_table_says_what_was_measured() -> None:
     assert times().lines() == [
         "libero_spatial/0: 60 control steps, 20 contacts at the end, medians",
         "  lean step                                     1.50 ms  667 steps/s",
-        "  bare mj_step x substeps                       1.00 ms  lean step is 1.50 times that",
+        "    of which bare mj_step                       1.00 ms  the lean step is 1.50 times that",
+        "    of which controller and gripper             0.50 ms",
         "  robosuite env.step                            6.00 ms  4.0 times the lean step",
+        "    of which three physics passes               2.50 ms",
+        "    of which Python                             3.50 ms",
         "  robosuite env.step, two 256 px images        30.00 ms  20.0 times the lean step",
         "  one 256 px image                              7.00 ms",
     ]
@@ -39,7 +43,7 @@ def test_the_table_says_what_was_measured() -> None:
 def test_without_images_their_rows_are_left_out() -> None:
     measured = times(robosuite_images=None, image=None)
     assert measured.times_robosuite_images is None
-    assert len(measured.lines()) == 4
+    assert len(measured.lines()) == 7
 
 
 def test_a_short_measurement_of_the_real_thing() -> None:

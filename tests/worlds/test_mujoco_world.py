@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -326,7 +327,10 @@ def test_an_action_that_is_none_is_refused(world: TinyWorld, action: list[float]
     assert world.digest() == before
 
 
-def test_a_simulation_that_blows_up_is_an_error_and_a_reset_cures_it(world: TinyWorld) -> None:
+def test_a_simulation_that_blows_up_is_an_error_and_a_reset_cures_it(
+    world: TinyWorld, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log file where it is
     world.data.qvel[-1] = 1e30
     with pytest.raises(SimulatorError, match=r"tiny/0: \w+ are no longer finite after control step 1"):
         world.step(NOOP_ACTION)
