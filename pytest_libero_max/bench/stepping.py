@@ -7,6 +7,7 @@ moment of the machine meets all of them; medians are reported.
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
@@ -117,19 +118,12 @@ def measure_stepping(
         env.assume(world.snapshot())
     scratch = mujoco.MjData(world.model)
     substeps = round(1.0 / (CONTROL_HZ * world.model.opt.timestep))
-    times: dict[str, list[float]] = {
-        "lean": [],
-        "bare": [],
-        "passes": [],
-        "plain": [],
-        "seeing": [],
-        "image": [],
-    }
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (WARM_UP + steps, ACTION_DIM))
     model = world.model
 
-    def bare() -> None:
-        mujoco.mj_step(model, scratch, substeps)
+    def from_here() -> None:
+        """Put the scratch data where the world is."""
+        state = world.snapshot().physics.copy()
+        mujoco.mj_setState(model, scratch, state, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def passes() -> None:
         for _ in range(substeps):
@@ -137,46 +131,41 @@ def measure_stepping(
             mujoco.mj_forward(model, scratch)
             mujoco.mj_step(model, scratch)
 
-    for action in actions:
-        for name, physics in (("bare", bare), ("passes", passes)):
-            mujoco.mj_setState(
-                model, scratch, world.snapshot().physics.copy(), mujoco.mjtState.mjSTATE_INTEGRATION
-            )
-            times[name].append(_ms(physics))
-        times["lean"].append(_ms(lambda action=action: world.step(action)))
-        times["plain"].append(_ms(lambda action=action: plain.step(action)))
+    times: dict[str, list[float]] = defaultdict(list)
+    for action in np.random.default_rng(0).uniform(-1.0, 1.0, (WARM_UP + steps, ACTION_DIM)):
+        from_here()
+        times["bare"].append(_ms(mujoco.mj_step, model, scratch, substeps))
+        from_here()
+        times["passes"].append(_ms(passes))
+        times["lean"].append(_ms(world.step, action))
+        times["robosuite"].append(_ms(plain.step, action))
         if seeing is not None:
-            times["image"].append(_ms(lambda: world.observe(CAMERAS[:1], size)))
+            times["image"].append(_ms(world.observe, CAMERAS[:1], size))
             # Robosuite draws into whatever context is current.
             seeing.sim._render_context_offscreen.gl_ctx.make_current()
-            times["seeing"].append(_ms(lambda action=action: seeing.step(action)))
+            times["robosuite_images"].append(_ms(seeing.step, action))
     for env in environments:
         if not np.array_equal(env.sim.data._data.qpos, world.data.qpos):
             raise SimulatorError(f"{world.scene}: our steps and robosuite's parted, so times mean nothing.")
-    result = {name: median(values[WARM_UP:]) if values else None for name, values in times.items()}
+    medians = {name: median(values[WARM_UP:]) for name, values in times.items()}
     contacts = int(world.data.ncon)
-    for env in environments:
-        env.close()
-    world.close()
-    assert result["lean"] is not None
-    assert result["bare"] is not None
-    assert result["passes"] is not None
-    assert result["plain"] is not None
+    for closing in (*environments, world):
+        closing.close()
     return StepTimes(
         scene=scene.key,
         steps=steps,
-        lean=result["lean"],
-        robosuite=result["plain"],
-        robosuite_images=result["seeing"],
-        bare=result["bare"],
-        passes=result["passes"],
-        image=result["image"],
+        lean=medians["lean"],
+        robosuite=medians["robosuite"],
+        robosuite_images=medians.get("robosuite_images"),
+        bare=medians["bare"],
+        passes=medians["passes"],
+        image=medians.get("image"),
         size=size,
         contacts=contacts,
     )
 
 
-def _ms(act: Callable[[], object]) -> float:
+def _ms(act: Callable[..., object], *arguments: object) -> float:
     begin = time.perf_counter()
-    act()
+    act(*arguments)
     return 1000.0 * (time.perf_counter() - begin)
