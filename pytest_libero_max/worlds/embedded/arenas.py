@@ -1,4 +1,4 @@
-"""The rooms: a wooden table in a tiled room, and the same room's floor. Cameras and lights come with the room."""
+"""The rooms: a wooden table in a tiled room, and that room's bare floor; each with its cameras and lights."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded import textures
 from pytest_libero_max.worlds.embedded.meshes import Mesh, box, join, panel
-from pytest_libero_max.worlds.embedded.objects.base import Vector, mesh_element, skin_geom, texture_element
+from pytest_libero_max.worlds.embedded.objects.base import (
+    Vector,
+    drawn,
+    mesh_element,
+    skin_geom,
+    texture_element,
+)
 from pytest_libero_max.worlds.embedded.rotations import Quaternion
 
 
@@ -76,8 +82,8 @@ _CAMERAS: dict[str, tuple[Vector, Quaternion]] = {
 }
 _FRONTVIEW: Quaternion = (0.560842, 0.430646, 0.430646, 0.560842)
 
-# No light casts shadows, in LIBERO as here. Ambient light belongs to the lights and not to the headlight, so that
-# scaling the lights scales everything that is seen.
+# No light casts shadows, in LIBERO as here. Ambient light belongs to the lights and not to the headlight,
+# so that scaling the lights scales everything that is seen.
 _LIGHTS = (
     {"name": "light1", "pos": "1 1 4", "dir": "-0.42 -0.34 -0.84", "diffuse": "0.50 0.49 0.47"},
     {"name": "light2", "pos": "-3 -3 4", "dir": "0.30 0.55 -0.78", "diffuse": "0.20 0.21 0.23"},
@@ -92,28 +98,54 @@ def furnish(kind: str, assets: ET.Element, worldbody: ET.Element) -> tuple[dict[
     """
     arena = ARENAS[kind]
     for light in _LIGHTS:
-        common = {"ambient": "0.22 0.22 0.22", "specular": "0.12 0.12 0.12", "directional": "true", "castshadow": "false"}
+        common = {
+            "ambient": "0.22 0.22 0.22",
+            "specular": "0.12 0.12 0.12",
+            "directional": "true",
+            "castshadow": "false",
+        }
         worldbody.append(ET.Element("light", {**light, **common}))
-    cameras = {"agentview": arena.agentview, "frontview": ((1.0, 0.0, arena.frontview_z), _FRONTVIEW), **_CAMERAS}
+    cameras = {
+        "agentview": arena.agentview,
+        "frontview": ((1.0, 0.0, arena.frontview_z), _FRONTVIEW),
+        **_CAMERAS,
+    }
     for name, (pos, quat) in cameras.items():
-        attributes = {"mode": "fixed", "name": name, "pos": _numbers(pos), "quat": _numbers(quat), "fovy": "45"}
+        attributes = {
+            "mode": "fixed",
+            "name": name,
+            "pos": _numbers(pos),
+            "quat": _numbers(quat),
+            "fovy": "45",
+        }
         worldbody.append(ET.Element("camera", attributes))
 
-    pictures = {"room_floor": textures.tiles(), "room_wall": textures.plaster()}
+    pictures = {"room_floor": drawn(textures.tiles), "room_wall": drawn(textures.plaster)}
     _skin(assets, worldbody, "room_floor", _ground(), "room_floor")
     _skin(assets, worldbody, "room_wall", _walls(), "room_wall")
     ground = ET.Element(
         "geom",
-        {"name": "floor", "type": "plane", "size": "3 3 0.125", "friction": "1 0.005 0.0001", "group": "0", "rgba": "0.5 0.5 0.5 1"},
+        {
+            "name": "floor",
+            "type": "plane",
+            "size": "3 3 0.125",
+            "friction": "1 0.005 0.0001",
+            "group": "0",
+            "rgba": "0.5 0.5 0.5 1",
+        },
     )
-    surface = ET.SubElement(worldbody, "body", {"name": arena.surface_body, "pos": _numbers(arena.surface_pos)})
+    surface = ET.SubElement(
+        worldbody, "body", {"name": arena.surface_body, "pos": _numbers(arena.surface_pos)}
+    )
     if kind == "floor":
         surface.append(ground)
     else:
         worldbody.append(ground)
         attributes = {"name": "table_collision", "type": "box", "size": _numbers(_TABLE_HALF)}
-        surface.append(ET.Element("geom", {**attributes, "friction": "0.6 0.005 0.0001", "group": "0", "mass": "1"}))
-        pictures["room_table"] = textures.wood(256, (136, 92, 54), (196, 150, 100), planks=6)
+        surface.append(
+            ET.Element("geom", {**attributes, "friction": "0.6 0.005 0.0001", "group": "0", "mass": "1"})
+        )
+        pictures["room_table"] = drawn(_table_top)
         _skin(assets, surface, "room_table", box(_TABLE_HALF, 0.004, atlas=False, tile=0.9), "room_table")
         _skin(assets, surface, "room_legs", _legs(), None, "0.36 0.25 0.16 1")
     for name, picture in pictures.items():
@@ -121,13 +153,19 @@ def furnish(kind: str, assets: ET.Element, worldbody: ET.Element) -> tuple[dict[
     return pictures, surface
 
 
-def _skin(assets: ET.Element, parent: ET.Element, name: str, mesh: Mesh, texture: str | None, rgba: str = "1 1 1 1") -> None:
+def _skin(
+    assets: ET.Element, parent: ET.Element, name: str, mesh: Mesh, texture: str | None, rgba: str = "1 1 1 1"
+) -> None:
     assets.append(mesh_element(name, mesh))
     material = {"name": name, "rgba": rgba, "specular": "0.1", "shininess": "0.2"}
     assets.append(ET.Element("material", material if texture is None else {**material, "texture": texture}))
     geom = skin_geom(name)
     geom.set("name", f"{name}_visual")
     parent.append(geom)
+
+
+def _table_top() -> Image:
+    return textures.wood(256, (136, 92, 54), (196, 150, 100), planks=6)
 
 
 def _ground() -> Mesh:
@@ -149,7 +187,11 @@ def _walls() -> Mesh:
 def _legs() -> Mesh:
     half = (0.03, 0.03, 0.425)
     return join(
-        *(box(half, atlas=False).moved((x, y, -0.025 - half[2])) for x in (-0.45, 0.45) for y in (-0.55, 0.55))
+        *(
+            box(half, atlas=False).moved((x, y, -0.025 - half[2]))
+            for x in (-0.45, 0.45)
+            for y in (-0.55, 0.55)
+        )
     )
 
 

@@ -54,9 +54,9 @@ def write_contact_sheet(
     pictures += [blank] * (-len(pictures) % columns)
     sheet = np.vstack([np.hstack(pictures[n : n + columns]) for n in range(0, len(pictures), columns)])
     rounded = np.minimum(np.round(sheet / _COLOUR_STEP) * _COLOUR_STEP, 255).astype(np.uint8)
+    _, encoded = cv2.imencode(".png", rounded[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(path), rounded[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9]):
-        raise OSError(f"{path} could not be written as a PNG.")
+    path.write_bytes(encoded.tobytes())
 
 
 def _short(task: Task) -> str:

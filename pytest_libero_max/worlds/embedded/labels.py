@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.worlds.contract import Array, Image
 from pytest_libero_max.worlds.embedded.meshes import FACES
 from pytest_libero_max.worlds.embedded.textures import Rgb, plain
+
+Mask = NDArray[np.bool_]
 
 # Each pixel of an edge is judged at this many points in either direction.
 _SUBPIXELS = 3
@@ -65,20 +69,24 @@ class Label:
     def block(self, left: float, top: float, right: float, bottom: float, colour: Rgb) -> Label:
         """A rectangle."""
         return self._fill(
-            (left, top, right, bottom), lambda x, y: (x >= left) & (x < right) & (y >= top) & (y < bottom), colour
+            (left, top, right, bottom),
+            lambda x, y: (x >= left) & (x < right) & (y >= top) & (y < bottom),
+            colour,
         )
 
     def disc(self, x: float, y: float, radius: float, colour: Rgb, squeeze: float = 1.0) -> Label:
         """A disc; ``radius`` in parts of the width, ``squeeze`` its height over its width in pixels."""
         high = radius * squeeze * self._width / self._height
         bounds = (x - radius, y - high, x + radius, y + high)
-        return self._fill(bounds, lambda px, py: ((px - x) / radius) ** 2 + ((py - y) / high) ** 2 <= 1.0, colour)
+        return self._fill(
+            bounds, lambda px, py: ((px - x) / radius) ** 2 + ((py - y) / high) ** 2 <= 1.0, colour
+        )
 
     def polygon(self, points: Sequence[tuple[float, float]], colour: Rgb) -> Label:
         """A filled polygon, by the even-odd rule."""
         xs, ys = [x for x, _ in points], [y for _, y in points]
 
-        def inside(px: Array, py: Array) -> Array:
+        def inside(px: Array, py: Array) -> Mask:
             result = np.zeros(np.broadcast(px, py).shape, bool)
             for (x0, y0), (x1, y1) in zip(points, [*points[1:], points[0]], strict=True):
                 if y0 != y1:
@@ -94,20 +102,28 @@ class Label:
         rows, columns = bits.shape
         left, top = x - width / 2, y - height / 2
 
-        def inside(px: Array, py: Array) -> Array:
+        def inside(px: Array, py: Array) -> Mask:
             row = np.clip(np.floor((py - top) / height * rows).astype(int), 0, rows - 1)
             # Strokes half as wide again as a pixel of the letters, so that they survive minification.
             shifts = [np.floor((px - left) / width * columns + shift).astype(int) for shift in (-0.25, 0.25)]
-            return np.logical_or(*(bits[row, np.clip(column, 0, columns - 1)] for column in shifts))
+            left_half, right_half = (bits[row, np.clip(column, 0, columns - 1)] for column in shifts)
+            mask: Mask = left_half | right_half
+            return mask
 
         return self._fill((left, top, left + width, top + height), inside, colour)
 
     def _fill(
-        self, bounds: tuple[float, float, float, float], inside: Callable[[Array, Array], Array], colour: Rgb
+        self, bounds: tuple[float, float, float, float], inside: Callable[[Array, Array], Mask], colour: Rgb
     ) -> Label:
         """Blend a colour in wherever ``inside`` holds, within a rectangle that contains the shape."""
-        x0, x1 = (int(np.clip(np.floor(v * self._width) + d, 0, self._width)) for v, d in ((bounds[0], 0), (bounds[2], 1)))
-        y0, y1 = (int(np.clip(np.floor(v * self._height) + d, 0, self._height)) for v, d in ((bounds[1], 0), (bounds[3], 1)))
+        x0, x1 = (
+            int(np.clip(np.floor(v * self._width) + d, 0, self._width))
+            for v, d in ((bounds[0], 0), (bounds[2], 1))
+        )
+        y0, y1 = (
+            int(np.clip(np.floor(v * self._height) + d, 0, self._height))
+            for v, d in ((bounds[1], 0), (bounds[3], 1))
+        )
         if x0 >= x1 or y0 >= y1:
             return self
         n = _SUBPIXELS
@@ -133,21 +149,19 @@ def box_atlas(faces: Mapping[str, Image], cell: int = 96) -> Image:
 
 def _resized(picture: Image, size: int) -> Image:
     """The picture stretched to a square, every new pixel the mean of the area it covers."""
-    down, across = _coverage(picture.shape[0], size), _coverage(picture.shape[1], size)
-    return np.rint(np.einsum("ij,jkc,lk->ilc", down, picture.astype(np.float64), across, optimize=True)).astype(np.uint8)
+    result = picture.astype(np.float64)
+    for axis in (0, 1):
+        fine = math.lcm(result.shape[axis], size)
+        parts = np.repeat(result, fine // result.shape[axis], axis=axis)
+        shape = list(parts.shape)
+        shape[axis : axis + 1] = [size, fine // size]
+        result = parts.reshape(shape).mean(axis=axis + 1)
+    return np.rint(result).astype(np.uint8)
 
 
-def _coverage(source: int, target: int) -> Array:
-    """(target, source) share of each source pixel in each target pixel; rows sum to 1."""
-    edges = np.arange(target + 1) * source / target
-    pixels = np.arange(source)
-    overlap = np.minimum(edges[1:, None], pixels + 1) - np.maximum(edges[:-1, None], pixels)
-    return np.clip(overlap, 0.0, None) * target / source
-
-
-def _bits(text: str) -> Array:
+def _bits(text: str) -> Mask:
     """(7, 6 n - 1) letters side by side with a pixel between them."""
-    columns: list[Array] = []
+    columns: list[Mask] = []
     for letter in text:
         rows = [int(row, 16) for row in _LETTERS[letter].split()]
         columns.append(np.array([[bool(row >> (4 - k) & 1) for k in range(5)] + [False] for row in rows]))

@@ -1,8 +1,8 @@
 """Procedural visual meshes: surfaces of revolution, boxes with chamfered edges, flat panels.
 
-Every mesh carries its own normals and texture coordinates, one of each for every vertex, so that sharp edges and
-label seams are plain: where something changes abruptly, the vertex exists twice. Lengths are in metres, the frame is
-the one in which an object is designed (see :mod:`.objects.base`).
+Every mesh carries its own normals and texture coordinates, one of each for every vertex, so that sharp
+edges and label seams are plain: where something changes abruptly, the vertex exists twice. Lengths are in
+metres, the frame is the one in which an object is designed (see :mod:`.objects.base`).
 """
 
 from __future__ import annotations
@@ -50,8 +50,10 @@ class Mesh:
     texcoords: Array
     triangles: np.ndarray
 
-    def moved(self, offset: Point = (0.0, 0.0, 0.0), scale: Point = (1.0, 1.0, 1.0), turn: Array | None = None) -> Mesh:
-        """A copy that was scaled along the axes, then turned by a (3, 3) rotation, then shifted by ``offset``."""
+    def moved(
+        self, offset: Point = (0.0, 0.0, 0.0), scale: Point = (1.0, 1.0, 1.0), turn: Array | None = None
+    ) -> Mesh:
+        """A copy, scaled along the axes, then turned by a (3, 3) rotation, then shifted by ``offset``."""
         rotation = np.eye(3) if turn is None else turn
         normals = self.normals / np.asarray(scale)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -157,7 +159,11 @@ def _bevels(rims: dict[str, tuple[Array, Array]]) -> list[Mesh]:
     for first, second in combinations(FACES, 2):
         one, other = face_axes(first)[0], face_axes(second)[0]
         if one @ other == 0:
-            near = [n for n, p in enumerate(points) if owners[n] in (first, second) and p @ one > 0 and p @ other > 0]
+            near = [
+                n
+                for n, p in enumerate(points)
+                if owners[n] in (first, second) and p @ one > 0 and p @ other > 0
+            ]
             polygons.append(near)
     meshes = []
     for polygon in polygons:
@@ -193,7 +199,8 @@ def revolve(profile: Sequence[tuple[float, float]], segments: int = 24, crease_d
     profile's length from its first point (0) to its last (1).
 
     Args:
-        profile: (radius, z) in m, ordered so that the outside lies to the right of the direction of travel: for a
+        profile: (radius, z) in m, ordered so that the outside lies to the right of the direction of travel:
+        for a
             solid, from the bottom of the axis outwards and up to the top of the axis.
         segments: Facets around the axis.
         crease_deg: Corners of the profile sharper than this stay sharp.
@@ -234,4 +241,6 @@ def revolve(profile: Sequence[tuple[float, float]], segments: int = 24, crease_d
                 triangles.append((a, b, c))
             if rings[upper][0][0] > 0:
                 triangles.append((a, c, d))
-    return Mesh(np.concatenate(vertices), np.concatenate(normals), np.concatenate(texcoords), np.array(triangles))
+    return Mesh(
+        np.concatenate(vertices), np.concatenate(normals), np.concatenate(texcoords), np.array(triangles)
+    )

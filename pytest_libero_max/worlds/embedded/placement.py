@@ -1,8 +1,8 @@
 """Ten initial states for every task: drawn in LIBERO's regions, settled by the simulator, rounded.
 
-The draws come straight from SHA-256 of (suite, task, initial state, attempt, quantity), so no generator's stream and no
-order of calls enters. What the simulator settles is rounded to a micrometre and microradian, far above the last bits
-in which two processors may differ: the same index gives the same bytes everywhere.
+The draws come straight from SHA-256 of (suite, task, initial state, attempt, quantity), so no generator's
+stream and no order of calls enters. What the simulator settles is rounded to a micrometre and microradian,
+far above the last bits in which two processors may differ: the same index gives the same bytes everywhere.
 """
 
 from __future__ import annotations
@@ -32,10 +32,11 @@ ARM_JOINTS = tuple(f"robot0_joint{n}" for n in range(1, 8))
 FINGER_JOINTS = {"gripper0_finger_joint1": 0.020833, "gripper0_finger_joint2": -0.020833}
 """The Panda's joints, and where the fingers stand at reset (m)."""
 
-# LIBERO's initial states scatter each arm joint with a standard deviation of 0.02 rad, never by more than 0.08.
+# LIBERO's initial states scatter each arm joint with a standard deviation of 0.02 rad, never by more than
+# 0.08.
 _ARM_SPREAD, _ARM_LIMIT = 0.02, 0.08
-# Where things are put relative to the middle of a fixture's region, along the fixture's axes, m: (x_min, x_max),
-# (y_min, y_max). In a drawer they stand towards its front, clear of the cabinet above.
+# Where things are put relative to the middle of a fixture's region, along the fixture's axes, m: (x_min,
+# x_max), (y_min, y_max). In a drawer they stand towards its front, clear of the cabinet above.
 _SITE_SPREAD = {
     "top_side": ((-0.03, 0.03), (-0.02, 0.02)),
     "cook_region": ((-0.01, 0.01), (-0.01, 0.01)),
@@ -51,8 +52,8 @@ _SETTLE_STEPS = 3000
 _STILL_STEPS = 50
 _STILL_SPEED = 2e-4
 _DIGITS = 6
-# Two stiff bodies rest on each other with less than the rounding between them; pressed together by this much they
-# still touch afterwards, m.
+# Two stiff bodies rest on each other with less than the rounding between them; pressed together by this
+# much they still touch afterwards, m.
 _PRESS = 2e-6
 
 
@@ -73,7 +74,9 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
         SimulatorError: No draw came to rest as declared.
     """
     if not 0 <= init < INITIAL_STATES:
-        raise SubstrateError(f"init={init!r} is not an initial state of {scene.key}: use 0 to {INITIAL_STATES - 1}.")
+        raise SubstrateError(
+            f"init={init!r} is not an initial state of {scene.key}: use 0 to {INITIAL_STATES - 1}."
+        )
     trouble = "nothing was drawn"
     for attempt in range(_ATTEMPTS):
         draw = _Draw(f"{scene.key}/{init}/{attempt}")
@@ -87,7 +90,9 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
         trouble = _defect(scene, model, data, qpos)
         if not trouble:
             return qpos
-    raise SimulatorError(f"initial state {init} of {scene.key} could not be laid out in {_ATTEMPTS} draws: {trouble}.")
+    raise SimulatorError(
+        f"initial state {init} of {scene.key} could not be laid out in {_ATTEMPTS} draws: {trouble}."
+    )
 
 
 class _Draw:
@@ -152,8 +157,8 @@ def _spot(
     if place in scene.task.places:
         margin = category(category_of(fact.subject)).spread_margin
         low_x, low_y, high_x, high_y = scene.task.places[place].box
-        # LIBERO shrinks a region by the object's nominal radius; where the radius is larger, the interval turns over
-        # and has the difference as its half width.
+        # LIBERO shrinks a region by the object's nominal radius; where the radius is larger, the interval
+        # turns over and has the difference as its half width.
         reach_x, reach_y = abs((high_x - low_x) / 2 - margin), abs((high_y - low_y) / 2 - margin)
         x = (low_x + high_x) / 2 + draw.uniform(f"{fact.subject}/x", -reach_x, reach_x)
         y = (low_y + high_y) / 2 + draw.uniform(f"{fact.subject}/y", -reach_y, reach_y)
@@ -162,18 +167,24 @@ def _spot(
     if place in scene.regions:
         site = data.site(place)
         reach = next(reach for name, reach in _SITE_SPREAD.items() if place.endswith(name))
-        offset = [draw.uniform(f"{fact.subject}/{axis}", *span) for axis, span in zip("xy", reach, strict=True)]
+        offset = [
+            draw.uniform(f"{fact.subject}/{axis}", *span) for axis, span in zip("xy", reach, strict=True)
+        ]
         frame = data.body(support.body).xmat.reshape(3, 3)
         x, y, _ = site.xpos + frame @ np.array([*offset, 0.0])
     else:
         x, y, _ = data.body(support.body).xpos
-    return float(x), float(y), _height_under(scene, model, data, fact.subject, support.body, float(x), float(y))
+    return (
+        float(x),
+        float(y),
+        _height_under(scene, model, data, fact.subject, support.body, float(x), float(y)),
+    )
 
 
 def _height_under(
     scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, instance: str, support: str, x: float, y: float
 ) -> float:
-    """How low an object can be put at (x, y) before it meets its support: the height of its lowest point then, m."""
+    """How low an object can be put at (x, y) before it meets its support: height of its lowest point, m."""
     import mujoco
 
     kind = category(category_of(instance))
@@ -269,7 +280,8 @@ def _rounded(scene: Scene, model: mujoco.MjModel, qpos: Array) -> Array:
     for name in scene.task.objects:
         if scene.entities[scene.entities[name].support or ""].kind != "surface":
             result[int(model.joint(f"{name}_joint0").qposadr[0]) + 2] -= _PRESS
-    # Rounding again leaves no trace of the subtraction; adding zero turns -0.0 into 0.0, which has other bytes.
+    # Rounding again leaves no trace of the subtraction; adding zero turns -0.0 into 0.0, which has other
+    # bytes.
     return np.round(result, _DIGITS) + 0.0
 
 
@@ -292,8 +304,8 @@ def _defect(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, qpos: Arra
         if others - above - {entity.support}:
             return f"{name} touches {min(others - above - {entity.support})}"
     for fact in scene.task.start:
-        declared = fact.subject in scene.task.objects or fact.place is None
-        if declared and fact.place not in scene.task.places:
-            if not resolve(fact, scene.entities, scene.regions).holds(model, data):
-                return f"{fact.subject} is not {fact.predicate} {fact.place or ''}".rstrip()
+        if fact.subject in scene.task.fixtures or fact.place in scene.task.places:
+            continue  # put there by construction; LIBERO's predicate asks for tiny regions, not for rest
+        if not resolve(fact, scene.entities, scene.regions).holds(model, data):
+            return f"{fact.subject} is not {fact.predicate} {fact.place or ''}".rstrip()
     return ""

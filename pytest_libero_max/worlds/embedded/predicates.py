@@ -1,7 +1,8 @@
 """LIBERO's goal predicates on a MuJoCo model and its data.
 
-Each predicate is a small frozen value that names MuJoCo bodies, sites and joints, so that it survives a rebuild of
-the model. The semantics, thresholds and their oddities are those of LIBERO: an object *is* its body's origin.
+Each predicate is a small frozen value that names MuJoCo bodies, sites and joints, so that it survives a
+rebuild of the model. The semantics, thresholds and their oddities are those of LIBERO: an object *is* its
+body's origin.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ def all_hold(goal: Sequence[Predicate], model: mujoco.MjModel, data: mujoco.MjDa
 class In:
     """The object's origin lies inside a box site.
 
-    The box is taken along the world axes: its half sizes are ``|R s|`` with the site's rotation ``R`` and size ``s``,
-    and its lower face is 1 cm deeper.
+    The box is taken along the world axes: its half sizes are ``|R s|`` with the site's rotation ``R`` and
+    size ``s``, and its lower face is 1 cm deeper.
     """
 
     body: str
@@ -50,9 +51,8 @@ class OnSite:
     """The object's origin lies over a site, at most 10 cm above it.
 
     Attributes:
-        body: The object.
-        site: A region of a fixture or of the table or floor.
-        fixture: Root body of the fixture that must touch the object, or None for table and floor, where LIBERO asks
+        body: The object. site: A region of a fixture or of the table or floor. fixture: Root body of the
+        fixture that must touch the object, or None for table and floor, where LIBERO asks
             for no contact.
     """
 

@@ -11,7 +11,7 @@ from pytest_libero_max.worlds.contract import Entity, Image
 from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.arenas import ARENAS, Arena, furnish
 from pytest_libero_max.worlds.embedded.objects import base, category
-from pytest_libero_max.worlds.embedded.objects.base import Category, Link
+from pytest_libero_max.worlds.embedded.objects.base import Link
 from pytest_libero_max.worlds.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
 from pytest_libero_max.worlds.embedded.tasks import Fact, Task, category_of, task
 
@@ -163,7 +163,9 @@ def _owner(place: str, row: Task) -> str:
     """The entity that a place belongs to."""
     if place in row.places:
         return row.places[place].surface
-    return next(name for name in (*row.objects, *row.fixtures) if place == name or place.startswith(f"{name}_"))
+    return next(
+        name for name in (*row.objects, *row.fixtures) if place == name or place.startswith(f"{name}_")
+    )
 
 
 def _regions(row: Task) -> dict[str, Region]:
@@ -188,7 +190,13 @@ def _joint_names(root: Link) -> tuple[str, ...]:
 def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
     root = ET.Element("mujoco", {"model": f"{row.suite}_{row.index}"})
     ET.SubElement(root, "compiler", {"angle": "radian", "autolimits": "true", "inertiagrouprange": "0 0"})
-    option = {"timestep": "0.002", "cone": "elliptic", "impratio": "20", "density": "1.2", "viscosity": "0.00002"}
+    option = {
+        "timestep": "0.002",
+        "cone": "elliptic",
+        "impratio": "20",
+        "density": "1.2",
+        "viscosity": "0.00002",
+    }
     ET.SubElement(root, "option", option)
     visual = ET.SubElement(root, "visual")
     ET.SubElement(visual, "headlight", {"ambient": "0 0 0", "diffuse": "0.12 0.12 0.12", "specular": "0 0 0"})
@@ -215,7 +223,9 @@ def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
         place = row.places[starts[instance] or ""]
         x0, y0, x1, y1 = place.box
         pos = ((x0 + x1) / 2, (y0 + y1) / 2, arena.fixture_z)
-        worldbody.append(base.body(category(category_of(instance)), instance, pos, rotations.about((0, 0, 1), place.yaw)))
+        worldbody.append(
+            base.body(category(category_of(instance)), instance, pos, rotations.about((0, 0, 1), place.yaw))
+        )
     ET.indent(root)
     return ET.tostring(root, encoding="unicode"), pictures
 
@@ -224,6 +234,3 @@ def _order_textures_first(assets: ET.Element) -> None:
     """Materials refer to textures by name; a reader of the document finds them in that order."""
     order = {"texture": 0, "mesh": 1, "material": 2}
     assets[:] = sorted(assets, key=lambda element: order[element.tag])
-
-
-__all__ = ["ROBOT_INIT_QPOS", "Category", "Region", "Scene", "build_scene", "links", "resolve"]

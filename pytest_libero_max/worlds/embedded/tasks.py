@@ -1,7 +1,7 @@
 """The tasks of LIBERO as data: instructions, what stands where, and the goal.
 
-Names, instructions, places and goals are LIBERO's own. A row holds what distinguishes a task from the others of its
-suite; everything that follows from that is derived here.
+Names, instructions, places and goals are LIBERO's own. A row holds what distinguishes a task from the
+others of its suite; everything that follows from that is derived here.
 """
 
 from __future__ import annotations
@@ -84,7 +84,8 @@ def _square(x: float, y: float, half: float) -> Box:
     return (round(x - half, 6), round(y - half, 6), round(x + half, 6), round(y + half, 6))
 
 
-# --- LIBERO-Spatial: two bowls, the same table ---------------------------------------------------------------------
+# --- LIBERO-Spatial: two bowls, the same table
+# ---------------------------------------------------------------------
 
 _TABLE_PLACES: dict[str, Box] = {
     "between_plate_ramekin_region": _square(-0.05, 0.20, 0.01),
@@ -102,7 +103,11 @@ _TABLE_PLACES: dict[str, Box] = {
 # LIBERO turns the cabinet by 2.661 to 2.724 rad; the scenes here take the middle.
 _CABINET_YAW = 2.6928
 
-_STOVE, _CABINET_TOP, _DRAWER = "flat_stove_1_cook_region", "wooden_cabinet_1_top_side", "wooden_cabinet_1_top_region"
+_STOVE, _CABINET_TOP, _DRAWER = (
+    "flat_stove_1_cook_region",
+    "wooden_cabinet_1_top_side",
+    "wooden_cabinet_1_top_region",
+)
 
 # The words for the first bowl's place, the place of the first bowl, the place of the second.
 _SPATIAL: tuple[tuple[str, str, str], ...] = (
@@ -149,7 +154,13 @@ def _spatial(index: int) -> Task:
         index,
         f"pick up the black bowl {words} and place it on the plate",
         "tabletop",
-        ("akita_black_bowl_1", "akita_black_bowl_2", "cookies_1", "glazed_rim_porcelain_ramekin_1", "plate_1"),
+        (
+            "akita_black_bowl_1",
+            "akita_black_bowl_2",
+            "cookies_1",
+            "glazed_rim_porcelain_ramekin_1",
+            "plate_1",
+        ),
         ("wooden_cabinet_1", "flat_stove_1"),
         places,
         tuple(start),
@@ -157,14 +168,15 @@ def _spatial(index: int) -> Task:
     )
 
 
-# --- LIBERO-Object: groceries and a basket on the floor --------------------------------------------------------------
+# --- LIBERO-Object: groceries and a basket on the floor
+# --------------------------------------------------------------
 
 _FAR, _NEAR = (-0.12, -0.24), (0.05, -0.10)
 _FLOOR_SPOTS = ((-0.15, 0.06), (0.10, -0.20), (0.15, 0.03), (-0.20, -0.08))
 _BASKET_SPOT = (0.0, 0.26)
 
-# What goes into the basket, where it stands, and the five others in the order of their regions; the first of the
-# others takes whichever of the spots _FAR and _NEAR is left.
+# What goes into the basket, where it stands, and the five others in the order of their regions; the first
+# of the others takes whichever of the spots _FAR and _NEAR is left.
 _OBJECT: tuple[tuple[str, tuple[float, float], str], ...] = (
     ("alphabet_soup", _FAR, "salad_dressing cream_cheese milk tomato_sauce butter"),
     ("cream_cheese", _NEAR, "alphabet_soup milk tomato_sauce butter orange_juice"),
@@ -183,7 +195,9 @@ def _object(index: int) -> Task:
     target, spot, others = _OBJECT[index]
     spots = {"target_object_region": spot, "other_object_region_0": _NEAR if spot == _FAR else _FAR}
     spots |= {f"other_object_region_{n}": place for n, place in enumerate(_FLOOR_SPOTS, start=1)}
-    places = {f"floor_{key}": Place(f"floor_{key}", "floor", _square(*xy, 0.025)) for key, xy in spots.items()}
+    places = {
+        f"floor_{key}": Place(f"floor_{key}", "floor", _square(*xy, 0.025)) for key, xy in spots.items()
+    }
     places["floor_bin_region"] = Place("floor_bin_region", "floor", _square(*_BASKET_SPOT, 0.01))
     instances = [f"{name}_1" for name in (target, *others.split())]
     start = [Fact("on", name, f"floor_{key}") for name, key in zip(instances, spots, strict=True)]
@@ -215,7 +229,8 @@ def task(suite: str, index: int) -> Task:
     """
     if suite not in _SUITES:
         raise SubstrateError(
-            f"suite={suite!r} has no embedded scenes; use the libero substrate for it. {did_you_mean(suite, SUITES)}"
+            f"suite={suite!r} has no embedded scenes; use the libero substrate for it. "
+            f"{did_you_mean(suite, SUITES)}"
         )
     build, count = _SUITES[suite]
     if not 0 <= index < count:

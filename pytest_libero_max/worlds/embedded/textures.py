@@ -1,7 +1,7 @@
 """Procedural pictures of materials, and the way of pictures into a compiled model.
 
-Every picture is (H, W, 3) uint8, row 0 on top, a pure function of its arguments: noise comes from a fixed integer hash
-of the pixel's place, never from a generator whose stream could change.
+Every picture is (H, W, 3) uint8, row 0 on top, a pure function of its arguments: noise comes from a fixed
+integer hash of the pixel's place, never from a generator whose stream could change.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ Rgb = tuple[int, int, int]
 def upload(model: mujoco.MjModel, pictures: Mapping[str, Image]) -> None:
     """Write the pictures into the textures of a compiled model that bear their names.
 
-    Call it once after compiling and before a renderer is made; MuJoCo hands textures to the GPU when a context opens.
+    Call it once after compiling and before a renderer is made; MuJoCo hands textures to the GPU when a
+    context opens.
 
     Args:
         model: Compiled from an MJCF that declares the textures with the pictures' sizes.
@@ -46,7 +47,9 @@ def noise(height: int, width: int, seed: int, cell: int = 1) -> Array:
     """
     rows, columns = height // cell, width // cell
     grid_y, grid_x = np.mgrid[0:rows, 0:columns].astype(np.uint32)
-    value = grid_x * np.uint32(374761393) + grid_y * np.uint32(668265263) + np.uint32(seed * 974634777 % 2**32)
+    value = (
+        grid_x * np.uint32(374761393) + grid_y * np.uint32(668265263) + np.uint32(seed * 974634777 % 2**32)
+    )
     value = (value ^ (value >> np.uint32(13))) * np.uint32(1274126177)
     grid = ((value ^ (value >> np.uint32(16))) & np.uint32(0xFFFF)).astype(np.float64) / 65535.0
     y, x = np.arange(height) / cell, np.arange(width) / cell
@@ -55,11 +58,13 @@ def noise(height: int, width: int, seed: int, cell: int = 1) -> Array:
     y1, x1 = (y0 + 1) % rows, (x0 + 1) % columns
     top = grid[np.ix_(y0, x0)] * (1 - tx) + grid[np.ix_(y0, x1)] * tx
     bottom = grid[np.ix_(y1, x0)] * (1 - tx) + grid[np.ix_(y1, x1)] * tx
-    return top * (1 - ty) + bottom * ty
+    field: Array = top * (1 - ty) + bottom * ty
+    return field
 
 
 def _ease(t: Array) -> Array:
-    return t * t * (3 - 2 * t)
+    eased: Array = t * t * (3 - 2 * t)
+    return eased
 
 
 def blend(pattern: Array, dark: Rgb, light: Rgb) -> Image:
@@ -73,7 +78,9 @@ def plain(colour: Rgb, height: int = 64, width: int = 64) -> Image:
     return np.full((height, width, 3), colour, np.uint8)
 
 
-def wood(size: int = 256, dark: Rgb = (128, 84, 48), light: Rgb = (178, 128, 82), planks: int = 0, seed: int = 1) -> Image:
+def wood(
+    size: int = 256, dark: Rgb = (128, 84, 48), light: Rgb = (178, 128, 82), planks: int = 0, seed: int = 1
+) -> Image:
     """Wood with its grain along u; ``planks`` > 0 draws that many boards with seams."""
     wave = 0.6 * noise(size, size, seed, size // 4) + 0.3 * noise(size, size, seed + 1, size // 8)
     rows = np.arange(size)[:, None] / size
@@ -91,13 +98,17 @@ def wood(size: int = 256, dark: Rgb = (128, 84, 48), light: Rgb = (178, 128, 82)
 
 def plaster(size: int = 256) -> Image:
     """Light gray rough wall."""
-    pattern = 0.5 * noise(size, size, 31, 32) + 0.3 * noise(size, size, 32, 8) + 0.2 * noise(size, size, 33, 2)
+    pattern = (
+        0.5 * noise(size, size, 31, 32) + 0.3 * noise(size, size, 32, 8) + 0.2 * noise(size, size, 33, 2)
+    )
     return blend(pattern, (196, 194, 188), (226, 225, 220))
 
 
 def tiles(size: int = 256, joints: int = 2) -> Image:
     """Light gray floor tiles, ``joints`` by ``joints`` of them."""
-    pattern = 0.5 * noise(size, size, 41, 64) + 0.3 * noise(size, size, 42, 16) + 0.2 * noise(size, size, 43, 4)
+    pattern = (
+        0.5 * noise(size, size, 41, 64) + 0.3 * noise(size, size, 42, 16) + 0.2 * noise(size, size, 43, 4)
+    )
     picture = blend(pattern, (150, 150, 148), (184, 184, 180))
     line = (np.arange(size) * joints) % size < 2 * joints
     picture[line] = (118, 118, 116)

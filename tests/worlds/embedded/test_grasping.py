@@ -1,6 +1,7 @@
 """Every object that a task asks for can be pinched by the Panda's fingers, lifted, carried and held.
 
-The gripper is a free-standing pair of fingers with the pads, forces and inertias of robosuite's Panda gripper.
+The gripper is a free-standing pair of fingers with the pads, forces and inertias of robosuite's Panda
+gripper.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ GRIPPER = f"""
     <geom {PAD} pos="0 0.004 0"/><geom {FINGER} pos="0 0.0145 0.022"/>
   </body>
   <body name="right" gravcomp="1">
-    <joint name="right" type="slide" axis="0 1 0" range="-0.04 0" damping="100" armature="1" frictionloss="1"/>
-    <inertial pos="0 0 0" mass="0.1" diaginertia="0.01 0.01 0.005"/>
-    <geom {PAD} pos="0 -0.004 0"/><geom {FINGER} pos="0 -0.0145 0.022"/>
+    <joint name="right" type="slide" axis="0 1 0" range="-0.04 0" damping="100" armature="1"
+    frictionloss="1"/> <inertial pos="0 0 0" mass="0.1" diaginertia="0.01 0.01 0.005"/> <geom {PAD} pos="0
+    -0.004 0"/><geom {FINGER} pos="0 -0.0145 0.022"/>
   </body>
 </body>"""
 ACTUATORS = """
@@ -62,15 +63,22 @@ def grasp_model(name: str) -> mujoco.MjModel:
     kind = category(name)
     elements, _ = base.assets(kind)
     assets = "".join(ET.tostring(element, encoding="unicode") for element in elements)
-    body = ET.tostring(base.body(kind, "thing_1", (0, 0, kind.origin_height), kind.upright), encoding="unicode")
+    body = ET.tostring(
+        base.body(kind, "thing_1", (0, 0, kind.origin_height), kind.upright), encoding="unicode"
+    )
     return mujoco.MjModel.from_xml_string(f"""
-      <mujoco><compiler angle="radian" autolimits="true" inertiagrouprange="0 0"/>
-      <option timestep="0.002" cone="elliptic" impratio="20"/>
-      <asset>{assets}</asset>
-      <worldbody><geom type="plane" size="2 2 0.1" friction="1 0.005 0.0001"/>{body}{GRIPPER}</worldbody>{ACTUATORS}</mujoco>""")
+      <mujoco><compiler angle="radian" autolimits="true" inertiagrouprange="0 0"/> <option timestep="0.002"
+      cone="elliptic" impratio="20"/> <asset>{assets}</asset> <worldbody><geom type="plane" size="2 2 0.1"
+      friction="1 0.005 0.0001"/>{body}{GRIPPER}</worldbody>{ACTUATORS}</mujoco>""")
 
 
-def drive(model: mujoco.MjModel, data: mujoco.MjData, target: tuple[float, float, float], opening: float, seconds: float) -> None:
+def drive(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    target: tuple[float, float, float],
+    opening: float,
+    seconds: float,
+) -> None:
     start = data.ctrl[:3].copy()
     steps = int(seconds / model.opt.timestep)
     for step in range(steps):
@@ -80,7 +88,9 @@ def drive(model: mujoco.MjModel, data: mujoco.MjData, target: tuple[float, float
         mujoco.mj_step(model, data)
 
 
-@pytest.mark.parametrize(("name", "side", "height"), GRASPS, ids=[f"{g[0]}{'-far' if g[1] < 0 else ''}" for g in GRASPS])
+@pytest.mark.parametrize(
+    ("name", "side", "height"), GRASPS, ids=[f"{g[0]}{'-far' if g[1] < 0 else ''}" for g in GRASPS]
+)
 def test_is_lifted_carried_and_held(name, side, height):
     model = grasp_model(name)
     data = mujoco.MjData(model)
@@ -101,5 +111,5 @@ def test_is_lifted_carried_and_held(name, side, height):
     drive(model, data, (0.15, side - 0.15, down + 0.004), 0.04, 0.6)
     drive(model, data, (0.15, side - 0.15, 0.0), 0.04, 0.8)
     released = data.body("thing_1_main")
-    assert released.xpos == pytest.approx(before + [0.15, -0.15, 0.0], abs=0.02)
+    assert released.xpos == pytest.approx(before + np.array([0.15, -0.15, 0.0]), abs=0.02)
     assert abs(data.joint("thing_1_joint0").qvel).max() < 0.01

@@ -55,13 +55,17 @@ def test_everything_touches_what_it_is_declared_to_rest_on_and_nothing_else(suit
             for other, entity in scene.entities.items():
                 related = scene.entities[name].support == other or entity.support == name
                 if other != name:
-                    assert touching(model, data, scene.entities[name].body, entity.body) == related, (init, name, other)
+                    assert touching(model, data, scene.entities[name].body, entity.body) == related, (
+                        init,
+                        name,
+                        other,
+                    )
 
 
 @every_scene
 def test_objects_stand_upright_in_their_regions(suite, index):
     for init in range(INITIAL_STATES):
-        scene, model, data = at_start(suite, index, init)
+        scene, _, data = at_start(suite, index, init)
         for fact in scene.task.start:
             if fact.subject in scene.task.objects and fact.place in scene.task.places:
                 x0, y0, x1, y1 = scene.task.places[fact.place].box
@@ -116,5 +120,7 @@ def test_other_processes_with_other_hash_seeds_find_the_same_bytes():
 @pytest.mark.parametrize("init", [-1, 10, 1000])
 def test_initial_states_that_do_not_exist_are_refused(init):
     scene, model = compiled("libero_object", 0)
-    with pytest.raises(SubstrateError, match=f"init={init} is not an initial state of libero_object/0: use 0 to 9"):
+    with pytest.raises(
+        SubstrateError, match=f"init={init} is not an initial state of libero_object/0: use 0 to 9"
+    ):
         initial_state(scene, model, mujoco.MjData(model), init)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 import pytest
 
 from pytest_libero_max.worlds.embedded.predicates import In, Joints, OnObject, OnSite, all_hold, touching
@@ -73,8 +74,8 @@ def test_on_site_has_a_height_of_its_own(boxes, z, expected):
 
 
 def test_on_site_turns_the_offset_by_the_sites_own_rotation(boxes):
-    # LIBERO multiplies by R, where R transposed would bring the offset into the site's frame: at 30 degrees a point
-    # on the site's long axis ends up at 60 degrees, outside the narrow side.
+    # LIBERO multiplies by R, where R transposed would bring the offset into the site's frame: at 30 degrees
+    # a point on the site's long axis ends up at 60 degrees, outside the narrow side.
     assert not OnSite("cube", "top").holds(*boxes(0.0779, 0.045, 0.62))
     assert OnSite("cube", "top").holds(*boxes(0.0779, -0.045, 0.62))
 
@@ -135,7 +136,9 @@ def test_a_goal_holds_once_the_task_was_done_by_hand(suite, index):
     (fact,) = scene.task.goal
     target = "plate_1" if suite == "libero_spatial" else "basket_1"
     height = 0.01 if suite == "libero_spatial" else 0.1
-    data.joint(f"{fact.subject}_joint0").qpos[:3] = data.body(f"{target}_main").xpos + [0.005, -0.005, height]
+    data.joint(f"{fact.subject}_joint0").qpos[:3] = data.body(f"{target}_main").xpos + np.array(
+        [0.005, -0.005, height]
+    )
     control_steps(model, data, 20)
     mujoco.mj_forward(model, data)
     assert all_hold(scene.goal, model, data)

@@ -60,12 +60,23 @@ def test_joints_come_in_liberos_order():
     _, groceries = compiled("libero_object", 4)
     assert [groceries.joint(n).name for n in range(groceries.njnt)] == [
         f"{name}_1_joint0"
-        for name in ("ketchup", "basket", "bbq_sauce", "salad_dressing", "alphabet_soup", "cream_cheese", "milk")
+        for name in (
+            "ketchup",
+            "basket",
+            "bbq_sauce",
+            "salad_dressing",
+            "alphabet_soup",
+            "cream_cheese",
+            "milk",
+        )
     ]
 
 
 def test_cameras_stand_where_libero_has_them():
-    for suite, position in (("libero_spatial", (0.658613, 0, 1.61035)), ("libero_object", (0.896577, 0, 0.65))):
+    for suite, position in (
+        ("libero_spatial", (0.658613, 0, 1.61035)),
+        ("libero_object", (0.896577, 0, 0.65)),
+    ):
         _, model = compiled(suite, 0)
         names = {model.camera(n).name for n in range(model.ncam)}
         assert names == {"agentview", "frontview", "birdview", "galleryview", "sideview"}
@@ -92,7 +103,8 @@ def test_the_document_needs_no_file():
 
 def test_entities_say_what_they_rest_on():
     supports = {
-        index: build_scene("libero_spatial", index).entities["akita_black_bowl_1"].support for index in (0, 3, 4, 5, 7, 9)
+        index: build_scene("libero_spatial", index).entities["akita_black_bowl_1"].support
+        for index in (0, 3, 4, 5, 7, 9)
     }
     assert supports == {
         0: "main_table",
@@ -116,8 +128,12 @@ def test_names_become_predicates():
     assert of("on", "akita_black_bowl_1", "flat_stove_1_cook_region") == OnSite(
         bowl, "flat_stove_1_cook_region", "flat_stove_1_main"
     )
-    assert of("on", "akita_black_bowl_1", "main_table_box_region") == OnSite(bowl, "main_table_box_region", None)
-    assert of("in", "akita_black_bowl_1", "wooden_cabinet_1_top_region") == In(bowl, "wooden_cabinet_1_top_region")
+    assert of("on", "akita_black_bowl_1", "main_table_box_region") == OnSite(
+        bowl, "main_table_box_region", None
+    )
+    assert of("in", "akita_black_bowl_1", "wooden_cabinet_1_top_region") == In(
+        bowl, "wooden_cabinet_1_top_region"
+    )
     assert of("open", "wooden_cabinet_1_top_region") == Joints(top, high=-0.14)
     assert of("close", "wooden_cabinet_1_top_region") == Joints(top, low=0.0, every=True)
     assert of("turnon", "flat_stove_1") == Joints(("flat_stove_1_button",), low=0.5, closed=True)

@@ -41,7 +41,9 @@ def test_the_name_is_the_stem_of_the_bddl_file():
 
 
 def test_goals():
-    goals = {(fact.predicate, fact.subject, fact.place) for row in tasks("libero_spatial") for fact in row.goal}
+    goals = {
+        (fact.predicate, fact.subject, fact.place) for row in tasks("libero_spatial") for fact in row.goal
+    }
     assert goals == {("on", "akita_black_bowl_1", "plate_1")}
     for row in tasks("libero_object"):
         (fact,) = row.goal

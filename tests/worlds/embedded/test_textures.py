@@ -64,13 +64,20 @@ def test_shapes_cover_what_they_should():
 
 
 def test_what_lies_outside_the_picture_is_cut_off():
-    label = Label((9, 9, 9), 32, 32).disc(1.5, 0.5, 0.2, (255, 0, 0)).word("MILK", 0.0, 0.5, 0.5, 0.5, (0, 255, 0))
+    label = (
+        Label((9, 9, 9), 32, 32)
+        .disc(1.5, 0.5, 0.2, (255, 0, 0))
+        .word("MILK", 0.0, 0.5, 0.5, 0.5, (0, 255, 0))
+    )
     assert (label.image[:, 20:] == 9).all()
     assert (label.image[:, :8, 1] == 255).any()
 
 
 def test_words_are_told_apart():
-    drawn = {word: Label((0, 0, 0), 64, 16).word(word, 0.5, 0.5, 1, 1, (255,) * 3).image for word in ("MILK", "SOUP")}
+    drawn = {
+        word: Label((0, 0, 0), 64, 16).word(word, 0.5, 0.5, 1, 1, (255,) * 3).image
+        for word in ("MILK", "SOUP")
+    }
     assert np.abs(drawn["MILK"].astype(int) - drawn["SOUP"]).mean() > 20
 
 

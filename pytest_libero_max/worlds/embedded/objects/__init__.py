@@ -44,5 +44,7 @@ def category(name: str) -> Category:
         SubstrateError: There is none of that name.
     """
     if name not in _BUILDERS:
-        raise SubstrateError(f"object category={name!r} is not one we build. {did_you_mean(name, CATEGORIES)}")
+        raise SubstrateError(
+            f"object category={name!r} is not one we build. {did_you_mean(name, CATEGORIES)}"
+        )
     return _BUILDERS[name]()

@@ -1,9 +1,9 @@
 """What a scene object is made of, and how it becomes MJCF.
 
-An object is *designed upright*: in metres, in world axes as it stands at reset (front towards ``agentview``, +x; z
-up), with the origin where LIBERO has the body's origin. Its body frame may be turned against that (LIBERO's bottles
-have y up); ``Category.upright`` is that turn, and every shape is turned back by it when the MJCF is written. Sites are
-given in the body frame.
+An object is *designed upright*: in metres, in world axes as it stands at reset (front towards
+``agentview``, +x; z up), with the origin where LIBERO has the body's origin. Its body frame may be turned
+against that (LIBERO's bottles have y up); ``Category.upright`` is that turn, and every shape is turned back
+by it when the MJCF is written. Sites are given in the body frame.
 
 Collision shapes are in geom group 0 and visual meshes in group 1, as in robosuite, which draws group 1 only.
 """
@@ -14,6 +14,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -101,13 +102,11 @@ class Category:
     """A kind of object that scenes can contain any number of times.
 
     Attributes:
-        name: LIBERO's category.
-        fixture: Bolted to the scene instead of free.
-        root: Its root body, ``<instance>_<root.name>``.
-        upright: Orientation of the body at reset.
-        origin_height: Height of the body's origin above the surface it stands on, m.
-        spread_margin: LIBERO's ``horizontal_radius`` in m, by which the placement interval of a region shrinks.
-        textures: Pictures of the skins by key, drawn when a scene is built.
+        name: LIBERO's category. fixture: Bolted to the scene instead of free. root: Its root body,
+        ``<instance>_<root.name>``. upright: Orientation of the body at reset. origin_height: Height of the
+        body's origin above the surface it stands on, m. spread_margin: LIBERO's ``horizontal_radius`` in m,
+        by which the placement interval of a region shrinks. textures: Pictures of the skins by key, drawn
+        when a scene is built.
     """
 
     name: str
@@ -128,7 +127,7 @@ def assets(category: Category) -> tuple[list[ET.Element], dict[str, Image]]:
     elements: list[ET.Element] = []
     pictures: dict[str, Image] = {}
     for key, draw in category.textures.items():
-        picture = draw()
+        picture = drawn(draw)
         name = f"{category.name}_{key}"
         pictures[name] = picture
         elements.append(texture_element(name, picture))
@@ -154,6 +153,14 @@ def body(category: Category, instance: str, pos: Sequence[float], quat: Quaterni
         joint = ET.Element("joint", {"name": f"{instance}_joint0", "type": "free", "damping": "0.0005"})
         root.insert(0, joint)
     return root
+
+
+@cache
+def drawn(draw: Callable[[], Image]) -> Image:
+    """The picture that a function draws, drawn once per process and read-only from then on."""
+    picture = draw()
+    picture.setflags(write=False)
+    return picture
 
 
 def texture_element(name: str, picture: Image) -> ET.Element:
@@ -185,9 +192,17 @@ def skin_geom(name: str, pos: Sequence[float] = (0.0, 0.0, 0.0)) -> ET.Element:
     return ET.Element("geom", {**attributes, "group": "1", "contype": "0", "conaffinity": "0", "mass": "0"})
 
 
-def site_element(name: str, pos: Sequence[float], half: Sequence[float], quat: Quaternion = IDENTITY) -> ET.Element:
+def site_element(
+    name: str, pos: Sequence[float], half: Sequence[float], quat: Quaternion = IDENTITY
+) -> ET.Element:
     """An invisible box site."""
-    attributes = {"name": name, "type": "box", "pos": _numbers(pos), "size": _numbers(half), "quat": _numbers(quat)}
+    attributes = {
+        "name": name,
+        "type": "box",
+        "pos": _numbers(pos),
+        "size": _numbers(half),
+        "quat": _numbers(quat),
+    }
     return ET.Element("site", {**attributes, "rgba": "0 0 0 0", "group": "3"})
 
 

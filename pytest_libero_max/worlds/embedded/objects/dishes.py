@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded import textures
 from pytest_libero_max.worlds.embedded.meshes import revolve
 from pytest_libero_max.worlds.embedded.objects.base import Category, Link, Skin, Solid, wall_ring
+from pytest_libero_max.worlds.embedded.textures import Rgb
 
 _QUARTER_TURN = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
@@ -123,9 +125,10 @@ def _black_glaze() -> Image:
     return picture
 
 
-def _rings(ground: tuple[int, int, int], line: tuple[int, int, int], spans: list[tuple[float, float]]) -> Image:
+def _rings(ground: Rgb, line: Rgb, spans: Sequence[tuple[float, float]]) -> Image:
     """A plain glaze with coloured lines at parts of the profile's length."""
-    picture = textures.blend(0.5 + 0.5 * textures.noise(256, 16, 71, 8), tuple(c - 12 for c in ground), ground)  # type: ignore[arg-type]
+    shade = (ground[0] - 12, ground[1] - 12, ground[2] - 12)
+    picture = textures.blend(0.5 + 0.5 * textures.noise(256, 16, 71, 8), shade, ground)
     for low, high in spans:
         picture[int(256 * (1 - high)) : int(256 * (1 - low))] = line
     return picture

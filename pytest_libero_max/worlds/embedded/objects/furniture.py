@@ -48,7 +48,10 @@ def wooden_cabinet() -> Category:
         Link("main", 0.0, links=(base,)),
         fixture=True,
         spread_margin=0.045,
-        textures={"wood": lambda: textures.wood(128, (112, 66, 34), (158, 100, 56), seed=5), "front": _drawer_front},
+        textures={
+            "wood": lambda: textures.wood(128, (112, 66, 34), (158, 100, 56), seed=5),
+            "front": _drawer_front,
+        },
     )
 
 
@@ -83,7 +86,9 @@ def _drawer(name: str, middle: float) -> Link:
         Skin(_boards((bar, *posts), 0.16), (0.16, 0.15, 0.15), None, 0.6),
     )
     # LIBERO's quaternion: the region's x axis points down, its z axis along the cabinet's width.
-    region = Site(f"{name}_region", (0.00328, 0.01128, middle), (0.02993, 0.07561, 0.10224), (_HALF, 0.0, _HALF, 0.0))
+    region = Site(
+        f"{name}_region", (0.00328, 0.01128, middle), (0.02993, 0.07561, 0.10224), (_HALF, 0.0, _HALF, 0.0)
+    )
     slide = Joint(f"{name}_level", "slide", (0.0, 1.0, 0.0), (-0.16, 0.01), 50.0)
     return Link(f"cabinet_{name}", 3.0, (*boards, bar, *posts), skins, (region,), slide)
 
@@ -108,7 +113,10 @@ def flat_stove() -> Category:
         1.4801,
         (plate,),
         (Skin(slab, (0.13, 0.13, 0.14), None, 0.6), Skin(coil, texture="coil", shine=0.3)),
-        (Site("cook_region", (0.0, 0.0, 0.0), (0.075, 0.075, 0.0025)), Site("burner", (0.0, 0.0, 0.022), (0.0625, 0.0625, 0.0005))),
+        (
+            Site("cook_region", (0.0, 0.0, 0.0), (0.075, 0.075, 0.0025)),
+            Site("burner", (0.0, 0.0, 0.022), (0.0625, 0.0625, 0.0005)),
+        ),
         pos=(0.15, 0.0, 0.0),
     )
     console = Solid((0.001, 0.0, 0.0), (0.0535, 0.065, 0.014))
@@ -118,7 +126,9 @@ def flat_stove() -> Category:
         revolve([(0.026, 0.0142), (0.026, 0.0245), (0.023, 0.0262), (0.0, 0.0262)], 20),
         box((0.007, 0.024, 0.0125), 0.002, atlas=False).moved(grip.pos),
     )
-    mark = panel([(-0.0015, 0.004, 0.0503), (0.0015, 0.004, 0.0503), (0.0015, 0.021, 0.0503), (-0.0015, 0.021, 0.0503)])
+    mark = panel(
+        [(-0.0015, 0.004, 0.0503), (0.0015, 0.004, 0.0503), (0.0015, 0.021, 0.0503), (-0.0015, 0.021, 0.0503)]
+    )
     button = Link(
         "button",
         3.0,
@@ -126,7 +136,9 @@ def flat_stove() -> Category:
         (Skin(knob, (0.25, 0.25, 0.27), None, 0.5), Skin(mark, (0.92, 0.2, 0.15))),
         joint=Joint("button", "hinge", (0.0, 0.0, 1.0), (-0.005, 2.1), 1.0),
     )
-    panel_skin = Skin(box((0.0535, 0.065, 0.014), 0.003, atlas=False).moved(console.pos), (0.62, 0.63, 0.65), None, 0.6)
+    panel_skin = Skin(
+        box((0.0535, 0.065, 0.014), 0.003, atlas=False).moved(console.pos), (0.62, 0.63, 0.65), None, 0.6
+    )
     base = Link("base", 0.0, (console,), (panel_skin,), links=(burner, button))
     return Category(
         "flat_stove",
@@ -170,10 +182,14 @@ def basket() -> Category:
             mesh = box(half, atlas=False, tile=0.1).moved(centre, turn=rotations.matrix(turn))
             skins.append(mesh)
     rim = [
-        box((0.006, high[1] + 0.002, 0.006), 0.0015, atlas=False).moved((s * (high[0] - 0.003), 0.0, top - 0.0055))
+        box((0.006, high[1] + 0.002, 0.006), 0.0015, atlas=False).moved(
+            (s * (high[0] - 0.003), 0.0, top - 0.0055)
+        )
         for s in (1.0, -1.0)
     ] + [
-        box((high[0] + 0.002, 0.006, 0.006), 0.0015, atlas=False).moved((0.0, s * (high[1] - 0.003), top - 0.0055))
+        box((high[0] + 0.002, 0.006, 0.006), 0.0015, atlas=False).moved(
+            (0.0, s * (high[1] - 0.003), top - 0.0055)
+        )
         for s in (1.0, -1.0)
     ]
     site = Site("contain_region", (0.0, 0.0, 0.07185), (0.06108, 0.06108, 0.06949), (0.0, 0.0, 0.0, 1.0))

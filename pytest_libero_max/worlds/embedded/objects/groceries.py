@@ -1,181 +1,18 @@
-"""The groceries of LIBERO-Object, and the cookie box: packets, cartons, cans and bottles.
-
-Sizes are those of the upright object: depth along x (towards ``agentview``), width along y, height along z.
-"""
+"""The groceries of LIBERO-Object and the cookie box of LIBERO-Spatial: what each looks like."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from pytest_libero_max.worlds.contract import Image
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.labels import Label, box_atlas
-from pytest_libero_max.worlds.embedded.meshes import FACES, Mesh, atlas_cell, box, join, panel, revolve
-from pytest_libero_max.worlds.embedded.objects.base import Category, Colour, Link, Skin, Solid
+from pytest_libero_max.worlds.embedded.objects.base import Category
+from pytest_libero_max.worlds.embedded.objects.packaging import bottle, can, carton, packet
 from pytest_libero_max.worlds.embedded.rotations import Quaternion
 from pytest_libero_max.worlds.embedded.textures import Rgb
 
-_HALF = math.sqrt(0.5)
 _HALF_TURN: Quaternion = (0.0, 0.0, 0.0, 1.0)
-_QUARTER_TURN: Quaternion = (_HALF, 0.0, 0.0, _HALF)
-_CAN_UPRIGHT: Quaternion = (0.0, 0.0, _HALF, _HALF)
-_BOTTLE_UPRIGHT: Quaternion = (0.5, 0.5, 0.5, 0.5)
-
-Size = tuple[float, float, float]
-
-
-def packet(
-    name: str, size: Size, mass: float, label: Callable[[], Image], height: float, margin: float, upright: Quaternion
-) -> Category:
-    """A box with a box-atlas label whose origin lies ``height`` above the bottom."""
-    half = (size[0] / 2, size[1] / 2, size[2] / 2)
-    lift = half[2] - height
-    skin = Skin(box(half, chamfer=0.0012).moved((0.0, 0.0, lift)), texture="label")
-    main = Link("main", mass, (Solid((0.0, 0.0, lift), half),), (skin,))
-    return Category(name, main, False, upright, height, margin, {"label": label})
-
-
-def carton(name: str, size: Size, mass: float, label: Callable[[], Image], height: float, margin: float) -> Category:
-    """A drink carton with a gabled top; ``height`` as in :func:`packet`."""
-    half_x, half_y = size[0] / 2, size[1] / 2
-    shoulder, ridge, top = size[2] * 0.76 - height, size[2] * 0.925 - height, size[2] - height
-    body = (half_x, half_y, (shoulder + height) / 2)
-    middle = (shoulder - height) / 2
-    gable = 0.004
-    solids = (
-        Solid((0.0, 0.0, middle), body),
-        Solid((0.0, 0.0, (shoulder + ridge) / 2), (half_x * 0.55, half_y, (ridge - shoulder) / 2)),
-        Solid((0.0, 0.0, (ridge + top) / 2), (gable, half_y, (top - ridge) / 2)),
-    )
-    mesh = join(box(body).moved((0.0, 0.0, middle)), _roof(half_x, half_y, gable, shoulder, ridge, top))
-    main = Link("main", mass, solids, (Skin(mesh, texture="label"),))
-    return Category(name, main, False, _BOTTLE_UPRIGHT, height, margin, {"label": label})
-
-
-def can(name: str, radius: float, length: float, mass: float, label: Callable[[], Image], height: float) -> Category:
-    """A tin; its round wall collides as four crossing slabs that stand on a square foot."""
-    bottom, top = -height, length - height
-    middle, half = (bottom + top) / 2, (top - bottom) / 2
-    reach = radius * math.tan(math.pi / 8)
-    solids = [Solid((0.0, 0.0, bottom + 0.002), (0.68 * radius, 0.68 * radius, 0.002))]
-    for k in range(4):
-        turn = rotations.about((0, 0, 1), k * math.pi / 4)
-        # Only the foot touches the ground: four contacts there are enough.
-        solids.append(Solid((0.0, 0.0, middle + 0.0003), (radius, reach, half - 0.0003), turn))
-    wall = revolve([(radius, bottom + 0.003), (radius, top - 0.003)], 20)
-    rim = radius + 0.0008
-    lids = [
-        revolve([(0.0, bottom), (rim, bottom), (rim, bottom + 0.003), (radius, bottom + 0.0032)], 20),
-        revolve(
-            [(radius, top - 0.0032), (rim, top - 0.003), (rim, top), (rim - 0.003, top), (rim - 0.004, top - 0.002), (0.0, top - 0.002)],
-            20,
-        ),
-    ]
-    skins = (Skin(wall, texture="label"), Skin(join(*lids), (0.78, 0.79, 0.8), shine=0.8))
-    return Category(name, Link("main", mass, solids, skins), False, _CAN_UPRIGHT, height, 0.025, {"label": label})
-
-
-def bottle(
-    name: str,
-    size: Size,
-    mass: float,
-    label: Callable[[], Image],
-    height: float,
-    *,
-    glass: Colour,
-    cap: Colour,
-    neck: float,
-    shoulder: float,
-    cap_width: float,
-    margin: float = 0.025,
-    upright: Quaternion = _BOTTLE_UPRIGHT,
-) -> Category:
-    """A flattened bottle; ``height`` as in :func:`packet`.
-
-    Args:
-        name: LIBERO's category.
-        size: Depth, width and height in m.
-        mass: In kg.
-        label: Picture that wraps around the body.
-        height: Of the origin above the bottom, m.
-        glass: Colour of shoulder and base.
-        cap: Colour of the cap.
-        neck: Where the cap begins, as a part of the height.
-        shoulder: Where the body ends, as a part of the height.
-        cap_width: Diameter of the cap, m.
-        margin: LIBERO's ``horizontal_radius``, m.
-        upright: Orientation of the body at reset.
-    """
-    flat = size[0] / size[1]
-    radius, bottom = size[1] / 2, -height
-    z = {part: bottom + size[2] * part for part in (0.0, shoulder, neck, 1.0)}
-    cap_radius = cap_width / 2
-    body_half = (size[0] / 2 * 0.97, radius * 0.97, (z[shoulder] - bottom) / 2)
-    solids = (
-        Solid((0.0, 0.0, (z[shoulder] + bottom) / 2), body_half),
-        Solid(
-            (0.0, 0.0, (z[neck] + z[shoulder]) / 2),
-            (max(size[0] / 2 * 0.7, cap_radius), (radius + cap_radius) / 2, (z[neck] - z[shoulder]) / 2),
-        ),
-        Solid((0.0, 0.0, (z[1.0] + z[neck]) / 2), (cap_radius * 0.95, cap_radius * 0.95, (z[1.0] - z[neck]) / 2)),
-    )
-    low, high = bottom + 0.08 * size[2], z[shoulder] - 0.02 * size[2]
-    base = [(0.0, bottom), (radius * 0.86, bottom), (radius * 0.98, bottom + 0.004), (radius, low)]
-    upper = [
-        (radius, high),
-        (radius * 0.96, z[shoulder]),
-        ((radius * 0.8 + cap_radius * 0.2), (z[shoulder] * 0.55 + z[neck] * 0.45)),
-        (cap_radius * 0.9, z[neck]),
-    ]
-    squeeze = (flat, 1.0, 1.0)
-    wrap = _superellipse(revolve([(radius, low), (radius, high)], 24), radius).moved(scale=squeeze)
-    rest = _superellipse(join(revolve(base, 24), revolve(upper, 24, crease_deg=60)), radius).moved(scale=squeeze)
-    lid = revolve(
-        [(cap_radius, z[neck] - 0.001), (cap_radius * 0.94, z[1.0] - 0.003), (cap_radius * 0.84, z[1.0]), (0.0, z[1.0])], 14
-    )
-    skins = (Skin(wrap, texture="label", shine=0.4), Skin(rest, glass, shine=0.6), Skin(lid, cap, shine=0.3))
-    return Category(name, Link("main", mass, solids, skins), False, upright, height, margin, {"label": label})
-
-
-def _superellipse(mesh: Mesh, radius: float) -> Mesh:
-    """Make the round cross-sections of a bottle squarer, more so the wider they are."""
-    import numpy as np
-
-    xy = mesh.vertices[:, :2]
-    r = np.linalg.norm(xy, axis=1)
-    angle = np.arctan2(xy[:, 1], xy[:, 0])
-    exponent = 2.0 + 1.2 * np.clip(r / radius, 0, 1)
-    stretch = (np.abs(np.cos(angle)) ** exponent + np.abs(np.sin(angle)) ** exponent) ** (-1 / exponent)
-    # Keep the widest points where they were: only the corners move outwards.
-    vertices = mesh.vertices.copy()
-    vertices[:, :2] = xy * stretch[:, None]
-    return Mesh(vertices, mesh.normals, mesh.texcoords, mesh.triangles)
-
-
-def _roof(half_x: float, half_y: float, gable: float, low: float, ridge: float, top: float) -> Mesh:
-    """The slopes, the folded ends and the sealed edge of a carton; the ridge runs along y."""
-    u0, v0, u1, v1 = atlas_cell("top")
-    vm = (v0 + v1) / 2
-    side = [atlas_cell(face) for face in FACES if face in ("right", "left")]
-    ur = (side[0][0] + side[0][2]) / 2
-    vr = side[0][3] - 0.02
-    plain_uv = [(ur, vr)] * 4
-    parts = []
-    for s in (1.0, -1.0):
-        slope = [(s * half_x, -s * half_y, low), (s * half_x, s * half_y, low), (s * gable, s * half_y, ridge), (s * gable, -s * half_y, ridge)]
-        parts.append(panel(slope, [(u0 + 0.01, v0 + 0.01), (u1 - 0.01, v0 + 0.01), (u1 - 0.01, vm), (u0 + 0.01, vm)]))
-        seal = [(s * gable, -s * half_y, ridge), (s * gable, s * half_y, ridge), (s * gable, s * half_y, top), (s * gable, -s * half_y, top)]
-        parts.append(panel(seal, [(u0 + 0.01, vm), (u1 - 0.01, vm), (u1 - 0.01, v1 - 0.01), (u0 + 0.01, v1 - 0.01)]))
-        end = [(s * half_x, s * half_y, low), (-s * half_x, s * half_y, low), (-s * gable, s * half_y, ridge), (s * gable, s * half_y, ridge)]
-        parts.append(panel(end, plain_uv))
-        fold = [(s * gable, s * half_y, ridge), (-s * gable, s * half_y, ridge), (-s * gable, s * half_y, top), (s * gable, s * half_y, top)]
-        parts.append(panel(fold, plain_uv))
-    parts.append(panel([(gable, -half_y, top), (gable, half_y, top), (-gable, half_y, top), (-gable, -half_y, top)], plain_uv))
-    return join(*parts)
-
-
-# --- the shelf ---------------------------------------------------------------------------------------------------
+_QUARTER_TURN: Quaternion = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 
 def cookies() -> Category:
@@ -185,7 +22,9 @@ def cookies() -> Category:
 
 def cream_cheese() -> Category:
     """A silver packet with a blue oval and a white curl."""
-    return packet("cream_cheese", (0.0812, 0.0427, 0.0179), 0.006194, _cream_cheese_label, 0.0089, 0.03, _HALF_TURN)
+    return packet(
+        "cream_cheese", (0.0812, 0.0427, 0.0179), 0.006194, _cream_cheese_label, 0.0089, 0.03, _HALF_TURN
+    )
 
 
 def butter() -> Category:
@@ -269,7 +108,8 @@ def salad_dressing() -> Category:
     )
 
 
-# --- their labels ------------------------------------------------------------------------------------------------
+# --- their labels
+# ------------------------------------------------------------------------------------------------
 
 _WHITE: Rgb = (250, 250, 246)
 _INK: Rgb = (30, 26, 24)
@@ -294,7 +134,9 @@ def _cream_cheese_label() -> Image:
     top.disc(0.5, 0.36, 0.44, blue, 0.62).word("CREAM", 0.5, 0.31, 0.7, 0.09, _WHITE)
     top.word("CHEESE", 0.5, 0.43, 0.74, 0.09, _WHITE)
     # A bagel half with a white swirl.
-    top.disc(0.5, 0.71, 0.28, (190, 132, 70), 0.75).disc(0.5, 0.7, 0.23, _WHITE, 0.72).disc(0.5, 0.7, 0.07, (190, 132, 70))
+    top.disc(0.5, 0.71, 0.28, (190, 132, 70), 0.75).disc(0.5, 0.7, 0.23, _WHITE, 0.72).disc(
+        0.5, 0.7, 0.07, (190, 132, 70)
+    )
     side = Label(silver, 128, 48).band(0.0, 0.25, blue).word("CREAM CHEESE", 0.5, 0.6, 0.84, 0.44, blue)
     return box_atlas({"top": top.image, "front": side.image, "bottom": Label(silver).image})
 
@@ -306,7 +148,9 @@ def _butter_label() -> Image:
     top.word("BUTTER", 0.5, 0.26, 0.8, 0.17, red)
     # A block of butter on a dish, one slice cut off.
     top.disc(0.5, 0.78, 0.44, (250, 250, 246), 0.32)
-    top.polygon([(0.16, 0.55), (0.3, 0.46), (0.84, 0.46), (0.84, 0.68), (0.7, 0.78), (0.16, 0.78)], (208, 152, 34))
+    top.polygon(
+        [(0.16, 0.55), (0.3, 0.46), (0.84, 0.46), (0.84, 0.68), (0.7, 0.78), (0.16, 0.78)], (208, 152, 34)
+    )
     top.block(0.16, 0.56, 0.68, 0.78, (255, 238, 160)).block(0.3, 0.56, 0.33, 0.78, (208, 152, 34))
     side = Label(yellow, 128, 48).word("BUTTER", 0.5, 0.5, 0.8, 0.6, red)
     return box_atlas({"top": top.image, "front": side.image, "bottom": Label(yellow).image})
@@ -320,7 +164,9 @@ def _pudding_label() -> Image:
     # A glass of pudding with whipped cream and a cherry.
     top.polygon([(0.16, 0.56), (0.84, 0.56), (0.68, 0.9), (0.32, 0.9)], (226, 228, 232))
     top.polygon([(0.22, 0.6), (0.78, 0.6), (0.65, 0.87), (0.35, 0.87)], (122, 66, 34))
-    top.disc(0.5, 0.56, 0.34, (150, 86, 46), 0.3).disc(0.5, 0.5, 0.2, _WHITE, 0.7).disc(0.5, 0.42, 0.08, (206, 30, 40))
+    top.disc(0.5, 0.56, 0.34, (150, 86, 46), 0.3).disc(0.5, 0.5, 0.2, _WHITE, 0.7).disc(
+        0.5, 0.42, 0.08, (206, 30, 40)
+    )
     side = Label(brown, 128, 48).word("PUDDING", 0.5, 0.5, 0.8, 0.6, sand)
     return box_atlas({"top": top.image, "front": side.image, "bottom": Label(brown).image})
 
@@ -366,9 +212,14 @@ def _tomato_label() -> Image:
     label = Label((190, 26, 26), 256, 112).band(0.0, 0.09, _WHITE).band(0.9, 1.0, (36, 108, 40))
     for middle in (0.0, 0.5, 1.0):
         label.disc(middle, 0.6, 0.12, _WHITE, 0.95).disc(middle, 0.62, 0.092, (226, 52, 34), 0.9)
-        label.polygon([(middle - 0.06, 0.36), (middle + 0.06, 0.36), (middle + 0.02, 0.5), (middle - 0.02, 0.5)], (36, 128, 48))
+        label.polygon(
+            [(middle - 0.06, 0.36), (middle + 0.06, 0.36), (middle + 0.02, 0.5), (middle - 0.02, 0.5)],
+            (36, 128, 48),
+        )
     for middle in (0.25, 0.75):
-        label.word("TOMATO", middle, 0.36, 0.22, 0.24, _WHITE).word("SAUCE", middle, 0.66, 0.18, 0.24, (255, 226, 120))
+        label.word("TOMATO", middle, 0.36, 0.22, 0.24, _WHITE).word(
+            "SAUCE", middle, 0.66, 0.18, 0.24, (255, 226, 120)
+        )
     return label.image
 
 
@@ -384,7 +235,15 @@ def _bbq_label() -> Image:
     label = Label((52, 22, 14), 256, 128).band(0.12, 0.2, (240, 150, 30)).band(0.88, 0.96, (240, 150, 30))
     for middle in (0.0, 0.5, 1.0):
         label.word("BBQ", middle, 0.4, 0.28, 0.3, (250, 190, 60))
-        flame = [(-0.07, 0.84), (-0.08, 0.7), (-0.03, 0.62), (0.0, 0.54), (0.04, 0.64), (0.08, 0.7), (0.07, 0.84)]
+        flame = [
+            (-0.07, 0.84),
+            (-0.08, 0.7),
+            (-0.03, 0.62),
+            (0.0, 0.54),
+            (0.04, 0.64),
+            (0.08, 0.7),
+            (0.07, 0.84),
+        ]
         label.polygon([(middle + dx, y) for dx, y in flame], (232, 84, 24))
         label.disc(middle, 0.77, 0.03, (252, 200, 70), 1.1)
     return label.image
@@ -393,8 +252,12 @@ def _bbq_label() -> Image:
 def _dressing_label() -> Image:
     label = Label((238, 232, 190), 256, 160).band(0.0, 0.07, (44, 128, 52)).band(0.93, 1.0, (44, 128, 52))
     for middle in (0.0, 0.5, 1.0):
-        label.word("SALAD", middle, 0.22, 0.26, 0.17, (28, 96, 40)).word("DRESSING", middle, 0.4, 0.3, 0.12, (28, 96, 40))
+        label.word("SALAD", middle, 0.22, 0.26, 0.17, (28, 96, 40)).word(
+            "DRESSING", middle, 0.4, 0.3, 0.12, (28, 96, 40)
+        )
         for dx, dy in ((-0.06, 0.7), (0.06, 0.7), (0.0, 0.62)):
-            label.disc(middle + dx, dy, 0.06, (70, 160, 60), 1.5).disc(middle + dx, dy, 0.035, (140, 200, 90), 1.7)
+            label.disc(middle + dx, dy, 0.06, (70, 160, 60), 1.5).disc(
+                middle + dx, dy, 0.035, (140, 200, 90), 1.7
+            )
         label.disc(middle, 0.82, 0.035, (214, 50, 40))
     return label.image
