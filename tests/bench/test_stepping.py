@@ -28,7 +28,7 @@ def test_ratios_are_of_the_lean_step() -> None:
 
 def test_the_table_says_what_was_measured() -> None:
     assert times().lines() == [
-        "libero_spatial/0: 60 control steps, 20 contacts at the end, medians",
+        "libero_spatial/0: 60 control steps, 20 contacts at the end, median processor times",
         "  lean step                                     1.50 ms  667 steps/s",
         "    of which bare mj_step                       1.00 ms  the lean step is 1.50 times that",
         "    of which controller and gripper             0.50 ms",
