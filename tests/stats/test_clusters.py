@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.clusters import cluster_bootstrap
+from pytest_libero_max.stats.intervals import mean_change
+
+RANDOM = np.random.default_rng(7)
+VALUES = RANDOM.choice([-1, 0, 1], size=300, p=[0.3, 0.6, 0.1])
+SOURCES = np.array(["plus"] * 210 + ["pro"] * 90)
+
+
+def test_clusters_of_one_case_approach_the_exact_bootstrap() -> None:
+    exact = mean_change(VALUES, SOURCES)
+    clustered = cluster_bootstrap(VALUES, np.arange(300), strata=SOURCES, pools=SOURCES, replicates=20_000)
+    assert exact is not None
+    assert clustered is not None
+    assert clustered.estimate == exact.estimate
+    assert clustered.clusters == 300
+    assert clustered.lower == pytest.approx(exact.lower, abs=2 / 300)
+    assert clustered.upper == pytest.approx(exact.upper, abs=2 / 300)
+
+
+def test_cases_that_move_together_widen_the_interval() -> None:
+    tasks = np.repeat(np.arange(20), 15)
+    together = np.repeat(RANDOM.choice([-1, 0], size=20), 15)
+    alone = cluster_bootstrap(together, np.arange(300))
+    clustered = cluster_bootstrap(together, tasks)
+    assert alone is not None
+    assert clustered is not None
+    assert clustered.upper - clustered.lower > 2 * (alone.upper - alone.lower)
+    assert alone.estimate == clustered.estimate
+
+
+def test_two_clusters_have_the_distribution_of_two_coins() -> None:
+    # Resampled means are -1, -1/2 and 0 with probabilities 1/4, 1/2 and 1/4.
+    interval = cluster_bootstrap([-1, -1, 0, 0], ["a", "a", "b", "b"], confidence=0.4)
+    assert interval is not None
+    assert (interval.lower, interval.upper) == (-0.5, -0.5)
+    wide = cluster_bootstrap([-1, -1, 0, 0], ["a", "a", "b", "b"], confidence=0.9)
+    assert wide is not None
+    assert (wide.lower, wide.upper) == (-1, 0)
+
+
+def test_fixed_weights_keep_the_composition_of_sources() -> None:
+    # Every task fails in one source only: whatever tasks are drawn, the weighted mean stays.
+    tasks = np.concatenate([np.arange(210) % 40, np.arange(90) % 40])
+    values = np.where(SOURCES == "plus", -1, 0)
+    interval = cluster_bootstrap(values, tasks, pools=SOURCES)
+    assert interval is not None
+    assert interval.estimate == pytest.approx(-0.7)
+    assert (interval.lower, interval.upper) == (pytest.approx(-0.7), pytest.approx(-0.7))
+
+
+def test_the_order_of_cases_and_the_chunks_never_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    clusters = np.array([f"task {number}" for number in RANDOM.integers(25, size=300)])
+    strata = np.array([f"{int(name[5:]) % 2}" for name in clusters])
+    order = RANDOM.permutation(300)
+    first = cluster_bootstrap(VALUES, clusters, strata=strata, pools=strata, seed=3)
+    again = cluster_bootstrap(
+        VALUES[order], clusters[order], strata=strata[order], pools=strata[order], seed=3
+    )
+    assert first == again
+    monkeypatch.setattr("pytest_libero_max.stats.clusters._CHUNK", 1000)
+    assert cluster_bootstrap(VALUES, clusters, strata=strata, pools=strata, seed=3) == first
+    assert cluster_bootstrap(VALUES, clusters, strata=strata, pools=strata, seed=4) != first
+
+
+def test_a_pool_missing_from_a_resample_is_left_out_of_it() -> None:
+    interval = cluster_bootstrap([-1, 0], ["a", "b"], pools=["plus", "pro"])
+    assert interval is not None
+    assert (interval.lower, interval.upper) == (-1, 0)
+
+
+def test_what_cannot_be_clustered_says_why() -> None:
+    assert cluster_bootstrap([], []) is None
+    with pytest.raises(ReportError, match="two strata"):
+        cluster_bootstrap([0, 1], ["a", "a"], strata=["plus", "pro"])
+    with pytest.raises(ReportError, match="one label a case"):
+        cluster_bootstrap([0, 1], ["a"])
+
+
+def test_the_interval_covers_the_mean_of_clustered_cases() -> None:
+    random = np.random.default_rng(11)
+    hits = []
+    for trial in range(300):
+        rates = random.beta(3, 3, size=40)
+        values = (random.random((40, 10)) < rates[:, None]).astype(int).ravel()
+        interval = cluster_bootstrap(values, np.repeat(np.arange(40), 10), replicates=1000, seed=trial)
+        assert interval is not None
+        hits.append(interval.lower <= 0.5 <= interval.upper)
+    assert 0.9 <= np.mean(hits) <= 0.985
