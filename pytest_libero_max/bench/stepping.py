@@ -89,7 +89,8 @@ class StepTimes:
             rows.append((f"robosuite env.step, two {self.size} px images", self.robosuite_images, note))
         if self.image is not None:
             rows.append((f"one {self.size} px image", self.image, ""))
-        title = f"{self.scene}: {self.steps} control steps, {self.contacts} contacts at the end, median processor times"
+        title = f"{self.scene}: {self.steps} control steps, {self.contacts} contacts at the end, "
+        title += "median processor times"
         return [title, *(f"  {what:<42} {value:7.2f} ms  {note}".rstrip() for what, value, note in rows)]
 
 
