@@ -1,0 +1,139 @@
+"""Pairs a minute: the pair runner against the loop one would write without it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.cases import SETTLE_STEPS, Case
+from pytest_libero_max.changes.registry import change_from_dict
+from pytest_libero_max.construction.tracks import load_track
+from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
+from pytest_libero_max.worlds.embedded.env import SceneEnv
+from pytest_libero_max.worlds.embedded.scene import build_scene
+from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+
+QUERY_INTERVAL = 10
+IMAGE_SIZE = 256
+
+
+class Hovering:
+    """Goes to a place above the trigger entity and waits there: no cost of its own, and the event fires."""
+
+    def __init__(self, place: NDArray[np.float64]) -> None:
+        self.spec = PolicySpec("hovering", QUERY_INTERVAL, QUERY_INTERVAL, CAMERAS, IMAGE_SIZE)
+        self._place = place
+
+    def reset(self, episode: Episode) -> None:
+        """Nothing to forget."""
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        step = (self._place - observation["robot0_eef_pos"]) / (0.05 * QUERY_INTERVAL)
+        action = np.concatenate([np.clip(step, -1.0, 1.0), [0.0, 0.0, 0.0, -1.0]])
+        return np.tile(action, (QUERY_INTERVAL, 1))
+
+
+@dataclass(frozen=True)
+class PairTimes:
+    """Medians in seconds for one pair of the same case with the same actions.
+
+    Attributes:
+        item_id: The case.
+        steps: Control steps in both rollouts together, as the plain loop plays them.
+        fork: The pair runner.
+        replay: The pair runner, replaying the prefix.
+        plain: Robosuite's ``env.step`` with both cameras at every step, the prefix replayed with rendering,
+            the environment reset softly (the model is kept).
+        plain_hard: The same with robosuite's default, a hard reset before each rollout.
+    """
+
+    item_id: str
+    steps: int
+    fork: float
+    replay: float
+    plain: float
+    plain_hard: float
+
+    def lines(self) -> list[str]:
+        """A small table for people."""
+        rows = [("pair runner, fork", self.fork), ("pair runner, replay", self.replay)]
+        rows += [("plain loop, soft resets", self.plain), ("plain loop, hard resets", self.plain_hard)]
+        return [
+            f"{self.item_id}: {self.steps} control steps, Q = {QUERY_INTERVAL}, "
+            f"two {IMAGE_SIZE} px images, medians",
+            *(
+                f"  {name:<26}{seconds:8.2f} s  {60 / seconds:6.1f} pairs/min  {seconds / self.fork:5.1f} times fork"
+                for name, seconds in rows
+            ),
+        ]
+
+
+def measure_pairs(repeats: int = 3) -> PairTimes:
+    """Time one smoke pair with a policy that costs nothing, in turns with the plain loop.
+
+    Raises:
+        SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
+    """
+    case = next(case for case in load_track("smoke") if case.event.name == "camera_shift")
+    scene = build_scene(case.suite, case.task_index)
+    world = EmbeddedWorld(scene)
+    world.reset(case.init_state_index)
+    policy = Hovering(world.position(case.event.trigger.entity) + (0.0, 0.0, 0.15))
+    envs = {hard: SceneEnv(scene, CAMERAS, IMAGE_SIZE, hard_reset=hard) for hard in (False, True)}
+    pair = measure_pair(case, world, policy)
+    final = world.data.qpos.copy()
+    times: dict[str, list[float]] = {"fork": [], "replay": [], "plain": [], "plain_hard": []}
+    for _ in range(repeats):
+        times["fork"].append(_seconds(lambda: measure_pair(case, world, policy)))
+        times["replay"].append(
+            _seconds(lambda: measure_pair(case, world, policy, PairSettings(prefix="replay")))
+        )
+        for hard, env in envs.items():
+            times["plain_hard" if hard else "plain"].append(_plain(env, world, case, pair))
+            if not np.array_equal(env.sim.data._data.qpos, final):
+                raise SimulatorError(f"{case.item_id}: the plain loop arrived elsewhere, so times mean nothing.")
+    for env in envs.values():
+        env.close()
+    world.close()
+    return PairTimes(
+        item_id=case.item_id,
+        steps=sum(len(actions) for actions in _rollouts(pair)),
+        **{name: median(values) for name, values in times.items()},
+    )
+
+
+def _plain(env: SceneEnv, world: EmbeddedWorld, case: Case, pair: Pair) -> float:
+    """Seconds of the plain loop over the pair's actions."""
+    world.reset(case.init_state_index)
+    for change in case.event.setup:
+        change_from_dict(change).apply(world)
+    start = world.snapshot()
+    seconds = 0.0
+    for actions in _rollouts(pair):
+        begin = time.perf_counter()
+        env.reset()
+        env.assume(start)
+        for action in actions:
+            env.step(action)
+        seconds += time.perf_counter() - begin
+    return seconds
+
+
+def _rollouts(pair: Pair) -> list[NDArray[np.float64]]:
+    settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
+    arms = [pair.base] if pair.dynamic is None else [pair.base, pair.dynamic]
+    return [np.vstack([settle, arm.actions]) for arm in arms]
+
+
+def _seconds(act: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    act()
+    return time.perf_counter() - begin
