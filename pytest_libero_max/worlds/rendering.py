@@ -36,7 +36,7 @@ class Renderer:
     of them draws, so that any number of worlds can be looked at in turns.
 
     Args:
-        model: Its textures are uploaded when the context is made and again never.
+        model: Its textures are uploaded with the first image and not again.
         data: Its derived values must be up to date whenever :meth:`render` is called.
     """
 
