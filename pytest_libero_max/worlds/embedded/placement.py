@@ -32,8 +32,7 @@ ARM_JOINTS = tuple(f"robot0_joint{n}" for n in range(1, 8))
 FINGER_JOINTS = {"gripper0_finger_joint1": 0.020833, "gripper0_finger_joint2": -0.020833}
 """The Panda's joints, and where the fingers stand at reset (m)."""
 
-# LIBERO's initial states scatter each arm joint with a standard deviation of 0.02 rad, never by more than
-# 0.08.
+# LIBERO's initial states scatter each arm joint with a deviation of 0.02 rad, never by more than 0.08.
 _ARM_SPREAD, _ARM_LIMIT = 0.02, 0.08
 # Where things are put relative to the middle of a fixture's region, along the fixture's axes, m: (x_min,
 # x_max), (y_min, y_max). In a drawer they stand towards its front, clear of the cabinet above.
@@ -85,7 +84,9 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
         if clash:
             trouble = clash
             continue
-        _settle(model, data)
+        if not _settle(model, data):
+            trouble = "the objects did not come to rest"
+            continue
         qpos = _rounded(scene, model, data.qpos)
         trouble = _defect(scene, model, data, qpos)
         if not trouble:
@@ -103,7 +104,7 @@ class _Draw:
 
     def uniform(self, name: str, low: float, high: float) -> float:
         digest = hashlib.sha256(f"{self._seed}/{name}".encode()).digest()
-        # 53 bits: exactly the numbers that a double can hold; the half keeps it off both ends.
+        # 53 bits, as many as a double holds; the half keeps the share off 0, where a normal would be infinite.
         return low + (high - low) * ((int.from_bytes(digest[:8], "big") >> 11) + 0.5) / 2**53
 
     def normal(self, name: str, spread: float, limit: float) -> float:
@@ -248,8 +249,8 @@ def _touching_entities(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData)
     return pairs
 
 
-def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Simulate until nothing has moved for a while, the robot held where it is."""
+def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Simulate until nothing has moved for a while, the robot held where it is; whether that happened."""
     import mujoco
 
     held_q, held_v = _robot_addresses(model)
@@ -261,7 +262,8 @@ def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         data.qvel[held_v] = 0.0
         still = still + 1 if np.abs(data.qvel).max() < _STILL_SPEED else 0
         if still >= _STILL_STEPS:
-            return
+            return True
+    return False
 
 
 def _robot_addresses(model: mujoco.MjModel) -> tuple[list[int], list[int]]:
