@@ -104,7 +104,7 @@ class _Draw:
 
     def uniform(self, name: str, low: float, high: float) -> float:
         digest = hashlib.sha256(f"{self._seed}/{name}".encode()).digest()
-        # 53 bits, as many as a double holds; the half keeps the share off 0, where a normal would be infinite.
+        # 53 bits, as many as a double holds; the half keeps the share off 0, where a normal is infinite.
         return low + (high - low) * ((int.from_bytes(digest[:8], "big") >> 11) + 0.5) / 2**53
 
     def normal(self, name: str, spread: float, limit: float) -> float:
