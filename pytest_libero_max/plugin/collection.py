@@ -43,12 +43,14 @@ def manifest_of(config: pytest.Config) -> Manifest:
         pytest.UsageError: The track is unknown or the manifest is unusable.
     """
     if MANIFEST not in config.stash:
+        from pytest_libero_max.changes import check_changes
         from pytest_libero_max.construction.subset import stratified
         from pytest_libero_max.construction.tracks import load_track
 
         settings = settings_of(config)
         try:
             manifest = load_manifest(settings.manifest) if settings.manifest else load_track(settings.track)
+            check_changes(manifest.cases)
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
         cases = stratified(manifest.cases, settings.limit) if settings.limit else manifest.cases

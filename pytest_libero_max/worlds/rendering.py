@@ -120,6 +120,13 @@ def _shared_context() -> Any:
         context.make_current()
     except Exception as error:  # whatever a driver raises, it means that images cannot be had
         raise SimulatorError(f"The OpenGL backend {backend!r} gives no context: {error}") from error
-    # Freed here, because MuJoCo's own clean-up comes after that of EGL and fails on standard error.
-    atexit.register(context.free)
+    atexit.register(_free, context)
     return context
+
+
+def _free(context: Any) -> None:
+    """Free the GL context before the interpreter does, which would come too late and complain about it."""
+    try:
+        context.free()
+    except Exception:  # robosuite, where it has rendered as well, has closed the display already
+        context._context = None

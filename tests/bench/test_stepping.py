@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import subprocess
+import sys
+
 from pytest_libero_max.bench.stepping import StepTimes, measure_stepping
 
 
@@ -44,6 +47,15 @@ def test_without_images_their_rows_are_left_out() -> None:
     measured = times(robosuite_images=None, image=None)
     assert measured.times_robosuite_images is None
     assert len(measured.lines()) == 7
+
+
+def test_a_measurement_ends_without_a_word_from_the_driver() -> None:
+    code = (
+        "from pytest_libero_max.bench.stepping import measure_stepping\n"
+        "measure_stepping('libero_object', 0, steps=1, size=32)"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=180)
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
 
 
 def test_a_short_measurement_of_the_real_thing() -> None:

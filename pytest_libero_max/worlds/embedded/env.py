@@ -34,9 +34,12 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
         scene: The scene to host.
         cameras: Cameras that ``step`` renders, as robosuite does it; none by default.
         size: Side of those images in pixels.
+        hard_reset: Whether ``reset`` compiles the model anew, as robosuite does by default.
     """
 
-    def __init__(self, scene: Scene, cameras: Sequence[str] = (), size: int = 256) -> None:
+    def __init__(
+        self, scene: Scene, cameras: Sequence[str] = (), size: int = 256, hard_reset: bool = False
+    ) -> None:
         self._scene = scene
         super().__init__(
             robots="Panda",
@@ -48,7 +51,7 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
             has_offscreen_renderer=bool(cameras),
             control_freq=CONTROL_HZ,
             ignore_done=True,
-            hard_reset=False,
+            hard_reset=hard_reset,
             camera_names=list(cameras) or "agentview",
             camera_heights=size,
             camera_widths=size,
