@@ -1,0 +1,94 @@
+"""Joining the pieces of one measurement: shards played on several machines, or runs that were resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pytest_libero_max.cases import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.plan import PlannedPair, Run
+from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
+
+_MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
+"""What makes pieces one measurement."""
+
+_MAY_DIFFER: Json = {"platform": {}, "gl_backend": None, "git": None, "command": []}
+"""What pieces of one measurement may differ in, and what is said then."""
+
+
+def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
+    """Join runs of one measurement. The result is the same whatever order they are given in.
+
+    The planned pairs are those of all runs together. A pair that one run measured and another could not is
+    measured.
+
+    Args:
+        runs: Runs by a name for messages, for example their path.
+
+    Raises:
+        ReportError: Fewer than two runs; they differ in policy, substrate, case set, protocol or versions;
+            or a pair was measured in two of them.
+    """
+    if len(runs) < 2:
+        raise ReportError(f"{len(runs)} run given, but merging takes two or more.")
+    first_name, first = next(iter(runs.items()))
+    planned: dict[str, PlannedPair] = {}
+    records: dict[str, tuple[str, PairRecord]] = {}
+    errors: dict[str, PairError] = {}
+    for name, run in runs.items():
+        for key in _MUST_AGREE:
+            here, there = run.run.provenance.get(key), first.run.provenance.get(key)
+            if here != there:
+                raise ReportError(
+                    f"{name!r} has {key}={here!r}, but {first_name!r} has {there!r}: they are not pieces of "
+                    "one measurement. Compare them instead."
+                )
+        for pair in run.run.planned:
+            if planned.setdefault(pair.case_id, pair) != pair:
+                raise ReportError(
+                    f"case_id={pair.case_id!r} of {name!r} is another case than in an earlier run."
+                )
+        for record in run.records:
+            if record.case_id in records:
+                raise ReportError(
+                    f"case_id={record.case_id!r} was measured in {records[record.case_id][0]!r} and in "
+                    f"{name!r}; a case counts once. Leave one of the runs out."
+                )
+            records[record.case_id] = name, record
+        for error in run.errors:
+            known = errors.setdefault(error.case_id, error)
+            errors[error.case_id] = min(known, error, key=lambda error: (error.phase, error.message))
+    return StoredRun(
+        run=Run(tuple(planned[case_id] for case_id in sorted(planned)), _provenance(runs)),
+        records=tuple(records[case_id][1] for case_id in sorted(records)),
+        errors=tuple(errors[case_id] for case_id in sorted(errors) if case_id not in records),
+        torn=False,
+    )
+
+
+def merge_folders(paths: list[Path], output: Path) -> StoredRun:
+    """Join the runs at ``paths`` and write the whole as a run into ``output``.
+
+    Raises:
+        ReportError: See :func:`merge_runs`.
+        OptionError: The output folder cannot be written to.
+    """
+    merged = merge_runs({str(path): read_pairs(path) for path in paths})
+    store = PairStore(output, merged.run)
+    for record in merged.records:
+        store.append(record)
+    for error in merged.errors:
+        store.append(error)
+    store.close()
+    return merged
+
+
+def _provenance(runs: Mapping[str, StoredRun]) -> Json:
+    parts = [run.run.provenance for run in runs.values()]
+    merged = dict(parts[0])
+    for key, unknown in _MAY_DIFFER.items():
+        if any(part.get(key) != parts[0].get(key) for part in parts):
+            merged[key] = unknown
+    return merged

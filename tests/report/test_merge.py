@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_libero_max.cases import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.build import build_report, report_json
+from pytest_libero_max.report.merge import merge_folders, merge_runs
+from pytest_libero_max.report.plan import PlannedPair, Run
+from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
+from tests.report.made_up import PROVENANCE, error_of, plan, records_of
+
+PAIRS = plan()
+RECORDS = {record.case_id: record for record in records_of(PAIRS)}
+
+
+def _piece(
+    pairs: list[PlannedPair], provenance: Json = PROVENANCE, planned: list[PlannedPair] = PAIRS
+) -> StoredRun:
+    return StoredRun(
+        Run(tuple(planned), provenance), tuple(RECORDS[pair.case_id] for pair in pairs), (), torn=False
+    )
+
+
+def _report(run: StoredRun) -> str:
+    return report_json(build_report(run.records, run.errors, run.run.planned, run.run.provenance))
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.lists(st.integers(0, 2), min_size=32, max_size=32), st.permutations([0, 1, 2]))
+def test_the_report_of_shards_is_the_report_of_the_whole(shard_of: list[int], order: list[int]) -> None:
+    shards = [
+        _piece([pair for pair, shard in zip(PAIRS, shard_of, strict=True) if shard == number])
+        for number in range(3)
+    ]
+    merged = merge_runs({str(number): shards[number] for number in order})
+    assert _report(merged) == _report(_piece(PAIRS))
+
+
+def test_shards_that_planned_their_own_cases_plan_them_all_together() -> None:
+    first, second = PAIRS[:10], PAIRS[10:]
+    merged = merge_runs({"a": _piece(first, planned=first), "b": _piece(second, planned=second)})
+    assert len(merged.run.planned) == 32
+    assert _report(merged) == _report(_piece(PAIRS))
+
+
+def test_an_error_repaired_in_another_run_is_gone() -> None:
+    failed = StoredRun(
+        Run(tuple(PAIRS), PROVENANCE), (), tuple(error_of(pair) for pair in PAIRS[:2]), torn=False
+    )
+    merged = merge_runs({"a": failed, "b": _piece(PAIRS[1:])})
+    assert [error.case_id for error in merged.errors] == [PAIRS[0].case_id]
+    assert len(merged.records) == 31
+
+
+def test_what_the_pieces_differ_in_is_not_claimed() -> None:
+    other = {**PROVENANCE, "command": ["pytest", "--shard=2"], "gl_backend": "osmesa"}
+    pieces = {"a": _piece(PAIRS[:5]), "b": _piece(PAIRS[5:], other)}
+    for names in permutations(pieces):
+        merged = merge_runs({name: pieces[name] for name in names})
+        assert merged.run.provenance == {**PROVENANCE, "command": [], "gl_backend": None}
+
+
+@pytest.mark.parametrize("key", ["policy", "substrate", "case_set", "protocol", "versions"])
+def test_pieces_of_different_measurements_are_refused(key: str) -> None:
+    other = {**PROVENANCE, key: {**PROVENANCE[key], "name": "another"}}
+    with pytest.raises(ReportError, match=f"'b' has {key}=.*Compare them instead"):
+        merge_runs({"a": _piece(PAIRS[:5]), "b": _piece(PAIRS[5:], other)})
+
+
+def test_a_pair_measured_in_two_runs_is_refused() -> None:
+    with pytest.raises(ReportError, match="measured in 'a' and in 'b'"):
+        merge_runs({"a": _piece(PAIRS[:5]), "b": _piece(PAIRS[4:])})
+
+
+def test_other_cases_of_one_name_and_single_runs_are_refused() -> None:
+    others = [PlannedPair(**{**vars(pair), "case_digest": "0" * 64}) for pair in PAIRS]
+    with pytest.raises(ReportError, match="another case"):
+        merge_runs({"a": _piece(PAIRS[:5]), "b": _piece([], planned=others)})
+    with pytest.raises(ReportError, match="two or more"):
+        merge_runs({"a": _piece(PAIRS)})
+
+
+def test_merged_folders_are_a_run(tmp_path: Path) -> None:
+    for name, pairs in (("a", PAIRS[:5]), ("b", PAIRS[5:])):
+        store = PairStore(tmp_path / name, Run(tuple(PAIRS), PROVENANCE))
+        for pair in pairs:
+            store.append(RECORDS[pair.case_id])
+        store.close()
+    merged = merge_folders([tmp_path / "b", tmp_path / "a" / "pairs.jsonl"], tmp_path / "whole")
+    assert read_pairs(tmp_path / "whole") == merged
+    assert _report(merged) == _report(_piece(PAIRS))
