@@ -82,9 +82,9 @@ def _lines() -> Iterator[str]:
     yield from (
         "",
         "The bootstrap falls short where few discordant pairs are expected: with none observed it has no "
-        "width (the report marks it `degenerate`), and with a handful it is too narrow. Read it together with "
-        "the counts of regressions and gains, and with the exact McNemar test, which keeps its level at every "
-        "size.",
+        "width (the report marks it `degenerate`), and with a handful it is too narrow. Read it together "
+        "with the counts of regressions and gains, and with the exact McNemar test, which keeps its level "
+        "at every size.",
     )
 
 
