@@ -72,11 +72,16 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _gallery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.gallery import write_event_sheet
+    from pytest_libero_max.construction.pictures import write_event_sheet
     from pytest_libero_max.worlds.embedded.gallery import write_contact_sheet
+    from pytest_libero_max.worlds.registry import open_substrate
 
     write_contact_sheet(options.folder / "scenes.png")
-    write_event_sheet(options.folder / "events.png")
+    substrate = open_substrate("embedded")
+    try:
+        write_event_sheet(options.folder / "events.png", substrate)
+    finally:
+        substrate.close()
 
 
 def _freeze_smoke(options: argparse.Namespace) -> None:

@@ -63,7 +63,7 @@ def _examine(world: World, case: Case) -> Iterable[str]:
     for raw in case.event.setup:
         change_from_dict(raw).apply(world)
     _hold(world, SETTLE_STEPS)
-    if not _approach(world, case):
+    if not approach(world, case):
         trigger = case.event.trigger
         yield f"the hand does not come within {trigger.distance_m} m of {trigger.entity}"
         return
@@ -99,8 +99,12 @@ def _hold(world: World, steps: int) -> None:
         world.step(NOOP_ACTION)
 
 
-def _approach(world: World, case: Case) -> bool:
-    """Drive the hand towards the trigger entity; whether it came within the trigger distance."""
+def approach(world: World, case: Case) -> bool:
+    """Drive the hand in a straight line towards the trigger entity until the event would fire.
+
+    Returns:
+        Whether it came within the trigger distance.
+    """
     trigger = case.event.trigger
     for _ in range(_APPROACH_STEPS):
         target, hand = world.position(trigger.entity), world.end_effector()

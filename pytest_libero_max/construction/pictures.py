@@ -1,0 +1,52 @@
+"""What each event does, in pictures: the world just before and just after, seen by both cameras."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pytest_libero_max.cases import EVENTS, SETTLE_STEPS, Case
+from pytest_libero_max.changes import change_from_dict
+from pytest_libero_max.construction.preflight import approach
+from pytest_libero_max.construction.tracks import load_track
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Image, Substrate, World
+from pytest_libero_max.worlds.sheets import captioned, write_sheet
+
+_PAIRS_A_ROW = 2
+
+
+def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None:
+    """Render one smoke case for each event variant before and after its event, and write one PNG.
+
+    Each variant has four pictures side by side: the agent's view before and after, the wrist's before and
+    after.
+
+    Args:
+        path: The file to write.
+        substrate: What builds the worlds.
+        size: Side of one picture in pixels.
+    """
+    cases = {(case.event.name, case.event.variant): case for case in load_track("smoke")}
+    pictures: list[Image] = []
+    for name in EVENTS:
+        for variant in (0, 1):
+            case = cases[name, variant]
+            pictures += _before_and_after(substrate.world(case), case, size)
+    write_sheet(path, pictures, columns=4 * _PAIRS_A_ROW)
+
+
+def _before_and_after(world: World, case: Case, size: int) -> list[Image]:
+    world.reset(case.init_state_index)
+    for change in case.event.setup:
+        change_from_dict(change).apply(world)
+    for _ in range(SETTLE_STEPS):
+        world.step(NOOP_ACTION)
+    approach(world, case)
+    before = world.observe(CAMERAS, size)
+    change_from_dict(case.event.change).apply(world)
+    after = world.observe(CAMERAS, size)
+    title = f"{case.event.name} v{case.event.variant}"
+    return [
+        captioned(look[f"{camera}_image"][::-1], title if camera == CAMERAS[0] else "", f"{label}, {camera}")
+        for camera in CAMERAS
+        for label, look in (("before", before), ("after", after))
+    ]

@@ -1,0 +1,41 @@
+"""Contact sheets: many small pictures with captions in one PNG, for people to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pytest_libero_max.worlds.contract import Image
+
+_LINE = 16
+_INK, _PAPER = (40, 40, 40), (255, 255, 255)
+# Colours are rounded to multiples of this, which nobody sees and which makes the file a third smaller.
+_COLOUR_STEP = 4
+
+
+def captioned(image: Image, *lines: str) -> Image:
+    """A picture, (H, W, 3) uint8 upright, under some lines of text."""
+    import cv2
+
+    strip = np.full((_LINE * len(lines), image.shape[1], 3), _PAPER, np.uint8)
+    for number, text in enumerate(lines):
+        place = (3, _LINE * number + 12)
+        cv2.putText(strip, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.33, _INK, 1, cv2.LINE_AA)
+    framed = np.vstack([strip, image])
+    framed[:, -1] = _PAPER
+    return framed
+
+
+def write_sheet(path: Path, pictures: Sequence[Image], columns: int) -> None:
+    """Lay pictures of one size out in rows and write them as a PNG; the folder is made if missing."""
+    import cv2
+
+    blank = np.full_like(pictures[0], 255)
+    tiles = [*pictures, *[blank] * (-len(pictures) % columns)]
+    sheet = np.vstack([np.hstack(tiles[n : n + columns]) for n in range(0, len(tiles), columns)])
+    rounded = np.minimum(np.round(sheet / _COLOUR_STEP) * _COLOUR_STEP, 255).astype(np.uint8)
+    _, encoded = cv2.imencode(".png", rounded[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(encoded.tobytes())
