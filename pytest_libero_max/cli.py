@@ -79,7 +79,7 @@ def _gallery(options: argparse.Namespace) -> None:
     write_contact_sheet(options.folder / "scenes.png")
     substrate = open_substrate("embedded")
     try:
-        write_event_sheet(options.folder / "events.png", substrate)
+        write_event_sheet(options.folder / "events.jpg", substrate)
     finally:
         substrate.close()
 

@@ -15,7 +15,7 @@ _PAIRS_A_ROW = 2
 
 
 def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None:
-    """Render one smoke case for each event variant before and after its event, and write one PNG.
+    """Render one smoke case for each event variant before and after its event, and write one file.
 
     Each variant has four pictures side by side: the agent's view before and after, the wrist's before and
     after.

@@ -1,4 +1,4 @@
-"""Contact sheets: many small pictures with captions in one PNG, for people to look at."""
+"""Contact sheets: many small pictures with captions in one file, for people to look at."""
 
 from __future__ import annotations
 
@@ -29,13 +29,20 @@ def captioned(image: Image, *lines: str) -> Image:
 
 
 def write_sheet(path: Path, pictures: Sequence[Image], columns: int) -> None:
-    """Lay pictures of one size out in rows and write them as a PNG; the folder is made if missing."""
+    """Lay pictures of one size out in rows and write them; the folder is made if missing.
+
+    Args:
+        path: The file to write; a name in ``.jpg`` suits noisy pictures, ``.png`` all others.
+        pictures: (H, W, 3) uint8 each.
+        columns: Pictures in a row.
+    """
     import cv2
 
     blank = np.full_like(pictures[0], 255)
     tiles = [*pictures, *[blank] * (-len(pictures) % columns)]
     sheet = np.vstack([np.hstack(tiles[n : n + columns]) for n in range(0, len(tiles), columns)])
     rounded = np.minimum(np.round(sheet / _COLOUR_STEP) * _COLOUR_STEP, 255).astype(np.uint8)
-    _, encoded = cv2.imencode(".png", rounded[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    quality = [cv2.IMWRITE_PNG_COMPRESSION, 9, cv2.IMWRITE_JPEG_QUALITY, 80]
+    _, encoded = cv2.imencode(path.suffix, rounded[..., ::-1], quality)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(encoded.tobytes())
