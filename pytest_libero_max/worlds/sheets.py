@@ -38,11 +38,11 @@ def write_sheet(path: Path, pictures: Sequence[Image], columns: int) -> None:
     """
     import cv2
 
+    quality = {".png": (cv2.IMWRITE_PNG_COMPRESSION, 9), ".jpg": (cv2.IMWRITE_JPEG_QUALITY, 80)}
     blank = np.full_like(pictures[0], 255)
     tiles = [*pictures, *[blank] * (-len(pictures) % columns)]
     sheet = np.vstack([np.hstack(tiles[n : n + columns]) for n in range(0, len(tiles), columns)])
     rounded = np.minimum(np.round(sheet / _COLOUR_STEP) * _COLOUR_STEP, 255).astype(np.uint8)
-    quality = [cv2.IMWRITE_PNG_COMPRESSION, 9, cv2.IMWRITE_JPEG_QUALITY, 80]
-    _, encoded = cv2.imencode(path.suffix, rounded[..., ::-1], quality)
+    _, encoded = cv2.imencode(path.suffix, rounded[..., ::-1], quality[path.suffix])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(encoded.tobytes())
