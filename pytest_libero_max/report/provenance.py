@@ -63,7 +63,7 @@ def collect(
         "git": git_state(folder or Path.cwd()),
         "substrate": substrate,
         "case_set": case_set,
-        "policy": policy,
+        "policy": {key: _public(value) if isinstance(value, str) else value for key, value in policy.items()},
         "protocol": protocol,
         "command": redacted(command),
     }
@@ -96,15 +96,16 @@ def redacted(command: Sequence[str], environment: Mapping[str, str] | None = Non
         command: Arguments, the program first.
         environment: Where ``HOME`` is looked up; by default the process environment.
     """
+    return [
+        "***" if index and _SECRET_OPTION.fullmatch(command[index - 1]) else _public(argument, environment)
+        for index, argument in enumerate(command)
+    ]
+
+
+def _public(text: str, environment: Mapping[str, str] | None = None) -> str:
     home = (os.environ if environment is None else environment).get("HOME", "")
-    cleaned: list[str] = []
-    for index, argument in enumerate(command):
-        if index and _SECRET_OPTION.fullmatch(command[index - 1]):
-            cleaned.append("***")
-            continue
-        text = _SECRET_VALUE.sub(r"\1\2***", _URL_USER.sub("://***@", argument))
-        cleaned.append(text.replace(home, "~") if len(home) > 1 else text)
-    return cleaned
+    cleaned = _SECRET_VALUE.sub(r"\1\2***", _URL_USER.sub("://***@", text))
+    return cleaned.replace(home, "~") if len(home) > 1 else cleaned
 
 
 def _git(folder: Path, *arguments: str) -> str | None:

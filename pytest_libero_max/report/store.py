@@ -93,7 +93,7 @@ class PairStore:
         """Write one pair and wait until the disk has it.
 
         Raises:
-            ReportError: The file cannot be written any more.
+            ReportError: The file cannot be written any more, or the pair holds what JSON does not know.
         """
         kind = "pair" if isinstance(pair, PairRecord) else "error"
         self._write(kind, pair.to_dict())
@@ -124,7 +124,13 @@ class PairStore:
         if self._file is None:
             self._open()
         assert self._file is not None
-        line = json.dumps({"line": kind, **values}, separators=(",", ":"), allow_nan=False) + "\n"
+        try:
+            line = json.dumps({"line": kind, **values}, separators=(",", ":"), allow_nan=False) + "\n"
+        except (TypeError, ValueError) as error:
+            raise ReportError(
+                f"case_id={values.get('case_id')!r} holds a value JSON does not know ({error}); what leaves "
+                "a worker are finite numbers, text, lists and objects."
+            ) from error
         try:
             self._file.write(line.encode())
             self._file.flush()

@@ -100,7 +100,9 @@ def _row(event: str, pairs: str, base: str, dynamic: str, change: str, interval:
 
 def rate_text(rate: Json) -> str:
     """A rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
-    return f"{percent(rate['value'])} {interval_text(rate)}  {count_text(rate)}".rstrip()
+    if rate["value"] is None:
+        return f"n/a  {count_text(rate)}"
+    return f"{percent(rate['value'])} {interval_text(rate)}  {count_text(rate)}"
 
 
 def change_text(change: Json) -> str:

@@ -62,8 +62,9 @@ def test_collecting_imports_no_simulator() -> None:
 
 def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setenv("HOME", "/home/ann")
     origin = collect(
-        policy={"reference": "a.py"},
+        policy={"reference": "/home/ann/a.py", "horizon": None},
         substrate={"name": "embedded"},
         case_set={"name": "track smoke", "digest": "ab"},
         protocol={"prefix": "fork"},
@@ -82,4 +83,5 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
         "command",
     }
     assert origin["gl_backend"] == "egl"
+    assert origin["policy"] == {"reference": "~/a.py", "horizon": None}
     assert origin["versions"]["scipy"] is not None

@@ -149,3 +149,19 @@ def test_a_folder_that_cannot_be_written_is_found_before_playing(tmp_path: Path,
 def test_a_case_is_planned_once(run: Run) -> None:
     with pytest.raises(ReportError, match="planned twice"):
         Run((*run.planned, run.planned[0]), run.provenance)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), b"bytes", object()])
+def test_a_pair_that_is_no_json_is_refused_and_harms_no_other(
+    tmp_path: Path, run: Run, value: object
+) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, True))
+    with pytest.raises(ReportError, match=f"{run.planned[1].case_id}.*a value JSON does not know"):
+        store.append(record_of(run.planned[1], True, True, evidence={"moved_m": value}))
+    store.append(record_of(run.planned[2], True, True))
+    store.close()
+    assert [record.case_id for record in read_pairs(tmp_path).records] == [
+        run.planned[0].case_id,
+        run.planned[2].case_id,
+    ]

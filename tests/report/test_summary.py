@@ -72,7 +72,7 @@ Base success                    0.0% [0.0, 10.7]  0/32
 Dynamic success                 0.0% [0.0, 10.7]  0/32
 Paired change                   +0.0 pp (all alike)   McNemar n/a (no discordant pair)
 Outcomes (Base, Dynamic)        (1,1) 0   (0,1) 0   (1,0) 0   (0,0) 32
-Base successes lost             n/a n/a  0/0   retained n/a
+Base successes lost             n/a  0/0   retained n/a
 Event fired / query after it    0/32 / 0/32   stale actions n/a
 
 event                         pairs   Base   Dynamic   change     95% interval      lost

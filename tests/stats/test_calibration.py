@@ -11,7 +11,7 @@ from pytest_libero_max.stats.intervals import mean_change
 REPORT = Path(__file__).parents[2] / "reports" / "interval-coverage.md"
 
 
-def test_the_published_coverage_is_today_s() -> None:
+def test_the_published_coverage_is_what_the_code_finds() -> None:
     assert REPORT.read_text() == markdown()
 
 
