@@ -201,8 +201,9 @@ class MujocoWorld(ABC):
     def step(self, action: Sequence[float] | Array) -> None:
         self._control_step(self._checked_action(action))
         self._steps += 1
+        counts = self._data.warning.number
         for what, warning in _WARNINGS.items():
-            if self._data.warning[warning].number:
+            if counts[warning]:
                 raise SimulatorError(
                     f"{self._scene}: {what} are no longer finite after control step {self._steps}. "
                     "The episode is lost; reset the world."
