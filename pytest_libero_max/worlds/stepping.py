@@ -69,7 +69,7 @@ class Stepper:
         self._data: mujoco.MjData = env.sim.data._data
         model, data = self._model, self._data
         self._controller = controller
-        self._substeps = int(env.control_timestep / env.model_timestep)
+        self.substeps = int(env.control_timestep / env.model_timestep)
         self._site = int(robot.eef_site_id)
         self.arm_qpos = np.array(robot._ref_joint_pos_indexes, dtype=np.int64)
         self.arm_dofs = np.array(robot._ref_joint_vel_indexes, dtype=np.int64)
@@ -129,14 +129,14 @@ class Stepper:
 
     def step(self, action: Array) -> None:
         """Play one control step of a (7,) float64 action; derived data are up to date before and after."""
-        self._play(self._aim(action), action, self._substeps)
+        self.play(self.aim(action), action, self.substeps)
 
-    def _aim(self, action: Array) -> Array:
+    def aim(self, action: Array) -> Array:
         """Set the goal from the present kinematics; the goal position (3,), m, world.
 
         A substrate that has to reproduce an environment whose controller starts from kinematics of
         another pose, as LIBERO's does after ``set_init_state``, plays that substep with robosuite's own
-        controller and the remaining ones with :meth:`_play`.
+        controller and the remaining ones with :meth:`play`.
         """
         delta = self._controller.scale_action(action[: ACTION_DIM - 1])
         if not all(math.isclose(part, 0.0) for part in delta[3:]):
@@ -145,9 +145,18 @@ class Stepper:
         goal: Array = self._data.site_xpos[self._site] + delta[:3]
         return goal
 
-    def _play(self, goal_pos: Array, action: Array, substeps: int) -> None:
+    def play(self, goal_pos: Array, action: Array, substeps: int, settle: bool = True) -> None:
+        """Play a part of a control step; derived data must be up to date before.
+
+        Args:
+            goal_pos: (3,) m, world, from :meth:`aim`.
+            action: (7,); only its gripper command is used.
+            substeps: How many, at least 1.
+            settle: Whether derived data are brought up to date at the end. If not, they belong to the
+                beginning of the last substep, as they do after robosuite's own step.
+        """
         push = self._speed * np.sign(action[ACTION_DIM - 1])
-        _control_step(goal_pos, self._goal_ori, self._grip, push, substeps, *self._fixed)
+        _control_step(goal_pos, self._goal_ori, self._grip, push, substeps, settle, *self._fixed)
 
 
 def _check(env: Any, robot: Any, controller: Any) -> None:
@@ -215,6 +224,7 @@ def _control_step(
     grip: Any,
     push: Any,
     substeps: Any,
+    settle: Any,
     functions: Any,
     model: Any,
     data: Any,
@@ -250,7 +260,7 @@ def _control_step(
     joint_pos = np.empty(dofs)
     joint_vel = np.empty(dofs)
     wrench = np.empty(6)
-    for _ in range(substeps):
+    for substep in range(substeps):
         _call(functions[2], (model, data, jac_pos.ctypes.data, jac_ori.ctypes.data, site))
         for k in range(dofs):
             joint_pos[k] = qpos[arm_qpos[k]]
@@ -279,4 +289,5 @@ def _control_step(
         for finger in range(2):
             ctrl[finger_ctrl[finger]] = grip_middle[finger] + grip_half[finger] * grip[finger]
         _call(functions[1], (model, data))
-        _call(functions[0], (model, data))
+        if settle or substep + 1 < substeps:
+            _call(functions[0], (model, data))
