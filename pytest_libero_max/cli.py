@@ -60,7 +60,7 @@ def _bench(options: argparse.Namespace) -> None:
 
     suite, _, index = options.scene.partition("/")
     print("\n".join(measure_stepping(suite, int(index or 0), steps=options.steps).lines()), flush=True)
-    print("\n".join(measure_pairs(options.repeats).lines()))
+    print("\n".join(measure_pairs(suite, repeats=options.repeats).lines()))
 
 
 def _report(options: argparse.Namespace) -> None:

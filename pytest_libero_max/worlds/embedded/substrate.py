@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -80,6 +81,10 @@ class EmbeddedSubstrate:
 
     def fingerprint(self) -> Mapping[str, str]:
         """Versions of what computes a result, the GL backend, and a digest of the scenes' source code."""
+        return self._fingerprint
+
+    @cached_property
+    def _fingerprint(self) -> Mapping[str, str]:
         here = Path(__file__).parent
         assets = hashlib.sha256()
         for source in sorted(here.rglob("*.py")):
