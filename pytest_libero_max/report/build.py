@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 
 from pytest_libero_max.cases import EVENTS, FAMILIES, Case, Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.blocks import change_json, macro_json, rate_json, result_json, split_json
+from pytest_libero_max.report.blocks import (
+    change_json,
+    macro_json,
+    outcomes_json,
+    rate_json,
+    ratio_json,
+    result_json,
+    split_json,
+)
 from pytest_libero_max.report.plan import PlannedPair
-from pytest_libero_max.report.store import read_pairs
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
     breakdown,
@@ -20,11 +24,10 @@ from pytest_libero_max.stats.breakdown import (
     macro_average,
 )
 from pytest_libero_max.stats.intervals import CONFIDENCE
-from pytest_libero_max.stats.outcomes import Outcomes
+from pytest_libero_max.stats.outcomes import Outcomes, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 
 REPORT_VERSION = 1
-REPORT_NAME = "report.json"
 
 METHODS = {
     "confidence": CONFIDENCE,
@@ -102,6 +105,7 @@ def build_report(
             name: {label: result_json(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
         },
+        "category_by_event": _cells(planned, played),
         "macro": {
             "category": macro_json(macro_average([r.outcomes for r, _ in groups["category"].values()]))
         },
@@ -109,35 +113,6 @@ def build_report(
         "methods": METHODS,
         "provenance": provenance,
     }
-
-
-def rebuild_report(path: Path) -> Json:
-    """Compute the report from a ``pairs.jsonl`` (or its folder) alone.
-
-    Raises:
-        ReportError: The file is missing or damaged, or contradicts itself.
-    """
-    stored = read_pairs(path)
-    return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
-
-
-def report_json(report: Json) -> str:
-    """The content of ``report.json``: fields in the report's order, a final newline."""
-    return json.dumps(report, indent=1, allow_nan=False) + "\n"
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file so that a reader sees the old content or the new, never half of it.
-
-    Raises:
-        ReportError: It cannot be written.
-    """
-    partial = path.with_name(path.name + ".partial")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
-    except OSError as error:
-        raise ReportError(f"Cannot write {path}: {error}. Give a folder you can write to.") from error
 
 
 def _by_case(records: Iterable[PairRecord], planned: Mapping[str, PlannedPair]) -> dict[str, PairRecord]:
@@ -199,6 +174,24 @@ def _group(
     names = sorted(totals, key=lambda name: _order(dimension, name))
     results = breakdown(columns, [label(pair) for pair in measured], names)
     return {name: (results[name], totals[name]) for name in names}
+
+
+def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> Json:
+    """Planned pairs, outcomes and paired change of each source category under each event."""
+    cells: dict[tuple[str, str], list[PlannedPair]] = {}
+    for pair in planned:
+        cells.setdefault((pair.category, pair.event), []).append(pair)
+    table: Json = {category: {} for category, _ in sorted(cells)}
+    for category, event in sorted(cells, key=lambda cell: (cell[0], _order("event", cell[1]))):
+        pairs = cells[category, event]
+        rows = [played[pair.case_id] for pair in pairs if pair.case_id in played]
+        outcomes = tabulate([row.base_success for row in rows], [row.dynamic_success for row in rows])
+        table[category][event] = {
+            "planned": len(pairs),
+            "outcomes": outcomes_json(outcomes),
+            "paired_change": ratio_json(outcomes.change),
+        }
+    return table
 
 
 def _order(dimension: str, name: str) -> tuple[int, str]:

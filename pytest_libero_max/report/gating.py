@@ -8,9 +8,9 @@ from pathlib import Path
 from pytest_libero_max.cases import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.blocks import contrast_json
-from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.compare import common_cases
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate
+from pytest_libero_max.report.output import report_of
 from pytest_libero_max.report.store import StoredRun, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
 
@@ -27,8 +27,7 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
         ReportError: The run itself cannot be read. Another run that cannot makes its gates undecidable.
     """
     stored = read_pairs(folder)
-    run = stored.run
-    report = build_report(stored.records, stored.errors, run.planned, run.provenance)
+    report = report_of(stored)
     others = {gate.run for gate in gates if gate.run is not None}
     against = {other: _against(stored, start / other) for other in sorted(others)}
     return tuple(evaluate(gate, report, against) for gate in gates)

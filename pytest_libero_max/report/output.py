@@ -3,37 +3,69 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 from pytest_libero_max.cases import Json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.build import (
-    REPORT_NAME,
-    REPORT_VERSION,
-    rebuild_report,
-    report_json,
-    write_text,
-)
+from pytest_libero_max.report.build import REPORT_VERSION, build_report
+from pytest_libero_max.report.compare import replay_command
+from pytest_libero_max.report.figures import FIGURES
+from pytest_libero_max.report.html import html
 from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.store import PAIRS_NAME
+from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, read_pairs
 
+REPORT_NAME = "report.json"
 MARKDOWN_NAME = "report.md"
+HTML_NAME = "report.html"
+
+
+def report_of(stored: StoredRun) -> Json:
+    """The report of a run as read from disk.
+
+    Raises:
+        ReportError: The run contradicts itself.
+    """
+    return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
 
 
 def write_reports(folder: Path) -> tuple[Json, list[Path]]:
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
     Returns:
-        The report, and every file of the run: the pairs, ``report.json`` and ``report.md``.
+        The report, and every file of the run: the pairs, ``report.json``, ``report.md`` and ``report.html``.
 
     Raises:
         ReportError: The pairs cannot be read, or the files not be written.
     """
-    report = rebuild_report(folder)
-    files = {REPORT_NAME: report_json(report), MARKDOWN_NAME: markdown(report)}
+    stored = read_pairs(folder)
+    report = report_of(stored)
+    regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
+    files = {
+        REPORT_NAME: report_json(report),
+        MARKDOWN_NAME: markdown(report),
+        HTML_NAME: html(report, regressions, replay_command(stored)),
+    }
     for name, text in files.items():
         write_text(folder / name, text)
     return report, [folder / name for name in (PAIRS_NAME, *files)]
+
+
+def write_figures(report: Json, folder: Path) -> list[Path]:
+    """Write the figures of a report as SVG files into an existing folder.
+
+    Raises:
+        ReportError: They cannot be written.
+    """
+    paths = [folder / f"{stem}.svg" for stem in FIGURES]
+    for path, draw in zip(paths, FIGURES.values(), strict=True):
+        write_text(path, draw(report))
+    return paths
+
+
+def report_json(report: Json) -> str:
+    """The content of ``report.json``: fields in the report's order, a final newline."""
+    return json.dumps(report, indent=1, allow_nan=False) + "\n"
 
 
 def read_report(path: Path) -> Json:
@@ -57,3 +89,17 @@ def read_report(path: Path) -> Json:
             "Compute it again from its pairs.jsonl."
         )
     return dict(report)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file so that a reader sees the old content or the new, never half of it.
+
+    Raises:
+        ReportError: It cannot be written.
+    """
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        raise ReportError(f"Cannot write {path}: {error}. Give a folder you can write to.") from error

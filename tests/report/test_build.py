@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from pytest_libero_max.cases import EVENTS
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.build import build_report, report_json
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.output import report_json
 from pytest_libero_max.report.plan import PlannedPair
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 

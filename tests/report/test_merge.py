@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pytest_libero_max.cases import Json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.build import build_report, report_json
 from pytest_libero_max.report.merge import merge_folders, merge_runs
+from pytest_libero_max.report.output import report_json, report_of
 from pytest_libero_max.report.plan import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
 from tests.report.made_up import PROVENANCE, error_of, plan, records_of
@@ -28,7 +28,7 @@ def _piece(
 
 
 def _report(run: StoredRun) -> str:
-    return report_json(build_report(run.records, run.errors, run.run.planned, run.run.provenance))
+    return report_json(report_of(run))
 
 
 @settings(deadline=None, max_examples=15)

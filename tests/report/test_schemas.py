@@ -8,8 +8,8 @@ import jsonschema
 import pytest
 
 from pytest_libero_max.cases import Json
-from pytest_libero_max.report.build import build_report, report_json
-from pytest_libero_max.report.output import read_report, write_reports
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.output import read_report, report_json, write_reports
 from pytest_libero_max.report.plan import Run
 from pytest_libero_max.report.store import PairStore
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
@@ -74,7 +74,7 @@ def test_the_schema_refuses_what_a_report_never_holds(path: tuple[str, ...], val
 
 def test_the_written_report_can_be_computed_from_the_pairs_alone(folder: Path) -> None:
     report, paths = write_reports(folder)
-    assert [path.name for path in paths] == ["pairs.jsonl", "report.json", "report.md"]
+    assert [path.name for path in paths] == ["pairs.jsonl", "report.json", "report.md", "report.html"]
     pairs = plan()
     records = [record_of(pairs[1], True, True, **NEVER_TRIGGERED), *records_of(pairs[2:])]
     assert report == build_report(records, [error_of(pairs[0])], pairs, PROVENANCE)

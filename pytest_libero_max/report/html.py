@@ -1,0 +1,196 @@
+"""The report a person reads: one page that needs no network and no script."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from html import escape
+
+from pytest_libero_max.cases import Json
+from pytest_libero_max.report.figures import arrow_plot, category_map, change_profile, stale_histogram
+from pytest_libero_max.report.markdown import TITLES
+from pytest_libero_max.report.summary import (
+    change_text,
+    count_text,
+    incomplete_text,
+    p_text,
+    percent,
+    rate_text,
+    title_text,
+)
+
+_STYLE = """
+body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;max-width:62rem;margin:2rem auto;padding:0 1rem}
+h1{font-size:1.5rem;margin:0 0 .5rem}
+h2{font-size:1.1rem;margin:2.2rem 0 .6rem;border-bottom:1px solid #d8dee4}
+.note{background:#f2f5f7;border-left:4px solid #66727f;padding:.5rem .8rem;margin:.6rem 0}
+.alarm{background:#fbeae4;border-left-color:#b3421b}
+.cards{display:flex;gap:1rem;flex-wrap:wrap;margin:1rem 0}
+.card{flex:1 1 14rem;border:1px solid #d8dee4;border-radius:6px;padding:.7rem 1rem}
+.card b{display:block;font-size:1.9rem;font-weight:600}.card span{color:#66727f}
+table{border-collapse:collapse;margin:.4rem 0;font-variant-numeric:tabular-nums}
+th,td{padding:.22rem .7rem;border-bottom:1px solid #e6eaee;text-align:left}
+td+td,th+th{text-align:right}svg{max-width:100%;height:auto;display:block}
+details{margin:.5rem 0}summary{cursor:pointer}code{background:#f2f5f7;padding:.1rem .3rem}
+.outcomes td{border:1px solid #d8dee4;text-align:center;padding:.5rem 1rem}
+"""
+
+
+def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str:
+    """Render a report as a page.
+
+    Args:
+        report: What :func:`~pytest_libero_max.report.build.build_report` returned.
+        regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
+        replay: The command that plays one of them again, once its item id is appended.
+    """
+    pairs = report["pairs"]
+    body = [f"<h1>{escape(title_text(report))}</h1>"]
+    body.append(f"<p>{pairs['played']} of {pairs['planned']} planned pairs played</p>")
+    if not pairs["complete"]:
+        body.append(_note(f"{incomplete_text(pairs)} All rates are over the played pairs.", "alarm"))
+    if report["substrate"]["note"]:
+        body.append(_note(report["substrate"]["note"]))
+    if pairs["played"]:
+        body += _results(report)
+        body += _regressions(regressions, replay)
+    body += _faults(pairs)
+    body += _provenance(report)
+    return (
+        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width,initial-scale=1'>"
+        f"<title>{escape(title_text(report))}</title><style>{_STYLE}</style></head>\n<body>\n"
+        + "\n".join(body)
+        + "\n</body></html>\n"
+    )
+
+
+def _results(report: Json) -> list[str]:
+    overall = report["overall"]
+    body = [
+        "<div class='cards'>",
+        _card("Base success", overall["base_success"]),
+        _card("Dynamic success", overall["dynamic_success"]),
+        _card("Base successes lost", overall["conditional_regression"]),
+        "</div>",
+        f"<p>Paired change {escape(change_text(overall['paired_change']))}, exact McNemar "
+        f"{escape(p_text(overall['mcnemar']))}.</p>",
+        "<h2>Outcomes</h2>",
+        _outcomes(overall["outcomes"]),
+        "<h2>From Base to Dynamic</h2>",
+        "<p>A ring is Base success, the arrow ends at Dynamic success; pairs in brackets.</p>",
+        arrow_plot(report),
+    ]
+    if any(block["floor"] for block in report["by"]["event"].values()):
+        body.append(
+            "<p>* Base success is too low to fall: a small change is no sign of robustness there.</p>"
+        )
+    body += [
+        "<h2>Paired change by event</h2>",
+        "<p>Percentage points with 95% intervals. A point without a bar: all its pairs are alike.</p>",
+        change_profile(report),
+        "<h2>Source categories</h2>",
+        "<p>Paired change in percentage points (pairs). Cells hold different cases and describe them.</p>",
+        category_map(report),
+        "<h2>Coverage and stale actions</h2>",
+        _coverage(report),
+        stale_histogram(report),
+        "<h2>Breakdowns</h2>",
+    ]
+    return body + [_breakdown(report, dimension, title) for dimension, title in TITLES.items()]
+
+
+def _outcomes(outcomes: Json) -> str:
+    return (
+        "<table class='outcomes'><tr><td></td><td>Dynamic succeeds</td><td>Dynamic fails</td></tr>"
+        f"<tr><td>Base succeeds</td><td>{outcomes['preserved_success']}<br>preserved</td>"
+        f"<td>{outcomes['regression']}<br>regression</td></tr>"
+        f"<tr><td>Base fails</td><td>{outcomes['change_associated_success']}<br>change-associated</td>"
+        f"<td>{outcomes['persistent_failure']}<br>persistent failure</td></tr></table>"
+    )
+
+
+def _coverage(report: Json) -> str:
+    rows = []
+    for name, block in {"all pairs": report["overall"], **report["by"]["event"]}.items():
+        stale = block["stale_actions"]
+        mean = "n/a" if stale["mean"] is None else f"{stale['mean']:.2f}"
+        median = "n/a" if stale["median"] is None else f"{stale['median']:g}"
+        rows.append(
+            (
+                name,
+                count_text(block["trigger_coverage"]),
+                count_text(block["response_coverage"]),
+                mean,
+                median,
+            )
+        )
+    return _table(("", "Event fired", "Query after it", "Stale actions, mean", "Median"), rows)
+
+
+def _breakdown(report: Json, dimension: str, title: str) -> str:
+    rows = [
+        (
+            name + (" *" if block["floor"] else ""),
+            count_text({"count": block["played"], "of": block["planned"]}),
+            rate_text(block["base_success"]),
+            rate_text(block["dynamic_success"]),
+            change_text(block["paired_change"]),
+            count_text(block["conditional_regression"]),
+        )
+        for name, block in report["by"][dimension].items()
+    ]
+    table = _table((title, "Played", "Base", "Dynamic", "Paired change", "Lost"), rows)
+    return f"<details><summary>{escape(title)}</summary>{table}</details>"
+
+
+def _regressions(regressions: Sequence[str], replay: Sequence[str]) -> list[str]:
+    if not regressions:
+        return []
+    items = "".join(f"<li><code>{escape(item)}</code></li>" for item in regressions)
+    return [
+        "<h2>Regressions</h2>",
+        f"<p>Play one again: <code>{escape(shlex.join(replay))} NAME</code>. Its record is a line of "
+        "<a href='pairs.jsonl'>pairs.jsonl</a>.</p>",
+        f"<details><summary>{len(regressions)} pairs succeed in Base and fail in Dynamic</summary>"
+        f"<ul>{items}</ul></details>",
+    ]
+
+
+def _faults(pairs: Json) -> list[str]:
+    body = []
+    if pairs["invalid_pairs"]:
+        rows = [
+            (pair["item_id"], pair["phase"], pair["kind"], pair["message"]) for pair in pairs["invalid_pairs"]
+        ]
+        body += ["<h2>Invalid pairs</h2>", _table(("Pair", "Phase", "Error", "Message"), rows)]
+    if pairs["missing_pairs"]:
+        items = "".join(f"<li><code>{escape(pair['item_id'])}</code></li>" for pair in pairs["missing_pairs"])
+        body += [f"<h2>Missing pairs</h2><ul>{items}</ul>"]
+    return body
+
+
+def _provenance(report: Json) -> list[str]:
+    origin = report["provenance"]
+    rows = [(name, version or "not installed") for name, version in origin["versions"].items()]
+    rows += [("case set", f"{origin['case_set']['name']}, {origin['case_set']['digest'][:12]}")]
+    rows += [("GL backend", origin["gl_backend"] or "none"), ("command", shlex.join(origin["command"]))]
+    return ["<h2>Provenance</h2>", _table(("", ""), rows)]
+
+
+def _card(name: str, rate: Json) -> str:
+    value = percent(rate["value"])
+    detail = rate_text(rate).removeprefix(value).strip()
+    return f"<div class='card'>{escape(name)}<b>{value}</b><span>{escape(detail)}</span></div>"
+
+
+def _note(words: str, kind: str = "") -> str:
+    return f"<p class='note {kind}'>{escape(words)}</p>"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table><tr>{top}</tr>{body}</table>"

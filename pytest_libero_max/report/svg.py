@@ -1,0 +1,67 @@
+"""The few SVG shapes that the figures need. Text in, text out; the same input gives the same bytes."""
+
+from __future__ import annotations
+
+from html import escape
+
+INK, MUTED, GRID = "#1f2933", "#66727f", "#d8dee4"
+LOSS, GAIN, NEUTRAL = "#b3421b", "#14708a", "#52606d"
+FONT = "font-family='system-ui, sans-serif'"
+
+
+def document(width: float, height: float, title: str, shapes: list[str]) -> str:
+    """A standalone SVG document with an accessible title."""
+    return (
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {_n(width)} {_n(height)}' "
+        f"width='{_n(width)}' height='{_n(height)}' role='img'>"
+        f"<title>{escape(title)}</title>" + "".join(shapes) + "</svg>"
+    )
+
+
+def text(x: float, y: float, words: str, anchor: str = "start", size: float = 12, color: str = INK) -> str:
+    """Words whose baseline is at ``y``."""
+    return (
+        f"<text x='{_n(x)}' y='{_n(y)}' text-anchor='{anchor}' font-size='{_n(size)}' fill='{color}' {FONT}>"
+        f"{escape(words)}</text>"
+    )
+
+
+def line(x1: float, y1: float, x2: float, y2: float, color: str = GRID, width: float = 1) -> str:
+    """A straight line."""
+    return (
+        f"<line x1='{_n(x1)}' y1='{_n(y1)}' x2='{_n(x2)}' y2='{_n(y2)}' stroke='{color}' "
+        f"stroke-width='{_n(width)}'/>"
+    )
+
+
+def circle(x: float, y: float, radius: float, fill: str, stroke: str = "none") -> str:
+    """A disc."""
+    place = f"cx='{_n(x)}' cy='{_n(y)}' r='{_n(radius)}'"
+    return f"<circle {place} fill='{fill}' stroke='{stroke}' stroke-width='2'/>"
+
+
+def rectangle(x: float, y: float, width: float, height: float, fill: str) -> str:
+    """A filled rectangle."""
+    return f"<rect x='{_n(x)}' y='{_n(y)}' width='{_n(width)}' height='{_n(height)}' fill='{fill}'/>"
+
+
+def arrow(x1: float, x2: float, y: float, color: str) -> str:
+    """A horizontal arrow from ``x1`` to ``x2``; a bare line where they are too near for a head."""
+    shaft = line(x1, y, x2, y, color, 2.5)
+    if abs(x2 - x1) < 6:
+        return shaft
+    back = x2 - 7 if x2 > x1 else x2 + 7
+    points = f"{_n(x2)},{_n(y)} {_n(back)},{_n(y - 5)} {_n(back)},{_n(y + 5)}"
+    return shaft + f"<polygon points='{points}' fill='{color}'/>"
+
+
+def shade(value: float) -> str:
+    """Colour of a change from -1 (loss) over 0 (white) to 1 (gain); full at half of that."""
+    end = LOSS if value < 0 else GAIN
+    weight = min(1.0, abs(value) * 2)
+    channels = (int(end[i : i + 2], 16) for i in (1, 3, 5))
+    return "#" + "".join(f"{round(255 + weight * (channel - 255)):02x}" for channel in channels)
+
+
+def _n(value: float) -> str:
+    return f"{value:.2f}".rstrip("0").rstrip(".")
