@@ -29,10 +29,10 @@ h2{font-size:1.1rem;margin:2.2rem 0 .6rem;border-bottom:1px solid #d8dee4}
 .card{flex:1 1 14rem;border:1px solid #d8dee4;border-radius:6px;padding:.7rem 1rem}
 .card b{display:block;font-size:1.9rem;font-weight:600}.card span{color:#66727f}
 table{border-collapse:collapse;margin:.4rem 0;font-variant-numeric:tabular-nums}
-th,td{padding:.22rem .7rem;border-bottom:1px solid #e6eaee;text-align:left}
+th,td{padding:.22rem .7rem;border-bottom:1px solid #e6eaee;text-align:left;white-space:nowrap}
 td+td,th+th{text-align:right}svg{max-width:100%;height:auto;display:block}
 details{margin:.5rem 0}summary{cursor:pointer}code{background:#f2f5f7;padding:.1rem .3rem}
-.outcomes td{border:1px solid #d8dee4;text-align:center;padding:.5rem 1rem}
+.outcomes td{border:1px solid #d8dee4;text-align:center!important;padding:.5rem 1rem}
 """
 
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from pytest_libero_max.cases import Json, canonical_digest
 from pytest_libero_max.errors import OptionError, ReportError
@@ -61,8 +62,9 @@ class PairStore:
     def __init__(self, folder: Path, run: Run) -> None:
         self.path = folder / PAIRS_NAME
         self._run = run
-        self._file: IO[bytes] | None = None
+        self._file: FileIO | None = None
         self._append_to_existing = False
+        self._broken = False
         require_writable(folder)
 
     @classmethod
@@ -110,10 +112,10 @@ class PairStore:
     def _open(self) -> None:
         try:
             if self._append_to_existing:
-                self._file = self.path.open("ab")
+                self._file = self.path.open("ab", buffering=0)
                 return
             _set_aside(self.path)
-            self._file = self.path.open("wb")
+            self._file = self.path.open("wb", buffering=0)
         except OSError as error:
             raise ReportError(
                 f"Cannot write {self.path}: {error}. Give a folder you can write to."
@@ -131,11 +133,18 @@ class PairStore:
                 f"case_id={values.get('case_id')!r} holds a value JSON does not know ({error}); what leaves "
                 "a worker are finite numbers, text, lists and objects."
             ) from error
+        if self._broken:
+            raise ReportError(
+                f"Cannot write {self.path}: an earlier write failed, and a line behind it could not be read. "
+                "Make room and resume."
+            )
+        data = line.encode()
         try:
-            self._file.write(line.encode())
-            self._file.flush()
+            if self._file.write(data) != len(data):
+                raise OSError("only a part of the line was written")
             os.fsync(self._file.fileno())
         except OSError as error:
+            self._broken = True
             raise ReportError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 
 

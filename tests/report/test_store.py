@@ -165,3 +165,27 @@ def test_a_pair_that_is_no_json_is_refused_and_harms_no_other(
         run.planned[0].case_id,
         run.planned[2].case_id,
     ]
+
+
+@pytest.mark.parametrize("written", [0, 20])
+def test_after_a_failed_write_nothing_is_put_behind_the_damage(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch, written: int
+) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, True))
+    whole = store.path.stat().st_size
+
+    def full(descriptor: int) -> None:
+        os.truncate(store.path, whole + written)
+        raise OSError("No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(ReportError, match=r"No space left on device\. Is the disk full"):
+            store.append(record_of(run.planned[1], True, True))
+    with pytest.raises(ReportError, match="an earlier write failed"):
+        store.append(record_of(run.planned[2], True, True))
+    store.close()
+    stored = read_pairs(tmp_path)
+    assert stored.torn == (written > 0)
+    assert [record.case_id for record in stored.records] == [run.planned[0].case_id]
