@@ -36,6 +36,9 @@ CAMERAS = ("agentview", "robot0_eye_in_hand")
 
 EntityKind = Literal["object", "fixture", "surface"]
 
+Goal = tuple[tuple[str, ...], ...]
+"""Predicates that must all hold, as BDDL writes them: ``(("on", "akita_black_bowl_1", "plate_1"),)``."""
+
 
 @dataclass(frozen=True)
 class Entity:
@@ -83,6 +86,7 @@ class WorldState:
         steps: Control steps since reset.
         filters: Active pixel filters with the step at which each was added.
         parked: Names of the entities taken out of the scene with the pose (7, m and wxyz) each had then.
+        assigned: Instruction and goal that were given in place of the task's own, None where they were not.
     """
 
     scene: str
@@ -92,6 +96,7 @@ class WorldState:
     steps: int
     filters: tuple[tuple[PixelFilter, int], ...]
     parked: tuple[tuple[str, tuple[float, ...]], ...]
+    assigned: tuple[str | None, Goal | None] = (None, None)
 
 
 @runtime_checkable
@@ -110,6 +115,11 @@ class World(Protocol):
     @property
     def language(self) -> str:
         """The task's instruction as the benchmark gives it to a policy."""
+        ...
+
+    @property
+    def assigned(self) -> tuple[str | None, Goal | None]:
+        """Instruction and goal given since reset in place of the task's own; None where they were not."""
         ...
 
     @property
@@ -227,8 +237,50 @@ class World(Protocol):
         """Let every later image of every camera pass through ``filter``, after those already there."""
         ...
 
+    def pose_arm(self, joints: Sequence[float] | Array) -> None:
+        """Put the arm's (7,) joints there, rad, at rest; the controller then holds that pose.
+
+        Raises:
+            SubstrateError: The world has no such arm, or a joint would pass its limit.
+        """
+        ...
+
+    def assign(self, instruction: str | None = None, goal: Goal | None = None) -> None:
+        """Put other words, another goal or both in place of the task's own, until the next reset.
+
+        Raises:
+            SubstrateError: The goal names something that the scene does not have.
+        """
+        ...
+
     def close(self) -> None:
         """Give back GL contexts and memory. The world cannot be used afterwards."""
+        ...
+
+
+class SourceVariant(Protocol):
+    """A source variation of a task: what a substrate has to build, and what it does to a world at reset."""
+
+    @property
+    def key(self) -> str:
+        """Stable and unique, for example ``plus/libero_spatial/0007``."""
+        ...
+
+    @property
+    def suite(self) -> str: ...
+
+    @property
+    def base_index(self) -> int:
+        """Index of the unmodified task in its suite, 0 to 9."""
+        ...
+
+    @property
+    def scene(self) -> Mapping[str, Any]:
+        """How the compiled scene differs from that of the unmodified task, as plain JSON values."""
+        ...
+
+    def apply(self, world: World) -> None:
+        """Make the variation's changes to a world that has just been reset."""
         ...
 
 

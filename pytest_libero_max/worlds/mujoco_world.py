@@ -25,6 +25,7 @@ from pytest_libero_max.worlds.contract import (
     CAMERAS,
     Array,
     Entity,
+    Goal,
     Image,
     PixelFilter,
     WorldState,
@@ -50,6 +51,7 @@ ALTERABLE = (
     "geom_rgba",
     "light_active",
     "light_ambient",
+    "light_castshadow",
     "light_cutoff",
     "light_diffuse",
     "light_dir",
@@ -108,6 +110,7 @@ class MujocoWorld(ABC):
         self._steps = 0
         self._filters: tuple[tuple[PixelFilter, int], ...] = ()
         self._parked: dict[str, tuple[float, ...]] = {}
+        self._assigned: tuple[str | None, Goal | None] = (None, None)
         self._renderer: Renderer | None = None
         self._compiled = {field: getattr(model, field).copy() for field in ALTERABLE}
         self._body = {name: self._body_id(entity) for name, entity in self._entities.items()}
@@ -160,7 +163,11 @@ class MujocoWorld(ABC):
 
     @property
     def language(self) -> str:
-        return self._language
+        return self._assigned[0] or self._language
+
+    @property
+    def assigned(self) -> tuple[str | None, Goal | None]:
+        return self._assigned
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -193,7 +200,7 @@ class MujocoWorld(ABC):
         self._data.qpos[:] = qpos
         # The first step would do it, and what is parked before that would move by a rounding error.
         mujoco.mj_normalizeQuat(self._model, self._data.qpos)
-        self._steps, self._filters, self._parked = 0, (), {}
+        self._steps, self._filters, self._parked, self._assigned = 0, (), {}, (None, None)
         self._settle()
         self._reset_controller()
         self._after_step()
@@ -225,6 +232,7 @@ class MujocoWorld(ABC):
             steps=self._steps,
             filters=self._filters,
             parked=tuple(self._parked.items()),
+            assigned=self._assigned,
         )
 
     def restore(self, state: WorldState) -> None:
@@ -238,6 +246,7 @@ class MujocoWorld(ABC):
         mujoco.mj_setState(self._model, self._data, state.physics.copy(), _STATE)  # it wants a writable array
         self._set_controller_state(state.controller)
         self._steps, self._filters, self._parked = state.steps, state.filters, dict(state.parked)
+        self._assigned = state.assigned
         self._settle()
 
     def digest(self) -> bytes:
@@ -246,7 +255,7 @@ class MujocoWorld(ABC):
         for field in ALTERABLE:
             fingerprint.update(getattr(self._model, field).tobytes())
         fingerprint.update(self._controller_state().tobytes())
-        rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters)
+        rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
         fingerprint.update(repr(rest).encode())
         return fingerprint.digest()
 
@@ -341,12 +350,25 @@ class MujocoWorld(ABC):
             )
         self._filters = (*self._filters, (filter, self._steps))
 
+    def pose_arm(self, joints: Sequence[float] | Array) -> None:
+        raise SubstrateError(f"{self._scene} has no arm with seven joints that could be posed.")
+
+    def assign(self, instruction: str | None = None, goal: Goal | None = None) -> None:
+        if goal is not None:
+            self._check_goal(goal)
+        words, target = self._assigned
+        self._assigned = (words if instruction is None else instruction, target if goal is None else goal)
+
     def close(self) -> None:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
 
     # Inside.
+
+    def _check_goal(self, goal: Goal) -> None:
+        """Refuse a goal that the world cannot decide; a world that can decide any of them overrides this."""
+        raise SubstrateError(f"{self._scene} decides its own goal only, not {goal!r}.")
 
     def _settle(self) -> None:
         """Bring derived data up to date with the current state, which stays as it is."""

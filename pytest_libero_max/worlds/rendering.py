@@ -1,4 +1,6 @@
-"""Images of a world, straight from MuJoCo: no shadows, no reflections, OpenGL row order."""
+"""Images of a world, straight from MuJoCo: no reflections, shadows only of lights told to cast them, OpenGL
+row order.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,13 @@ MAX_SIZE = 4096
 DRAWN_GROUPS = (1, 2)
 """Geom groups in an image, as in LIBERO: 0 holds collision shapes, 3 and more are never drawn."""
 
-_SKIPPED = (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION)
+SHADOW_MAP = 2048
+"""Side of the shadow map in texels, where a light casts shadows. With it an image takes some ten times as
+long in software, so that the light events and most scenes do without."""
+
+SHADOW_REACH = 3.0
+"""Half the width of what a directional light's shadow map covers, in extents of the model: the whole room.
+A narrower one leaves the map's own texels as shadows on everything."""
 
 
 class Renderer:
@@ -46,6 +54,7 @@ class Renderer:
         self._context: Any = None
         self._scene: Any = None
         self._side = 0
+        self._shadows = False
 
     def render(self, camera: str, size: int) -> Image:
         """One image, (size, size, 3) uint8, freshly allocated, bottom row first.
@@ -81,8 +90,10 @@ class Renderer:
 
     def _prepare(self, size: int) -> None:
         _shared_context().make_current()
-        if self._context is not None and size > self._side:
+        shadows = bool(self._model.light_castshadow.any())
+        if self._context is not None and (size > self._side or shadows != self._shadows):
             self.close()
+        self._shadows = shadows
         if self._context is None:
             self._open(max(size, 256))
         # The framebuffer in use belongs to the GL context, and another renderer may have drawn last.
@@ -96,11 +107,12 @@ class Renderer:
         self._model.vis.global_.offwidth = side
         self._model.vis.global_.offheight = side
         self._model.vis.quality.offsamples = OFFSAMPLES
-        self._model.vis.quality.shadowsize = 0  # a shadow map of the default size takes 64 MB
+        self._model.vis.quality.shadowsize = SHADOW_MAP if self._shadows else 0
+        self._model.vis.map.shadowclip = SHADOW_REACH
         self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
-        for flag in _SKIPPED:
-            self._scene.flags[flag] = 0
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._shadows
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
         self._camera = mujoco.MjvCamera()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 from pytest_libero_max.worlds.stepping import Stepper
@@ -38,6 +39,20 @@ class RobosuiteWorld(MujocoWorld):
     def end_effector(self) -> Array:
         position: Array = self._data.site_xpos[self._grip_site].copy()
         return position
+
+    def pose_arm(self, joints: Sequence[float] | Array) -> None:
+        values = np.array(joints, dtype=np.float64)
+        arm = self._stepper.arm_qpos
+        limits = self._model.jnt_range[self._env.robots[0]._ref_joint_indexes]
+        if values.shape != arm.shape or not np.all((values > limits[:, 0]) & (values < limits[:, 1])):
+            raise SubstrateError(
+                f"joints={values.tolist()!r}: {arm.size} angles in rad within the joints' limits are needed."
+            )
+        self._data.qpos[arm] = values
+        self._data.qvel[self._stepper.arm_dofs] = 0.0
+        self._data.qacc_warmstart[self._stepper.arm_dofs] = 0.0
+        self._settle()
+        self._reset_controller()
 
     def _reset_controller(self) -> None:
         self._stepper.start()
