@@ -19,7 +19,7 @@ from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.embedded.arenas import ARENAS
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.predicates import touching
-from pytest_libero_max.worlds.embedded.scene import Scene, resolve
+from pytest_libero_max.worlds.embedded.scene import Scene, joint_state, joints_of, resolve
 from pytest_libero_max.worlds.embedded.tasks import Fact, category_of
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ _SITE_SPREAD = {
     "cook_region": ((-0.01, 0.01), (-0.01, 0.01)),
     "top_region": ((-0.01, 0.01), (-0.020, -0.016)),
 }
-# LIBERO opens a drawer to somewhere between these.
-_OPEN_RANGE = (-0.16, -0.14)
 _DROP = 0.0008
 _CLEARANCE = 0.002
 _ATTEMPTS = 200
@@ -125,9 +123,11 @@ def _lay_out(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, draw: _Dr
         if name in known:
             data.joint(name).qpos[0] = position
     for fact in scene.task.start:
-        if fact.predicate == "open":
-            for joint in scene.regions[fact.subject].joints:
-                data.joint(joint).qpos[0] = draw.uniform(joint, *_OPEN_RANGE)
+        if fact.place is None:
+            span = joint_state(fact, scene.entities, scene.regions).start
+            assert span is not None, f"{scene.key} starts in a state that has no range: {fact}"
+            for joint in joints_of(fact.subject, scene.entities, scene.regions):
+                data.joint(joint).qpos[0] = draw.uniform(joint, *span)
     mujoco.mj_kinematics(model, data)
     for fact in _supports_first(scene):
         x, y, height = _spot(scene, model, data, fact, draw)

@@ -78,7 +78,7 @@ def build_scene(suite: str, index: int) -> Scene:
     """Build the scene of a task.
 
     Args:
-        suite: ``libero_spatial`` or ``libero_object``.
+        suite: One of :data:`.tasks.SUITES`.
         index: The benchmark's task index, from 0.
 
     Raises:
@@ -114,13 +114,9 @@ def resolve(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Re
     """
     subject = fact.subject
     if fact.predicate in ("open", "close", "turnon", "turnoff"):
-        joints = _joints_of(subject, entities, regions)
-        return {
-            "open": Joints(joints, high=-0.14),
-            "close": Joints(joints, low=0.0, every=True),
-            "turnon": Joints(joints, low=0.5, closed=True),
-            "turnoff": Joints(joints, high=0.0, every=True),
-        }[fact.predicate]
+        state = joint_state(fact, entities, regions)
+        joints = joints_of(subject, entities, regions)
+        return Joints(joints, state.low, state.high, state.every, state.closed)
     body = _entity(subject, entities).body
     place = fact.place or ""
     if place in regions:
@@ -137,7 +133,24 @@ def _entity(name: str, entities: Mapping[str, Entity]) -> Entity:
     return entities[name]
 
 
-def _joints_of(name: str, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> tuple[str, ...]:
+def joint_state(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> base.JointState:
+    """What open, closed, on or off means for the joints of a fixture or of one of its regions.
+
+    Raises:
+        SubstrateError: The fixture does not exist or cannot be in such a state.
+    """
+    name = regions[fact.subject].target if fact.subject in regions else fact.subject
+    kind = category(_entity(name, entities).category)
+    if fact.predicate not in kind.states:
+        raise SubstrateError(
+            f"predicate={fact.predicate!r} means nothing for {fact.subject!r}. "
+            f"{did_you_mean(fact.predicate, kind.states)}"
+        )
+    return kind.states[fact.predicate]
+
+
+def joints_of(name: str, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> tuple[str, ...]:
+    """The joints of a fixture, or those that a region of it moves with."""
     if name in regions:
         return regions[name].joints
     return tuple(f"{name}_{joint}" for joint in _joint_names(category(_entity(name, entities).category).root))
@@ -222,10 +235,9 @@ def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
     for instance in row.fixtures:
         place = row.places[starts[instance] or ""]
         x0, y0, x1, y1 = place.box
-        pos = ((x0 + x1) / 2, (y0 + y1) / 2, arena.fixture_z)
-        worldbody.append(
-            base.body(category(category_of(instance)), instance, pos, rotations.about((0, 0, 1), place.yaw))
-        )
+        kind = category(category_of(instance))
+        pos = ((x0 + x1) / 2, (y0 + y1) / 2, arena.fixture_z + kind.lift)
+        worldbody.append(base.body(kind, instance, pos, rotations.about((0, 0, 1), place.yaw)))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode"), pictures
 

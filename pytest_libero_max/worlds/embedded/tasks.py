@@ -6,6 +6,7 @@ others of its suite; everything that follows from that is derived here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -48,7 +49,7 @@ class Task:
     """One task.
 
     Attributes:
-        suite: ``libero_spatial`` or ``libero_object``.
+        suite: For example ``libero_spatial``.
         index: Position in the benchmark's own order.
         language: The instruction that the benchmark gives to a policy.
         arena: Which room it happens in.
@@ -214,7 +215,69 @@ def _object(index: int) -> Task:
     )
 
 
-_SUITES = {"libero_spatial": (_spatial, len(_SPATIAL)), "libero_object": (_object, len(_OBJECT))}
+# --- LIBERO-Goal: one scene, ten things to do in it
+# ------------------------------------------------------------------
+
+_GOAL_PLACES: dict[str, Place] = {
+    f"main_table_{key}": Place(f"main_table_{key}", "main_table", box, yaw)
+    for key, box, yaw in (
+        ("akita_black_bowl_region", _square(-0.09, 0.0, 0.01), 0.0),
+        ("cabinet_region", _square(0.03, -0.24, 0.01), math.pi),
+        ("cream_cheese_region", _square(-0.05, 0.13, 0.01), 0.0),
+        ("plate_region", _square(0.05, -0.02, 0.01), 0.0),
+        ("stove_front_region", _square(-0.05, 0.21, 0.04), 0.0),
+        ("stove_region", _square(-0.41, 0.21, 0.01), 0.0),
+        ("wine_bottle_region", _square(-0.20, -0.05, 0.01), 0.0),
+        ("wine_rack_region", _square(-0.26, -0.26, 0.01), math.pi),
+    )
+}
+
+_BOWL = "akita_black_bowl_1"
+
+# The instruction, and what it asks for.
+_GOAL: tuple[tuple[str, Fact], ...] = (
+    ("open the middle drawer of the cabinet", Fact("open", "wooden_cabinet_1_middle_region")),
+    ("put the bowl on the stove", Fact("on", _BOWL, _STOVE)),
+    ("put the wine bottle on top of the cabinet", Fact("on", "wine_bottle_1", _CABINET_TOP)),
+    ("open the top drawer and put the bowl inside", Fact("in", _BOWL, _DRAWER)),
+    ("put the bowl on top of the cabinet", Fact("on", _BOWL, _CABINET_TOP)),
+    ("push the plate to the front of the stove", Fact("on", "plate_1", "main_table_stove_front_region")),
+    ("put the cream cheese in the bowl", Fact("on", "cream_cheese_1", _BOWL)),
+    ("turn on the stove", Fact("turnon", "flat_stove_1")),
+    ("put the bowl on the plate", Fact("on", _BOWL, "plate_1")),
+    ("put the wine bottle on the rack", Fact("on", "wine_bottle_1", "wine_rack_1_top_region")),
+)
+
+
+def _goal(index: int) -> Task:
+    language, goal = _GOAL[index]
+    start = (
+        ("wine_bottle_1", "wine_bottle_region"),
+        (_BOWL, "akita_black_bowl_region"),
+        ("plate_1", "plate_region"),
+        ("cream_cheese_1", "cream_cheese_region"),
+        ("wooden_cabinet_1", "cabinet_region"),
+        ("flat_stove_1", "stove_region"),
+        ("wine_rack_1", "wine_rack_region"),
+    )
+    return Task(
+        "libero_goal",
+        index,
+        language,
+        "tabletop",
+        (_BOWL, "cream_cheese_1", "wine_bottle_1", "plate_1"),
+        ("wooden_cabinet_1", "flat_stove_1", "wine_rack_1"),
+        _GOAL_PLACES,
+        tuple(Fact("on", name, f"main_table_{place}") for name, place in start),
+        (goal,),
+    )
+
+
+_SUITES = {
+    "libero_spatial": (_spatial, len(_SPATIAL)),
+    "libero_object": (_object, len(_OBJECT)),
+    "libero_goal": (_goal, len(_GOAL)),
+}
 
 SUITES = tuple(_SUITES)
 """The suites whose scenes exist."""

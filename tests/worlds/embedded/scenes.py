@@ -8,8 +8,9 @@ import mujoco
 
 from pytest_libero_max.worlds.embedded.placement import initial_state
 from pytest_libero_max.worlds.embedded.scene import Scene, build_scene
+from pytest_libero_max.worlds.embedded.tasks import SUITES, tasks
 
-ALL = [(suite, index) for suite in ("libero_spatial", "libero_object") for index in range(10)]
+ALL = [(row.suite, row.index) for suite in SUITES for row in tasks(suite)]
 IDS = [f"{suite}/{index}" for suite, index in ALL]
 
 

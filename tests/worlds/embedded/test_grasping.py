@@ -56,6 +56,8 @@ GRASPS = [
     ("ketchup", 0.0, 0.065),
     ("salad_dressing", 0.0, 0.065),
     ("bbq_sauce", 0.0, 0.05),
+    ("wine_bottle", 0.0, 0.135),
+    ("wine_bottle", 0.0, 0.055),
 ]
 
 
@@ -89,7 +91,9 @@ def drive(
 
 
 @pytest.mark.parametrize(
-    ("name", "side", "height"), GRASPS, ids=[f"{g[0]}{'-far' if g[1] < 0 else ''}" for g in GRASPS]
+    ("name", "side", "height"),
+    GRASPS,
+    ids=[f"{name}{side:+.3f}@{height:.3f}" for name, side, height in GRASPS],
 )
 def test_is_lifted_carried_and_held(name, side, height):
     model = grasp_model(name)

@@ -29,6 +29,9 @@ LIBERO = {
     "plate": (0.011522, (0.1375, 0.1376, 0.0190)),
     "salad_dressing": (0.021785, (0.0355, 0.0527, 0.1456)),
     "tomato_sauce": (0.026633, (0.0627, 0.0618, 0.0762)),
+    "wine_bottle": (0.015394, (0.0426, 0.0442, 0.1569)),
+    # LIBERO's rack is 0.3304 m high and hovers 18 mm above the table; ours stands on feet.
+    "wine_rack": (0.152748, (0.2688, 0.2538, 0.3304 + 0.0178)),
     "wooden_cabinet": (9.176239, (0.2546, 0.2210, 0.2184)),
 }
 JOINTS = {

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 import pytest
 
 from pytest_libero_max.worlds.embedded.predicates import In, Joints, OnObject, OnSite, all_hold, touching
 
+from .goals import reach
 from .scenes import ALL, IDS, at_start, control_steps
 
 BOXES = """
@@ -133,12 +133,7 @@ def test_a_goal_does_not_hold_at_any_start(suite, index):
 @pytest.mark.parametrize(("suite", "index"), ALL, ids=IDS)
 def test_a_goal_holds_once_the_task_was_done_by_hand(suite, index):
     scene, model, data = at_start(suite, index)
-    (fact,) = scene.task.goal
-    target = "plate_1" if suite == "libero_spatial" else "basket_1"
-    height = 0.01 if suite == "libero_spatial" else 0.1
-    data.joint(f"{fact.subject}_joint0").qpos[:3] = data.body(f"{target}_main").xpos + np.array(
-        [0.005, -0.005, height]
-    )
+    reach(scene, model, data)
     control_steps(model, data, 20)
     mujoco.mj_forward(model, data)
     assert all_hold(scene.goal, model, data)

@@ -29,11 +29,36 @@ OBJECT = [
     "pick up the chocolate pudding and place it in the basket",
     "pick up the orange juice and place it in the basket",
 ]
+GOAL = [
+    "open the middle drawer of the cabinet",
+    "put the bowl on the stove",
+    "put the wine bottle on top of the cabinet",
+    "open the top drawer and put the bowl inside",
+    "put the bowl on top of the cabinet",
+    "push the plate to the front of the stove",
+    "put the cream cheese in the bowl",
+    "turn on the stove",
+    "put the bowl on the plate",
+    "put the wine bottle on the rack",
+]
+GOAL_FACTS = [
+    ("open", "wooden_cabinet_1_middle_region", None),
+    ("on", "akita_black_bowl_1", "flat_stove_1_cook_region"),
+    ("on", "wine_bottle_1", "wooden_cabinet_1_top_side"),
+    ("in", "akita_black_bowl_1", "wooden_cabinet_1_top_region"),
+    ("on", "akita_black_bowl_1", "wooden_cabinet_1_top_side"),
+    ("on", "plate_1", "main_table_stove_front_region"),
+    ("on", "cream_cheese_1", "akita_black_bowl_1"),
+    ("turnon", "flat_stove_1", None),
+    ("on", "akita_black_bowl_1", "plate_1"),
+    ("on", "wine_bottle_1", "wine_rack_1_top_region"),
+]
 
 
 def test_instructions_are_the_benchmarks_own_in_its_order():
     assert [row.language for row in tasks("libero_spatial")] == SPATIAL
     assert [row.language for row in tasks("libero_object")] == OBJECT
+    assert [row.language for row in tasks("libero_goal")] == GOAL
 
 
 def test_the_name_is_the_stem_of_the_bddl_file():
@@ -53,6 +78,9 @@ def test_goals():
             f"{wanted.replace(' ', '_')}_1",
             "basket_1_contain_region",
         )
+
+    found = [[(f.predicate, f.subject, f.place) for f in row.goal] for row in tasks("libero_goal")]
+    assert found == [[fact] for fact in GOAL_FACTS]
 
 
 @pytest.mark.parametrize("suite", SUITES)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
-from pytest_libero_max.worlds.embedded.objects import dishes, furniture, groceries
+from pytest_libero_max.worlds.embedded.objects import dishes, furniture, groceries, wine
 from pytest_libero_max.worlds.embedded.objects.base import Category
 
 _BUILDERS: dict[str, Callable[[], Category]] = {
@@ -29,6 +29,8 @@ _BUILDERS: dict[str, Callable[[], Category]] = {
         groceries.orange_juice,
         groceries.salad_dressing,
         groceries.tomato_sauce,
+        wine.wine_bottle,
+        wine.wine_rack,
     )
 }
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded import rotations
-from pytest_libero_max.worlds.embedded.meshes import Mesh
+from pytest_libero_max.worlds.embedded.meshes import Mesh, box, join
 from pytest_libero_max.worlds.embedded.rotations import IDENTITY, Quaternion
 
 Vector = tuple[float, float, float]
@@ -84,6 +84,44 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class JointState:
+    """What LIBERO calls open, closed, on or off: a joint position strictly between two bounds.
+
+    Attributes:
+        low: Lower bound, m or rad; None for none.
+        high: Upper bound; None for none.
+        every: Whether all joints of a fixture must comply (close, turn off) or one is enough.
+        closed: Whether the bounds themselves count.
+        start: Range from which a scene that begins in this state draws the position.
+    """
+
+    low: float | None = None
+    high: float | None = None
+    every: bool = False
+    closed: bool = False
+    start: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Grip:
+    """A part of a link that is made for two fingers, in the frame in which the object is designed.
+
+    Attributes:
+        name: For example ``handle``; ``<instance>_<name>`` is unique in a scene.
+        pos: Middle of the part, m.
+        along: Unit vector along the part; fingers close across it.
+        out: Unit vector away from the object, against which the hand approaches.
+        width: How far apart the fingers end up, m.
+    """
+
+    name: str
+    pos: Vector
+    along: Vector
+    out: Vector
+    width: float
+
+
+@dataclass(frozen=True)
 class Link:
     """One rigid body: of a fixture, or an object as a whole."""
 
@@ -95,6 +133,7 @@ class Link:
     joint: Joint | None = None
     links: Sequence[Link] = ()
     pos: Vector = (0.0, 0.0, 0.0)
+    grips: Sequence[Grip] = ()
 
 
 @dataclass(frozen=True)
@@ -106,7 +145,9 @@ class Category:
         ``<instance>_<root.name>``. upright: Orientation of the body at reset. origin_height: Height of the
         body's origin above the surface it stands on, m. spread_margin: LIBERO's ``horizontal_radius`` in m,
         by which the placement interval of a region shrinks. textures: Pictures of the skins by key, drawn
-        when a scene is built.
+        when a scene is built. states: What ``open``, ``close``, ``turnon`` and ``turnoff`` mean for its
+        joints. lift: How much higher than a cabinet LIBERO puts the origin of a fixture, m. turn: Range of
+        the angle about z by which LIBERO turns it at reset, rad.
     """
 
     name: str
@@ -116,6 +157,9 @@ class Category:
     origin_height: float = 0.0
     spread_margin: float = 0.025
     textures: Mapping[str, Callable[[], Image]] = field(default_factory=dict)
+    states: Mapping[str, JointState] = field(default_factory=dict)
+    lift: float = 0.0
+    turn: tuple[float, float] | None = None
 
 
 def assets(category: Category) -> tuple[list[ET.Element], dict[str, Image]]:
@@ -204,6 +248,27 @@ def site_element(
         "quat": _numbers(quat),
     }
     return ET.Element("site", {**attributes, "rgba": "0 0 0 0", "group": "3"})
+
+
+def slab(low: Vector, high: Vector) -> Solid:
+    """The box between two opposite corners."""
+    centre = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
+    half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
+    return Solid(centre, half)  # type: ignore[arg-type]
+
+
+def slab_mesh(solids: Sequence[Solid], tile: float) -> Mesh:
+    """What slabs look like: every face shows the texture at the same scale, ``tile`` metres for one copy."""
+    return join(
+        *(
+            box(solid.half, atlas=False, tile=tile).moved(solid.pos, turn=_rotation(solid.quat))
+            for solid in solids
+        )
+    )
+
+
+def _rotation(quat: Quaternion) -> np.ndarray | None:
+    return None if quat == IDENTITY else rotations.matrix(quat)
 
 
 def wall_ring(

@@ -6,22 +6,30 @@ import math
 
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded import rotations, textures
-from pytest_libero_max.worlds.embedded.meshes import Mesh, box, join, panel, revolve
-from pytest_libero_max.worlds.embedded.objects.base import Category, Joint, Link, Site, Skin, Solid, Vector
+from pytest_libero_max.worlds.embedded.meshes import box, join, panel, revolve
+from pytest_libero_max.worlds.embedded.objects.base import (
+    Category,
+    Grip,
+    Joint,
+    JointState,
+    Link,
+    Site,
+    Skin,
+    Solid,
+    slab,
+    slab_mesh,
+)
 
 _HALF = math.sqrt(0.5)
-
-
-def _board(low: Vector, high: Vector) -> Solid:
-    """The box between two opposite corners."""
-    centre = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
-    half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
-    return Solid(centre, half)  # type: ignore[arg-type]
-
-
-def _boards(solids: tuple[Solid, ...], tile: float) -> Mesh:
-    """What upright boards look like: every face shows the texture at the same scale."""
-    return join(*(box(solid.half, atlas=False, tile=tile).moved(solid.pos) for solid in solids))
+_DRAWER_STATES = {
+    "open": JointState(high=-0.14, start=(-0.16, -0.14)),
+    # A drawer that is merely flush is not closed: LIBERO wants it pushed in a little further.
+    "close": JointState(low=0.0, every=True),
+}
+_KNOB_STATES = {
+    "turnon": JointState(low=0.5, closed=True, start=(0.5, 2.1)),
+    "turnoff": JointState(high=0.0, every=True),
+}
 
 
 def wooden_cabinet() -> Category:
@@ -29,17 +37,17 @@ def wooden_cabinet() -> Category:
     left, right, front, back, bottom, top = -0.1234, 0.1312, -0.086, 0.1117, 0.0046, 0.223
     wall = 0.005
     case = (
-        _board((left, front, bottom), (left + wall, back, top)),
-        _board((right - wall, front, bottom), (right, back, top)),
-        _board((left + wall, back - wall, bottom), (right - wall, back, top)),
-        _board((left + wall, front, bottom), (right - wall, back - wall, bottom + wall)),
-        _board((left + wall, front, top - wall), (right - wall, back - wall, top)),
+        slab((left, front, bottom), (left + wall, back, top)),
+        slab((right - wall, front, bottom), (right, back, top)),
+        slab((left + wall, back - wall, bottom), (right - wall, back, top)),
+        slab((left + wall, front, bottom), (right - wall, back - wall, bottom + wall)),
+        slab((left + wall, front, top - wall), (right - wall, back - wall, top)),
     )
     base = Link(
         "base",
         0.176239,
         case,
-        (Skin(_boards(case, 0.16), texture="wood", shine=0.1),),
+        (Skin(slab_mesh(case, 0.16), texture="wood", shine=0.1),),
         (Site("top_side", (0.00354, 0.01567, 0.22152), (0.12534, 0.09438, 0.00147)),),
         links=tuple(_drawer(*row) for row in (("top", 0.18563), ("middle", 0.1169), ("bottom", 0.04701))),
     )
@@ -52,6 +60,7 @@ def wooden_cabinet() -> Category:
             "wood": lambda: textures.wood(128, (112, 66, 34), (158, 100, 56), seed=5),
             "front": _drawer_front,
         },
+        states=_DRAWER_STATES,
     )
 
 
@@ -59,17 +68,17 @@ def _drawer(name: str, middle: float) -> Link:
     left, right, front, back = -0.1164, 0.1242, -0.0905, 0.0925
     low, high, wall, sheet = middle - 0.0328, middle + 0.0285, 0.004, 0.0035
     boards = (
-        _board((left, front, low), (right, front + 0.007, high)),
-        _board((left, back - wall, low), (right, back, high)),
-        _board((left, front + 0.007, low), (left + wall, back - wall, high)),
-        _board((right - wall, front + 0.007, low), (right, back - wall, high)),
-        _board((left + wall, front + 0.007, low), (right - wall, back - wall, low + sheet)),
+        slab((left, front, low), (right, front + 0.007, high)),
+        slab((left, back - wall, low), (right, back, high)),
+        slab((left, front + 0.007, low), (left + wall, back - wall, high)),
+        slab((right - wall, front + 0.007, low), (right, back - wall, high)),
+        slab((left + wall, front + 0.007, low), (right - wall, back - wall, low + sheet)),
     )
     centre = (left + right) / 2
     # A bar on two posts, deep enough for a finger behind it.
-    bar = _board((centre - 0.036, -0.1093, middle - 0.005), (centre + 0.036, -0.1023, middle + 0.005))
+    bar = slab((centre - 0.036, -0.1093, middle - 0.005), (centre + 0.036, -0.1023, middle + 0.005))
     posts = tuple(
-        _board((x - 0.004, -0.1025, middle - 0.004), (x + 0.004, front, middle + 0.004))
+        slab((x - 0.004, -0.1025, middle - 0.004), (x + 0.004, front, middle + 0.004))
         for x in (centre - 0.030, centre + 0.030)
     )
     face = panel(
@@ -81,16 +90,17 @@ def _drawer(name: str, middle: float) -> Link:
         ]
     )
     skins = (
-        Skin(_boards(boards, 0.16), (0.92, 0.88, 0.8), "wood", 0.1),
+        Skin(slab_mesh(boards, 0.16), (0.92, 0.88, 0.8), "wood", 0.1),
         Skin(face, texture="front", shine=0.1),
-        Skin(_boards((bar, *posts), 0.16), (0.16, 0.15, 0.15), None, 0.6),
+        Skin(slab_mesh((bar, *posts), 0.16), (0.16, 0.15, 0.15), None, 0.6),
     )
     # LIBERO's quaternion: the region's x axis points down, its z axis along the cabinet's width.
     region = Site(
         f"{name}_region", (0.00328, 0.01128, middle), (0.02993, 0.07561, 0.10224), (_HALF, 0.0, _HALF, 0.0)
     )
     slide = Joint(f"{name}_level", "slide", (0.0, 1.0, 0.0), (-0.16, 0.01), 50.0)
-    return Link(f"cabinet_{name}", 3.0, (*boards, bar, *posts), skins, (region,), slide)
+    grip = Grip(f"{name}_handle", (centre, -0.1058, middle), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), 0.010)
+    return Link(f"cabinet_{name}", 3.0, (*boards, bar, *posts), skins, (region,), slide, grips=(grip,))
 
 
 def _drawer_front() -> Image:
@@ -106,13 +116,13 @@ def _drawer_front() -> Image:
 def flat_stove() -> Category:
     """A table-top stove: a dark plate with one burner, and a knob at its left end."""
     plate = Solid((0.0, 0.0, 0.0), (0.095, 0.095, 0.02))
-    slab = box((0.095, 0.095, 0.0195), 0.003, atlas=False)
+    casing = box((0.095, 0.095, 0.0195), 0.003, atlas=False)
     coil = revolve([(0.074, 0.0195), (0.074, 0.0208), (0.0, 0.0208)], 28)
     burner = Link(
         "burner",
         1.4801,
         (plate,),
-        (Skin(slab, (0.13, 0.13, 0.14), None, 0.6), Skin(coil, texture="coil", shine=0.3)),
+        (Skin(casing, (0.13, 0.13, 0.14), None, 0.6), Skin(coil, texture="coil", shine=0.3)),
         (
             Site("cook_region", (0.0, 0.0, 0.0), (0.075, 0.075, 0.0025)),
             Site("burner", (0.0, 0.0, 0.022), (0.0625, 0.0625, 0.0005)),
@@ -135,6 +145,7 @@ def flat_stove() -> Category:
         (disc, grip),
         (Skin(knob, (0.25, 0.25, 0.27), None, 0.5), Skin(mark, (0.92, 0.2, 0.15))),
         joint=Joint("button", "hinge", (0.0, 0.0, 1.0), (-0.005, 2.1), 1.0),
+        grips=(Grip("knob", grip.pos, (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0.014),),
     )
     panel_skin = Skin(
         box((0.0535, 0.065, 0.014), 0.003, atlas=False).moved(console.pos), (0.62, 0.63, 0.65), None, 0.6
@@ -146,6 +157,7 @@ def flat_stove() -> Category:
         fixture=True,
         spread_margin=0.045,
         textures={"coil": _coil},
+        states=_KNOB_STATES,
     )
 
 
