@@ -397,11 +397,14 @@ class MujocoWorld(ABC):
         self._data.qvel[dofs] = 0.0
         self._data.qacc_warmstart[dofs] = 0.0  # the solver must not start from forces felt elsewhere
 
+    def _new_renderer(self) -> Renderer:
+        from pytest_libero_max.worlds.rendering import Renderer
+
+        return Renderer(self._model, self._data)
+
     def _image(self, camera: str, size: int) -> Image:
         if self._renderer is None:
-            from pytest_libero_max.worlds.rendering import Renderer
-
-            self._renderer = Renderer(self._model, self._data)
+            self._renderer = self._new_renderer()
         image = self._renderer.render(camera, size)
         for filter, since in self._filters:
             image.flags.writeable = False

@@ -46,11 +46,13 @@ class Renderer:
     Args:
         model: Its textures are uploaded with the first image and not again.
         data: Its derived values must be up to date whenever :meth:`render` is called.
+        reflections: Whether reflective surfaces reflect; each of them draws the whole scene once more.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, reflections: bool = False) -> None:
         self._model = model
         self._data = data
+        self._reflections = reflections
         self._context: Any = None
         self._scene: Any = None
         self._side = 0
@@ -112,7 +114,7 @@ class Renderer:
         self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._shadows
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = self._reflections
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
         self._camera = mujoco.MjvCamera()
