@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.cases import EVENTS, Json
@@ -12,7 +14,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.blocks import change_json, contrast_json, number, result_json
 from pytest_libero_max.report.build import columns_of, substrate_json
 from pytest_libero_max.report.plan import PlannedPair
-from pytest_libero_max.report.store import StoredRun
+from pytest_libero_max.report.store import StoredRun, read_pairs
 from pytest_libero_max.stats.breakdown import breakdown
 from pytest_libero_max.stats.comparison import contrasts, profile_agreement, ranks
 from pytest_libero_max.stats.paired import measure
@@ -140,6 +142,18 @@ def compare_runs(runs: Mapping[str, StoredRun], restrict: bool = False) -> Json:
         },
         "flips": _flips(common),
     }
+
+
+def compare_folders(paths: Sequence[Path], restrict: bool = False) -> Json:
+    """Compare the runs in folders (or of ``pairs.jsonl`` files), named by their paths as given.
+
+    Raises:
+        ReportError: A run cannot be read, or see :func:`common_cases`.
+    """
+    repeated = [path for path, count in Counter(paths).items() if count > 1]
+    if repeated:
+        raise ReportError(f"{str(repeated[0])!r} is given twice; a comparison is of different runs.")
+    return compare_runs({str(path): read_pairs(path) for path in paths}, restrict)
 
 
 _RUN_COLUMNS = (

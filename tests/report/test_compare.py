@@ -6,7 +6,7 @@ import pytest
 
 from pytest_libero_max.cases import Json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.compare import common_cases, compare_runs, replay_command
+from pytest_libero_max.report.compare import common_cases, compare_folders, compare_runs, replay_command
 from pytest_libero_max.report.compare_text import comparison_lines
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.gating import decide, gate_lines, github_annotations
@@ -158,3 +158,12 @@ new against old                             -12.5    [-25.0, -3.1]     0.125
 Play one again with its name behind:
   old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k
   new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k"""
+
+
+def test_folders_are_compared_under_their_names(tmp_path: Path) -> None:
+    old, new = _store(tmp_path / "old", _run(ALWAYS)), _store(tmp_path / "new", _run(MIXED))
+    comparison = compare_folders([old, new / "pairs.jsonl"])
+    assert [run["name"] for run in comparison["runs"]] == [str(old), str(new / "pairs.jsonl")]
+    assert len(comparison["flips"]) == 4
+    with pytest.raises(ReportError, match="given twice"):
+        compare_folders([old, old])

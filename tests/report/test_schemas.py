@@ -9,9 +9,10 @@ import pytest
 
 from pytest_libero_max.cases import Json
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.compare import compare_runs
 from pytest_libero_max.report.output import read_report, report_json, write_reports
 from pytest_libero_max.report.plan import Run
-from pytest_libero_max.report.store import PairStore
+from pytest_libero_max.report.store import PairStore, StoredRun
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
 
@@ -83,3 +84,15 @@ def test_the_written_report_can_be_computed_from_the_pairs_alone(folder: Path) -
     write_reports(folder)
     assert (folder / "report.json").read_bytes() == before
     assert not list(folder.glob("*.partial"))
+
+
+def test_every_comparison_is_as_the_schema_says() -> None:
+    pairs = tuple(plan())
+    runs = {
+        name: StoredRun(Run(pairs, PROVENANCE), tuple(records_of(pairs, seed)), (), torn=False)
+        for name, seed in (("a", 1), ("b", 2), ("c", 1))
+    }
+    comparison = compare_runs(runs)
+    assert len(comparison["contrasts"]) == 3
+    assert next(iter(comparison)) == "schema_version"
+    _validator("comparison").validate(json.loads(json.dumps(comparison, allow_nan=False)))
