@@ -1,0 +1,1 @@
+"""The genuine substrate: scenes of an installed LIBERO, LIBERO-Plus or LIBERO-PRO, driven by our own loop."""

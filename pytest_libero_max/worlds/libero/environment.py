@@ -1,0 +1,112 @@
+"""Building the package's own environment and resetting it, without its traps.
+
+Its wrapper's ``reset`` retries for ever, whatever goes wrong, and a placement that fails stops in the
+debugger. Here the environment inside the wrapper is reset, a fixed number of times at most. It draws
+from NumPy's global generator, which is seeded before and put back afterwards.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import pdb
+import random
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.errors import SubstrateError
+
+MAX_RESETS = 10
+"""Attempts to lay out a scene; the authors' runners allow as many."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """An environment after its reset.
+
+    Attributes:
+        wrapper: The package's ``ControlEnv``.
+        env: The environment inside it, a robosuite one.
+    """
+
+    wrapper: Any
+    env: Any
+
+
+def build(environments: ModuleType, bddl: Path | str, seed: int) -> Built:
+    """Build the environment of a task and reset it once, as an evaluation with this seed would.
+
+    No image is rendered and no OpenGL context is made.
+
+    Args:
+        environments: The imported ``libero.libero.envs``.
+        bddl: The task's BDDL file, or a name that the package's wrapper understands.
+        seed: Seed of the reset, which places the fixtures.
+
+    Raises:
+        SubstrateError: The scene cannot be built or laid out.
+    """
+    wrappers = importlib.import_module("libero.libero.envs.env_wrapper")
+    randomization_error = importlib.import_module("robosuite.utils.errors").RandomizationError
+    with _own_randomness(), _no_debugger():
+        try:
+            np.random.seed(seed)  # noqa: NPY002 - building lays a scene out as well, which may fail
+            wrapper = _retried(
+                lambda: wrappers.ControlEnv(
+                    bddl_file_name=str(bddl), use_camera_obs=False, has_offscreen_renderer=False
+                ),
+                randomization_error,
+            )
+            env = wrapper.env
+            env.seed(seed)
+            _retried(env.reset, randomization_error)
+        except SubstrateError:
+            raise
+        except randomization_error as error:
+            raise SubstrateError(
+                f"The scene of {Path(bddl).name} could not be laid out in {MAX_RESETS} attempts: {error}"
+            ) from error
+        except Exception as error:  # the package raises whatever it likes
+            raise SubstrateError(
+                f"The environment of {Path(bddl).name} could not be built: {type(error).__name__}: {error}"
+            ) from error
+    return Built(wrapper, env)
+
+
+def _retried(action: Callable[[], Any], randomization_error: type[Exception]) -> Any:
+    for _ in range(MAX_RESETS - 1):
+        with contextlib.suppress(randomization_error):
+            return action()
+    return action()
+
+
+@contextlib.contextmanager
+def _own_randomness() -> Iterator[None]:
+    """Leave the global generators as they were."""
+    numpy_state, python_state = np.random.get_state(), random.getstate()  # noqa: NPY002 - the package's own
+    try:
+        yield
+    finally:
+        np.random.set_state(numpy_state)  # noqa: NPY002
+        random.setstate(python_state)
+
+
+@contextlib.contextmanager
+def _no_debugger() -> Iterator[None]:
+    """Let a failed placement raise what it raises after it has asked for the debugger."""
+    original = pdb.set_trace
+    pdb.set_trace = _carry_on
+    try:
+        yield
+    finally:
+        pdb.set_trace = original
+
+
+def _carry_on(*arguments: Any, **keywords: Any) -> None:
+    print("libero: a placement failed; trying again", file=sys.stderr)

@@ -1,0 +1,203 @@
+"""Importing an installation without its side effects.
+
+LIBERO asks on standard input where its data are, keeps the answer in the home directory, lets matplotlib
+make a folder there as well, and looks for its assets on the net. None of it happens here: the answer is
+written to a private folder beforehand, and the folders are set to those of the installation.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import importlib
+import importlib.util
+import json
+import os
+import shutil
+import sys
+import tempfile
+import types
+from collections.abc import Iterator
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds.libero.installation import (
+    INSTALL,
+    REQUIREMENTS,
+    REQUIREMENTS_INSTALL,
+    Installation,
+)
+
+_CONFIG_VARIABLE = "LIBERO_CONFIG_PATH"
+_OPTIONAL = {"gym": "gymnasium", "wand": "", "wand.api": "", "wand.image": ""}
+"""Modules that are imported but not needed here, and what may stand in for them."""
+
+_loaded: Installation | None = None
+
+
+def load(installation: Installation) -> ModuleType:
+    """Import the installation's environments, ``libero.libero.envs``.
+
+    Raises:
+        SubstrateError: Another LIBERO is imported already, or a module it needs is missing.
+    """
+    global _loaded
+    if _loaded is not None and _loaded.root == installation.root:
+        if _loaded != installation:
+            raise SubstrateError(
+                f"{installation} is in use in this process with other folders of assets, tasks or states. Use "
+                "one set of folders a process."
+            )
+        return importlib.import_module("libero.libero.envs")
+    _refuse_another(installation)
+    missing = missing_requirements()
+    if missing:
+        raise SubstrateError(
+            f"{installation} needs the modules {', '.join(missing)}, which are not installed. Install them "
+            f"with `{REQUIREMENTS_INSTALL}` (and bddl with `{INSTALL}`)."
+        )
+    gl.prepare()
+    try:
+        with _private_settings(installation):
+            _import_outer(installation.root / "libero")
+            inner = importlib.import_module("libero.libero")
+            inner._assets_path_cache = str(installation.assets)  # type: ignore[attr-defined]
+            environments = importlib.import_module("libero.libero.envs")
+    except ImportError as error:
+        raise SubstrateError(
+            f"{installation} cannot be imported: {error}. Install what is missing, or give another installation."
+        ) from error
+    _redirect_assets(installation)
+    _loaded = installation
+    return environments
+
+
+def missing_requirements() -> list[str]:
+    """Modules that every installation needs and that cannot be found, by import name."""
+    return [name for name in REQUIREMENTS if name not in sys.modules and not _exists(name)]
+
+
+def _exists(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except (ImportError, ValueError):
+        return False
+
+
+def _refuse_another(installation: Installation) -> None:
+    module = sys.modules.get("libero.libero")
+    if module is None:
+        return
+    folder = Path(module.__file__ or "").resolve().parent
+    if folder != installation.package:
+        raise SubstrateError(
+            f"This process has imported the LIBERO in {str(folder)!r}, so the one in "
+            f"{str(installation.package)!r} cannot be used: all of them are called 'libero'. Let the adapter "
+            "import the same installation, or give that one."
+        )
+
+
+def _import_outer(folder: Path) -> None:
+    """Import ``libero`` from this folder and no other, with or without an ``__init__.py``."""
+    if "libero" in sys.modules and "libero.libero" in sys.modules:
+        return
+    source = folder / "__init__.py"
+    if source.exists():
+        spec = importlib.util.spec_from_file_location(
+            "libero", source, submodule_search_locations=[str(folder)]
+        )
+    else:
+        spec = ModuleSpec("libero", None, is_package=True)
+        spec.submodule_search_locations = [str(folder)]
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["libero"] = module
+    if spec.loader is not None and source.exists():
+        spec.loader.exec_module(module)
+
+
+@contextlib.contextmanager
+def _private_settings(installation: Installation) -> Iterator[None]:
+    """Answer what an import would ask, and keep what it would write out of the home directory."""
+    folder = Path(tempfile.mkdtemp(prefix="libero-max-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    answers = {
+        "benchmark_root": installation.package,
+        "bddl_files": installation.bddl,
+        "init_states": installation.states,
+        "datasets": installation.package.parent / "datasets",
+        "assets": installation.assets,
+    }
+    # JSON is YAML, and needs no package to write.
+    text = json.dumps({key: str(path) for key, path in answers.items()})
+    (folder / "config.yaml").write_text(text, encoding="utf-8")
+    variables = {_CONFIG_VARIABLE: str(folder)}
+    if "MPLCONFIGDIR" not in os.environ and "matplotlib" not in sys.modules:
+        variables["MPLCONFIGDIR"] = str(folder)
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    stand_ins = _stand_ins()
+    sys.modules.update(stand_ins)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        for name in stand_ins:
+            if sys.modules.get(name) is stand_ins[name]:
+                del sys.modules[name]
+
+
+def _stand_ins() -> dict[str, ModuleType]:
+    """Modules in place of those that are imported, are not installed, and are not needed to build a scene."""
+    found: dict[str, ModuleType] = {}
+    for name, substitute in _OPTIONAL.items():
+        if name in sys.modules or _exists(name.partition(".")[0]):
+            continue
+        found[name] = importlib.import_module(substitute) if substitute else _Nothing(name)
+    return found
+
+
+class _Nothing(types.ModuleType):
+    """A module whose every name exists and does nothing until it is called."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return type(name, (_Unavailable,), {})
+
+
+class _Unavailable:
+    """Stands for a class or library of a module that is not installed."""
+
+    MagickMotionBlurImage = types.SimpleNamespace()
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        raise SubstrateError(
+            f"{type(self).__name__} is needed, but its package is not installed. `libero-max doctor` says how."
+        )
+
+
+def _redirect_assets(installation: Installation) -> None:
+    """Point modules that look for assets beside themselves to the installation's folder of assets."""
+    if installation.assets == installation.package / "assets":
+        return
+    if installation.flavour == "hf-libero":
+        return  # it asks libero.libero, which has been told
+    if installation.assets.name != "assets":
+        raise SubstrateError(
+            f"assets={str(installation.assets)!r}: {installation.flavour} looks for a folder of the name "
+            "'assets'. Give it that name, or make a link of that name to it."
+        )
+    parent = installation.assets.parent
+    sys.modules["libero.libero.envs.bddl_base_domain"].DIR_PATH = str(parent / "envs")  # type: ignore[attr-defined]
+    for name, module in list(sys.modules.items()):
+        if name.startswith("libero.libero.envs.objects.") and hasattr(module, "absolute_path"):
+            module.absolute_path = parent

@@ -1,0 +1,82 @@
+"""The tasks of an installation: their order, files and instructions, without importing its benchmark.
+
+LIBERO's own list lives in a module that imports torch; the table behind it is a literal in a file beside it.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.worlds.libero.installation import Installation
+
+_TABLE = "libero_task_map"
+
+
+@dataclass(frozen=True)
+class Task:
+    """One task of a suite.
+
+    Attributes:
+        suite: For example ``libero_spatial``.
+        index: Its place in the suite's order 0.
+        name: Stem of its BDDL file.
+        bddl: The BDDL file.
+        states: Its initial states.
+    """
+
+    suite: str
+    index: int
+    name: str
+    bddl: Path
+    states: Path
+
+    @property
+    def language(self) -> str:
+        """The instruction that the benchmark makes of the name."""
+        words = self.name
+        if words[:1].isupper():  # LIBERO-100 puts the scene before the sentence
+            scene, _, words = words.partition("SCENE")
+            words = words.lstrip("0123456789").removeprefix("_")
+        return " ".join(words.split("_"))
+
+
+def task_of(installation: Installation, suite: str, index: int) -> Task:
+    """A task by its place in the benchmark's order.
+
+    Raises:
+        SubstrateError: There is no such suite or task, or its files are missing.
+    """
+    table = _task_map(installation.package)
+    if suite not in table:
+        raise SubstrateError(f"suite={suite!r} is not one of {installation}. {did_you_mean(suite, table)}")
+    names = table[suite]
+    if not 0 <= index < len(names):
+        raise SubstrateError(f"task_index={index} of {suite}, but {installation} has 0 to {len(names) - 1}.")
+    name = names[index]
+    bddl = installation.bddl / suite / f"{name}.bddl"
+    states = installation.states / suite / f"{name}.pruned_init"
+    for path in (bddl, states):
+        if not path.is_file():
+            raise SubstrateError(f"{installation} lacks {str(path)!r}. Restore it from the package.")
+    return Task(suite, index, name, bddl, states)
+
+
+@cache
+def _task_map(package: Path) -> Mapping[str, tuple[str, ...]]:
+    path = package / "benchmark" / "libero_suite_task_map.py"
+    try:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for statement in tree.body:
+            if isinstance(statement, ast.Assign) and any(
+                isinstance(target, ast.Name) and target.id == _TABLE for target in statement.targets
+            ):
+                table = ast.literal_eval(statement.value)
+                return {suite: tuple(names) for suite, names in table.items()}
+    except (OSError, ValueError, SyntaxError) as error:
+        raise SubstrateError(f"Cannot read the list of tasks {str(path)!r}: {error}.") from error
+    raise SubstrateError(f"{str(path)!r} defines no {_TABLE}. Restore it from the package.")

@@ -1,0 +1,312 @@
+"""A genuine scene under our own loop: the bits, the pixels and the success of the package's own step.
+
+The package's control step does more than its physics: it samples observations in the middle of the step
+and judges success before the step is quite over. What it delivers is reproduced:
+
+- the first control step after a reset starts from the kinematics of the pose the *reset* gave, because the
+  package sets the initial state without telling the controller;
+- observations are sampled at one substep of 25. Each time somebody asks for a fresh observation out of turn,
+  that substep is one earlier from then on: the 25th after a reset, the 24th after an initial state was set.
+  Poses and images are those of the beginning of that substep, joint values those of its end;
+- success is judged with the positions and contacts of the beginning of the last substep.
+
+A look between steps sees what was sampled in the last step, unless something was altered since: then it sees
+the world as it is, as after the package's forced update.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
+from pytest_libero_max.worlds.contract import Array, Entity, Goal, Image, PixelFilter
+from pytest_libero_max.worlds.libero.environment import Built
+from pytest_libero_max.worlds.rendering import Renderer
+from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
+
+import mujoco  # isort: skip - the rooms above have settled its backend
+
+Semantics = Literal["published", "corrected"]
+"""Whether the defects of the authors' event code are kept, since published numbers contain them."""
+
+_LINEAR = 1
+"""``mjCOLORSPACE_LINEAR``: textures as they are, which is how MuJoCo before 3.3.3 showed all of them."""
+
+_PREDICATES = ("on", "in", "open", "close", "turnon", "turnoff")
+
+_SEEN = {
+    "robot0_eef_pos": 3,
+    "robot0_eef_quat": 4,
+    "robot0_gripper_qpos": 2,
+    "robot0_gripper_qvel": 2,
+    "robot0_joint_pos": 7,
+    "robot0_joint_vel": 7,
+}
+
+
+class LiberoWorld(RobosuiteWorld):
+    """One task of an installation.
+
+    Args:
+        scene: Stable key of the scene.
+        language: The task's instruction.
+        built: Its environment, after a seeded reset; nobody else may use it from now on.
+        states: (n, 1 + nq + nv) initial states.
+        semantics: ``published``: objects taken out are put where the authors put them, inside the floor,
+            and come back as they then are; a look after an event shifts the sampling of observations.
+            ``corrected``: neither.
+        reference_textures: Draw all textures as the authors' MuJoCo does. MuJoCo from 3.3.3 on draws those
+            that are tagged as sRGB darker.
+    """
+
+    def __init__(
+        self,
+        scene: str,
+        language: str,
+        built: Built,
+        states: Array,
+        semantics: Semantics = "published",
+        reference_textures: bool = True,
+    ) -> None:
+        env = built.env
+        super().__init__(scene, language, env, entities_of(env))
+        self._semantics = semantics
+        self._states = states
+        expected = 1 + self._model.nq + self._model.nv
+        if states.shape[1] != expected:
+            raise SubstrateError(
+                f"{scene}: an initial state has {states.shape[1]} numbers, but the scene has {expected} (time, "
+                "positions and velocities). They are not of the same task or installation."
+            )
+        self._kinematics = _kinematics(env.robots[0].controller)
+        self._seen = {name: np.zeros(size) for name, size in _SEEN.items()}
+        self._seen_qpos = np.zeros(self._model.nq)
+        self._sample_at = 0
+        self._fresh = True
+        self._solved = False
+        self._stale = True
+        self._view: mujoco.MjData | None = None
+        if reference_textures and hasattr(self._model, "tex_colorspace"):
+            self._model.tex_colorspace[:] = _LINEAR
+        self.reset(0)
+
+    @property
+    def semantics(self) -> Semantics:
+        return self._semantics
+
+    @property
+    def goal(self) -> tuple[tuple[str, ...], ...]:
+        """What must hold at the end, all of it, in the package's words: predicate, then its arguments."""
+        return tuple(tuple(fact) for fact in self._env.parsed_problem["goal_state"])
+
+    def succeeded(self) -> bool:
+        return self._holds() if self._fresh else self._solved
+
+    def end_effector(self) -> Array:
+        return super().end_effector() if self._fresh else self._seen["robot0_eef_pos"].copy()
+
+    def alter(self, field: str, index: int | slice, value: Any) -> None:
+        super().alter(field, index, value)
+        self._refresh()
+
+    def place(
+        self,
+        entity: str,
+        position: Sequence[float] | Array,
+        quaternion: Sequence[float] | Array | None = None,
+    ) -> None:
+        super().place(entity, position, quaternion)
+        self._refresh()
+
+    def park(self, entity: str, position: Sequence[float] | Array) -> None:
+        if self._semantics == "published":
+            at, orientation = self.pose(self._free(entity))
+            super().place(entity, position)
+            self._parked[entity] = (*at.tolist(), *orientation.tolist())
+        else:
+            super().park(entity, position)
+        self._refresh()
+
+    def unpark(
+        self,
+        entity: str,
+        position: Sequence[float] | Array,
+        quaternion: Sequence[float] | Array | None = None,
+    ) -> None:
+        if self._semantics == "published":
+            self.parked_pose(entity)
+            before = self._parked.pop(entity)
+            try:
+                super().place(entity, position, quaternion)
+            except SubstrateError:
+                self._parked[entity] = before
+                raise
+        else:
+            super().unpark(entity, position, quaternion)
+        self._refresh()
+
+    def add_filter(self, filter: PixelFilter) -> None:
+        super().add_filter(filter)
+        self._refresh()
+
+    def pose_arm(self, joints: Sequence[float] | Array) -> None:
+        super().pose_arm(joints)
+        self._stale = False
+        self._stepper.start()
+        self._refresh()
+
+    # One control step.
+
+    def _control_step(self, action: Array) -> None:
+        stepper = self._stepper
+        if self._fresh and self._steps and self._semantics == "published":
+            self._sample_at = (self._sample_at - 2) % stepper.substeps + 1
+        self._fresh = False
+        self._env._post_process()  # what the last step did to a burner's glow is seen from this one on
+        goal, played = self._begin(action)
+        ahead = self._sample_at - 1 - played
+        if ahead > 0:
+            stepper.play(goal, action, ahead)
+        if ahead >= 0:
+            self._seen_qpos[:] = self._data.qpos
+            stepper.play(goal, action, 1, settle=False)
+        self._sample()
+        left = stepper.substeps - max(self._sample_at, played)
+        if left:
+            self._settle()
+            stepper.play(goal, action, left, settle=False)
+        self._solved = self._holds()
+        self._settle()
+
+    def _begin(self, action: Array) -> tuple[Array, int]:
+        """The goal of the step, and how many substeps have been played to get it."""
+        stepper = self._stepper
+        if not self._stale:
+            return stepper.aim(action), 0
+        self._stale = False
+        robot = self._env.robots[0]
+        vars(robot.controller).update({name: np.copy(value) for name, value in self._kinematics.items()})
+        robot.controller.new_update = False
+        robot.gripper.current_action = np.zeros(2)
+        self._seen_qpos[:] = self._data.qpos
+        robot.control(action, policy_step=True)
+        stepper.restore(np.concatenate([robot.controller.goal_ori.ravel(), robot.gripper.current_action]))
+        goal: Array = np.array(robot.controller.goal_pos)
+        mujoco.mj_step2(self._model, self._data)
+        if self._sample_at > 1:
+            self._settle()
+        return goal, 1
+
+    def _sample(self) -> None:
+        for name, value in super()._proprioception().items():
+            self._seen[name][:] = value
+        self._seen["robot0_eef_pos"][:] = super().end_effector()
+
+    def _refresh(self) -> None:
+        """Somebody has altered the world: until the next step, a look sees it as it is."""
+        self._fresh = True
+        self._env._post_process()
+
+    def _holds(self) -> bool:
+        goal = self._assigned[1]
+        if goal is None:
+            return bool(self._env._check_success())
+        return all(self._env._eval_predicate(list(fact)) for fact in goal)
+
+    # What the base class asks for.
+
+    def _check_goal(self, goal: Goal) -> None:
+        known = self._env.object_states_dict
+        for predicate, *arguments in goal:
+            for name in arguments:
+                if name not in known:
+                    raise EntityError(f"{self._scene} has no {name!r}. {did_you_mean(name, known)}")
+            if predicate not in _PREDICATES:
+                raise SubstrateError(f"predicate={predicate!r}. {did_you_mean(predicate, _PREDICATES)}")
+
+    def _initial_qpos(self, init: int) -> Array:
+        if not 0 <= init < len(self._states):
+            raise SubstrateError(
+                f"{self._scene} has the initial states 0 to {len(self._states) - 1}, but {init} was asked for."
+            )
+        return self._states[init, 1 : 1 + self._model.nq]
+
+    def _reset_controller(self) -> None:
+        start = np.concatenate([np.ravel(self._kinematics["goal_ori"]), np.zeros(2)])
+        self._stepper.restore(start)
+        # A reset samples at the last substep, and setting the initial state samples out of turn.
+        self._sample_at = self._stepper.substeps - 1
+        self._solved, self._stale = False, True
+        for seen in (self._seen_qpos, *self._seen.values()):
+            seen[:] = 0.0
+        self._refresh()
+
+    def _controller_state(self) -> Array:
+        flags = [float(flag) for flag in (self._sample_at, self._fresh, self._solved, self._stale)]
+        return np.concatenate([super()._controller_state(), flags, self._seen_qpos, *self._seen.values()])
+
+    def _set_controller_state(self, state: Array) -> None:
+        stepper, flags, qpos, *seen = np.split(
+            state, np.cumsum([11, 4, self._seen_qpos.size, *list(_SEEN.values())[:-1]])
+        )
+        super()._set_controller_state(stepper)
+        self._sample_at = int(flags[0])
+        self._fresh, self._solved, self._stale = (bool(flag) for flag in flags[1:])
+        self._seen_qpos[:] = qpos
+        for name, value in zip(self._seen, seen, strict=True):
+            self._seen[name][:] = value
+
+    def _proprioception(self) -> dict[str, Array]:
+        if self._fresh:
+            return super()._proprioception()
+        return {name: value.copy() for name, value in self._seen.items()}
+
+    def _new_renderer(self) -> Renderer:
+        self._view = mujoco.MjData(self._model)
+        return Renderer(self._model, self._view, reflections=True)
+
+    def _image(self, camera: str, size: int) -> Image:
+        if self._renderer is None:
+            self._renderer = self._new_renderer()
+        assert self._view is not None
+        self._view.qpos[:] = self._data.qpos if self._fresh else self._seen_qpos
+        mujoco.mj_kinematics(self._model, self._view)
+        mujoco.mj_camlight(self._model, self._view)
+        return super()._image(camera, size)
+
+    def close(self) -> None:
+        super().close()
+        self._view = None
+
+
+def entities_of(env: Any) -> dict[str, Entity]:
+    """What a case can name: objects in the order of their joints, then fixtures, then the work surface."""
+    supports = _supports(env.parsed_problem)
+    bodies = set(env.sim.model.body_names)
+    entities = {}
+    for kind, items in (("object", env.objects_dict), ("fixture", env.fixtures_dict)):
+        for name, item in items.items():
+            entities[name] = Entity(name, item.category_name, kind, item.root_body, supports.get(name))
+    surface = env.workspace_name
+    body = next((name for name in (surface, "table", f"{surface}_col") if name in bodies), "world")
+    entities[surface] = Entity(surface, surface, "surface", body)
+    return entities
+
+
+def _supports(problem: Mapping[str, Any]) -> dict[str, str]:
+    """The entity that each one is declared to rest on, from the task's initial facts."""
+    regions = problem["regions"]
+    supports = {}
+    for predicate, *arguments in problem["initial_state"]:
+        if predicate in ("on", "in") and len(arguments) == 2:
+            subject, place = arguments
+            supports[subject] = regions[place]["target"] if place in regions else place
+    return supports
+
+
+def _kinematics(controller: Any) -> dict[str, Array]:
+    """Everything the controller holds right after a reset, which the first substep works with."""
+    return {name: value.copy() for name, value in vars(controller).items() if isinstance(value, np.ndarray)}
