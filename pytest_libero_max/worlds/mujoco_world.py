@@ -197,9 +197,7 @@ class MujocoWorld(ABC):
         qpos = self._initial_qpos(init)
         self._write_model(self._compiled)
         mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[:] = qpos
-        # The first step would do it, and what is parked before that would move by a rounding error.
-        mujoco.mj_normalizeQuat(self._model, self._data.qpos)
+        self._write_start(qpos)
         self._steps, self._filters, self._parked, self._assigned = 0, (), {}, (None, None)
         self._settle()
         self._reset_controller()
@@ -365,6 +363,12 @@ class MujocoWorld(ABC):
             self._renderer = None
 
     # Inside.
+
+    def _write_start(self, qpos: Array) -> None:
+        """Write the joint positions of an initial state into data that have just been reset."""
+        self._data.qpos[:] = qpos
+        # The first step would do it, and what is parked before that would move by a rounding error.
+        mujoco.mj_normalizeQuat(self._model, self._data.qpos)
 
     def _check_goal(self, goal: Goal) -> None:
         """Refuse a goal that the world cannot decide; a world that can decide any of them overrides this."""
