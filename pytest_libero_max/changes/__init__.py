@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pytest_libero_max.changes.assignment import SetInstruction, SetTask
 from pytest_libero_max.changes.base import Change, Evidence, Factor
 from pytest_libero_max.changes.camera import ShiftCamera
+from pytest_libero_max.changes.corruption import CorruptPicture, Glare, PictureCorruption, SetGlare
+from pytest_libero_max.changes.lamps import SetLamps
 from pytest_libero_max.changes.light import SetLighting
 from pytest_libero_max.changes.material import SetVisualTheme
 from pytest_libero_max.changes.nothing import Nothing
@@ -15,25 +18,43 @@ from pytest_libero_max.changes.poses import (
     Placement,
     RemoveObject,
 )
+from pytest_libero_max.changes.putting import PutObject, TurnObject
 from pytest_libero_max.changes.registry import OPERATIONS, change_from_dict, check_changes
+from pytest_libero_max.changes.robot import OffsetArm
+from pytest_libero_max.changes.surfaces import CoverEntity, SetTexture
+from pytest_libero_max.changes.viewpoint import OrbitCamera, PlaceCamera
 
 __all__ = [
     "OPERATIONS",
     "Brightness",
     "Change",
+    "CorruptPicture",
+    "CoverEntity",
     "Evidence",
     "Factor",
+    "Glare",
     "InsertDistractors",
     "InsertObstacle",
     "MoveObject",
     "Nothing",
+    "OffsetArm",
+    "OrbitCamera",
+    "PictureCorruption",
+    "PlaceCamera",
     "Placement",
+    "PutObject",
     "RemoveObject",
     "SensorCorruption",
+    "SetGlare",
+    "SetInstruction",
+    "SetLamps",
     "SetLighting",
     "SetSensorCorruption",
+    "SetTask",
+    "SetTexture",
     "SetVisualTheme",
     "ShiftCamera",
+    "TurnObject",
     "change_from_dict",
     "check_changes",
 ]

@@ -55,9 +55,9 @@ class ShiftCamera(ManifestFields):
         return frozenset({f"camera:{self.camera}"})
 
     def apply(self, world: World) -> Evidence:
-        index = _camera_index(world, self.camera)
+        index = camera_index(world, self.operation, self.camera)
         model = world.model
-        before = _measure(world, index)
+        before = measure_camera(world, index)
         fovy = float(model.cam_fovy[index]) + self.delta_fovy_degrees
         if self.delta_fovy_degrees and not FOVY_RANGE_DEG[0] <= fovy <= FOVY_RANGE_DEG[1]:
             raise ChangeError(
@@ -71,7 +71,7 @@ class ShiftCamera(ManifestFields):
             world.alter("cam_quat", index, _turned(model.cam_quat[index], self.yaw_degrees))
         if self.delta_fovy_degrees:
             world.alter("cam_fovy", index, fovy)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world, index))
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def scaled(self, strength: float) -> ShiftCamera:
         """The shift with position, yaw and field-of-view deltas multiplied by ``strength``."""
@@ -87,13 +87,18 @@ class ShiftCamera(ManifestFields):
         )
 
 
-def _camera_index(world: World, camera: str) -> int:
+def camera_index(world: World, operation: str, camera: str) -> int:
+    """The model's number of a camera.
+
+    Raises:
+        ChangeError: The scene has none of that name.
+    """
     try:
         return int(world.model.camera(camera).id)
     except KeyError:
         known = [world.model.camera(i).name for i in range(world.model.ncam)]
         raise ChangeError(
-            f"shift_camera.camera={camera!r}, but the scene has no such camera. {did_you_mean(camera, known)}"
+            f"{operation}.camera={camera!r}, but the scene has no such camera. {did_you_mean(camera, known)}"
         ) from None
 
 
@@ -107,7 +112,8 @@ def _turned(quaternion: Sequence[float], yaw_degrees: float) -> list[float]:
     return [item / norm for item in turned]
 
 
-def _measure(world: World, index: int) -> dict[str, Any]:
+def measure_camera(world: World, index: int) -> dict[str, Any]:
+    """Where a camera is, for the evidence."""
     model = world.model
     return {
         "camera_position_m": [float(value) for value in model.cam_pos[index]],

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pytest_libero_max.errors import ChangeError, did_you_mean
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
+    from typing import Self
 
 Vector3 = tuple[float, float, float]
 
@@ -130,6 +130,20 @@ def strength_of(operation: str, strength: float) -> float:
         ChangeError: It is not.
     """
     return number(f"strength of {operation}", strength, 0.0, 1.0)
+
+
+def all_or_nothing(operation: str, strength: float) -> bool:
+    """Whether a change that cannot be divided happens.
+
+    Raises:
+        ChangeError: ``strength`` is neither 0 nor 1.
+    """
+    s = strength_of(operation, strength)
+    if s not in (0.0, 1.0):
+        raise ChangeError(
+            f"strength={strength!r}, but {operation} is all or nothing: it happens or not. Use 0 or 1."
+        )
+    return s == 1.0
 
 
 def _bounds(low: float, high: float) -> str:

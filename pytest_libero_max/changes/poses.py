@@ -10,6 +10,7 @@ from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import (
     ManifestFields,
     Vector3,
+    all_or_nothing,
     flag,
     integer,
     items,
@@ -68,19 +69,21 @@ class MoveObject(ManifestFields):
 
     @property
     def factors(self) -> frozenset[Factor]:
-        return _pose_factors([self.object])
+        return pose_factors([self.object])
 
     def apply(self, world: World) -> Evidence:
-        _require_in_scene(world, self.operation, "object", self.object)
+        require_in_scene(world, self.operation, "object", self.object)
         if world.entities[self.object].kind == "surface":
             raise ChangeError(
                 f"move_object.object={self.object!r} is the surface that others stand on and cannot be moved."
                 " Name an object or a fixture."
             )
-        before = _measure(world, [self.object])
+        before = measure_poses(world, [self.object])
         if any(self.delta_position_m):
             world.place(self.object, world.position(self.object) + self.delta_position_m)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world, [self.object]))
+        return Evidence(
+            self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
+        )
 
     def scaled(self, strength: float) -> MoveObject:
         """The move with its length multiplied by ``strength``."""
@@ -119,23 +122,25 @@ class RemoveObject(ManifestFields):
 
     @property
     def factors(self) -> frozenset[Factor]:
-        return _pose_factors([self.object])
+        return pose_factors([self.object])
 
     def apply(self, world: World) -> Evidence:
-        _require_in_scene(world, self.operation, "object", self.object)
+        require_in_scene(world, self.operation, "object", self.object)
         kind = world.entities[self.object].kind
         if kind != "object":
             raise ChangeError(
                 f"remove_object.object={self.object!r} is a {kind}, but only objects can be taken out. "
                 f"{did_you_mean(self.object, _objects(world))}"
             )
-        before = _measure(world, [self.object])
+        before = measure_poses(world, [self.object])
         world.park(self.object, self.offworld_position_m)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world, [self.object]))
+        return Evidence(
+            self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
+        )
 
     def scaled(self, strength: float) -> RemoveObject | Nothing:
         """The removal at strength 1, nothing at strength 0; there is nothing between."""
-        return self if _all_or_nothing(self.operation, strength) else Nothing()
+        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 @dataclass(frozen=True)
@@ -186,14 +191,14 @@ class InsertObstacle(Placement):
 
     @property
     def factors(self) -> frozenset[Factor]:
-        return _pose_factors([self.object])
+        return pose_factors([self.object])
 
     def apply(self, world: World) -> Evidence:
         return _insert(world, self.operation, [self])
 
     def scaled(self, strength: float) -> InsertObstacle | Nothing:
         """The insertion at strength 1, nothing at strength 0; there is nothing between."""
-        return self if _all_or_nothing(self.operation, strength) else Nothing()
+        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 @dataclass(frozen=True)
@@ -232,14 +237,14 @@ class InsertDistractors(ManifestFields):
 
     @property
     def factors(self) -> frozenset[Factor]:
-        return _pose_factors(placement.object for placement in self.placements)
+        return pose_factors(placement.object for placement in self.placements)
 
     def apply(self, world: World) -> Evidence:
         return _insert(world, self.operation, self.placements)
 
     def scaled(self, strength: float) -> InsertDistractors | Nothing:
         """The insertion at strength 1, nothing at strength 0; there is nothing between."""
-        return self if _all_or_nothing(self.operation, strength) else Nothing()
+        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 def _placement(where: str, value: Any) -> Placement:
@@ -260,7 +265,7 @@ def _insert(world: World, operation: str, placements: Iterable[Placement]) -> Ev
     names = [placement.object for placement in placements]
     for placement in placements:
         _require_known(world, placement.object)
-        _require_in_scene(world, operation, "relative_to", placement.relative_to)
+        require_in_scene(world, operation, "relative_to", placement.relative_to)
         if placement.object not in world.parked:
             raise ChangeError(
                 f"{operation}.object={placement.object!r} is in the scene already and cannot be brought back."
@@ -273,20 +278,10 @@ def _insert(world: World, operation: str, placements: Iterable[Placement]) -> Ev
         if placement.preserve_initial_z:
             position[2] = world.parked_pose(placement.object)[0][2]
         targets.append(position)
-    before = _measure(world, names)
+    before = measure_poses(world, names)
     for name, target in zip(names, targets, strict=True):
         world.unpark(name, target)
-    return Evidence(operation, tuple(sorted(_pose_factors(names))), before, _measure(world, names))
-
-
-def _all_or_nothing(operation: str, strength: float) -> bool:
-    s = strength_of(operation, strength)
-    if s not in (0.0, 1.0):
-        raise ChangeError(
-            f"strength={strength!r}, but {operation} is all or nothing: an object is there or it is not. "
-            "Use 0 or 1."
-        )
-    return s == 1.0
+    return Evidence(operation, tuple(sorted(pose_factors(names))), before, measure_poses(world, names))
 
 
 def _require_known(world: World, entity: str) -> None:
@@ -294,7 +289,8 @@ def _require_known(world: World, entity: str) -> None:
         raise EntityError(f"entity={entity!r} is not in the scene. {did_you_mean(entity, world.entities)}")
 
 
-def _require_in_scene(world: World, operation: str, field: str, entity: str) -> None:
+def require_in_scene(world: World, operation: str, field: str, entity: str) -> None:
+    """Raise unless ``entity`` exists and has not been taken out."""
     _require_known(world, entity)
     if entity in world.parked:
         raise ChangeError(
@@ -303,7 +299,8 @@ def _require_in_scene(world: World, operation: str, field: str, entity: str) -> 
         )
 
 
-def _pose_factors(names: Iterable[str]) -> frozenset[Factor]:
+def pose_factors(names: Iterable[str]) -> frozenset[Factor]:
+    """The factors of a change that moves the entities named."""
     return frozenset(f"pose:{name}" for name in names)
 
 
@@ -311,7 +308,8 @@ def _objects(world: World) -> list[str]:
     return [name for name, entity in world.entities.items() if entity.kind == "object"]
 
 
-def _measure(world: World, names: Iterable[str]) -> dict[str, Any]:
+def measure_poses(world: World, names: Iterable[str]) -> dict[str, Any]:
+    """Where the entities named are, for the evidence."""
     poses = {name: world.pose(name) for name in names}
     return {
         "position_m": {name: [float(v) for v in position] for name, (position, _) in poses.items()},

@@ -1,0 +1,192 @@
+"""Five ways in which a camera's picture goes bad: motion, focus, zoom, fog and rough glass.
+
+Each is a pure function of a float image (0 to 1), a level from 1 to 10 and a stream of random numbers. The
+formulas and level tables are the published ones of the common image corruptions, for pictures 256 pixels
+wide; lengths grow with the picture, so that a corruption looks the same at every size.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+Picture = NDArray[np.float64]
+Stream = np.random.RandomState
+
+LEVELS = 10
+_NOMINAL_WIDTH = 256
+
+# Radius and deviation of the one-sided kernel, pixels.
+_MOTION = (
+    (5, 2.0),
+    (8, 3.0),
+    (10, 4.0),
+    (12, 5.0),
+    (15, 6.0),
+    (18, 8.0),
+    (20, 10.0),
+    (25, 12.0),
+    (30, 15.0),
+    (35, 20.0),
+)
+_MOTION_ANGLE_DEG = 45.0
+# Largest zoom factor, exclusive, and step between the factors in hundredths.
+_ZOOM = ((11, 1), (16, 1), (21, 2), (26, 2), (31, 3), (36, 1), (41, 1), (46, 2), (51, 2), (56, 3))
+# Amount of fog, and by how much its roughness falls from one scale to the next.
+_FOG = (
+    (0.5, 3.0),
+    (1.0, 2.8),
+    (1.5, 2.5),
+    (2.0, 2.2),
+    (2.5, 2.0),
+    (3.0, 1.8),
+    (3.5, 1.6),
+    (4.0, 1.5),
+    (4.5, 1.4),
+    (5.0, 1.3),
+)
+_FOG_ROUGHNESS = 100.0
+# Deviation of the blur before and after, largest shift (pixels), passes.
+_GLASS = (
+    (0.5, 1, 3),
+    (0.7, 1, 3),
+    (0.9, 2, 3),
+    (1.0, 2, 2),
+    (1.1, 3, 2),
+    (1.3, 3, 2),
+    (1.5, 4, 2),
+    (1.8, 4, 2),
+    (2.2, 5, 1),
+    (2.5, 5, 1),
+)
+
+
+def motion(image: Picture, level: int, stream: Stream) -> Picture:
+    """Smear in one direction, drawn anew for every picture within 45 degrees of the horizontal."""
+    radius, deviation = _MOTION[level - 1]
+    scale = _scale(image)
+    steps = np.arange(2 * max(1, round(radius * scale)) + 1)
+    weights = np.exp(-(steps**2) / (2.0 * (deviation * scale) ** 2))
+    weights /= weights.sum()
+    angle = math.radians(stream.uniform(-_MOTION_ANGLE_DEG, _MOTION_ANGLE_DEG))
+    height, width = image.shape[:2]
+    smeared = np.zeros_like(image)
+    for step, weight in zip(steps, weights, strict=True):
+        rows = (np.arange(height) + round(float(step) * math.sin(angle))).clip(0, height - 1)
+        columns = (np.arange(width) + round(float(step) * math.cos(angle))).clip(0, width - 1)
+        smeared += weight * image[rows][:, columns]
+    return smeared
+
+
+def focus(image: Picture, level: int, stream: Stream) -> Picture:
+    """Gaussian blur with a deviation of ``level`` pixels."""
+    return _gaussian(image, level * _scale(image))
+
+
+def zoom(image: Picture, level: int, stream: Stream) -> Picture:
+    """The mean of the image and of its middle, enlarged ever more."""
+    end, step = _ZOOM[level - 1]
+    factors = [1.0 + hundredths / 100.0 for hundredths in range(0, end, step)]
+    total = image.copy()
+    for factor in factors:
+        total += _enlarged(image, factor)
+    return total / (len(factors) + 1)
+
+
+def fog(image: Picture, level: int, stream: Stream) -> Picture:
+    """Clouds of a plasma fractal in front of the image."""
+    amount, decay = _FOG[level - 1]
+    height, width = image.shape[:2]
+    side = 1 << max(1, math.ceil(math.log2(max(height, width))))
+    clouds = plasma(side, decay, stream)[:height, :width, None]
+    brightest = float(image.max())
+    return (image + amount * clouds) * brightest / (brightest + amount)
+
+
+def glass(image: Picture, level: int, stream: Stream) -> Picture:
+    """Blur, swap every pixel with one nearby, blur again."""
+    deviation, shift, passes = _GLASS[level - 1]
+    scale = _scale(image)
+    reach = max(1, round(shift * scale))
+    soft = _gaussian(image, deviation * scale)
+    height, width = soft.shape[:2]
+    order = np.arange(height * width)
+    if height > 2 * reach and width > 2 * reach:
+        rows, columns = np.mgrid[height - reach : reach : -1, width - reach : reach : -1]
+        places = (rows * width + columns).ravel()
+        swapped = order.tolist()
+        for _ in range(passes):
+            down, across = stream.randint(-reach, reach, size=(2, places.size))
+            partners = places + down * width + across
+            for place, partner in zip(places.tolist(), partners.tolist(), strict=True):
+                swapped[place], swapped[partner] = swapped[partner], swapped[place]
+        order = np.array(swapped)
+    return _gaussian(soft.reshape(height * width, -1)[order].reshape(soft.shape), deviation * scale)
+
+
+KINDS: Mapping[str, Callable[[Picture, int, Stream], Picture]] = {
+    "motion_blur": motion,
+    "gaussian_blur": focus,
+    "zoom_blur": zoom,
+    "fog": fog,
+    "glass_blur": glass,
+}
+"""The five corruptions by name."""
+
+
+def plasma(side: int, decay: float, stream: Stream) -> Picture:
+    """A plasma fractal by the diamond-square method, (side, side), 0 to 1; it tiles in both directions.
+
+    Args:
+        side: A power of two.
+        decay: Above 1; the larger, the smoother.
+        stream: Where the roughness comes from.
+    """
+    field = np.zeros((side, side))
+    step, rough = side, _FOG_ROUGHNESS
+    while step >= 2:
+        half = step // 2
+        corners = field[::step, ::step]
+        pairs = corners + np.roll(corners, -1, axis=0)
+        field[half::step, half::step] = _mean(pairs + np.roll(pairs, -1, axis=1), rough, stream)
+        middles = field[half::step, half::step]
+        above = middles + np.roll(middles, 1, axis=0) + corners + np.roll(corners, -1, axis=1)
+        field[::step, half::step] = _mean(above, rough, stream)
+        beside = middles + np.roll(middles, 1, axis=1) + corners + np.roll(corners, -1, axis=0)
+        field[half::step, ::step] = _mean(beside, rough, stream)
+        step, rough = half, rough / decay
+    field -= field.min()
+    scaled: Picture = field / field.max()
+    return scaled
+
+
+def _mean(total: Picture, rough: float, stream: Stream) -> Picture:
+    return total / 4.0 + rough * stream.uniform(-rough, rough, total.shape)
+
+
+def _scale(image: Picture) -> float:
+    return float(image.shape[1] / _NOMINAL_WIDTH)
+
+
+def _gaussian(image: Picture, deviation: float) -> Picture:
+    from scipy.ndimage import gaussian_filter
+
+    blurred: Picture = gaussian_filter(image, sigma=(deviation, deviation, 0.0), mode="nearest")
+    return blurred
+
+
+def _enlarged(image: Picture, factor: float) -> Picture:
+    """The middle of an image, ``factor`` times as large, bilinear."""
+    enlarged = image
+    for axis in (0, 1):
+        size = image.shape[axis]
+        centre = (size - 1) / 2.0
+        at = (centre + (np.arange(size) - centre) / factor).clip(0.0, size - 1.0)
+        low = np.minimum(at.astype(np.intp), max(size - 2, 0))
+        part = (at - low)[:, None, None] if axis == 0 else (at - low)[None, :, None]
+        high = np.minimum(low + 1, size - 1)
+        enlarged = np.take(enlarged, low, axis) * (1.0 - part) + np.take(enlarged, high, axis) * part
+    return enlarged
