@@ -74,7 +74,8 @@ class PairTimes:
             f"{self.item_id}: {self.steps} control steps, Q = {QUERY_INTERVAL}, "
             f"two {IMAGE_SIZE} px images, medians",
             *(
-                f"  {name:<26}{seconds:8.2f} s  {60 / seconds:6.1f} pairs/min  {seconds / self.fork:5.1f} times fork"
+                f"  {name:<26}{seconds:8.2f} s  {60 / seconds:6.1f} pairs/min  "
+                f"{seconds / self.fork:5.1f} times fork"
                 for name, seconds in rows
             ),
         ]
@@ -86,11 +87,12 @@ def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTim
     Raises:
         SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
     """
-    case = next(case for case in load_track("smoke") if case.event.name == "camera_shift" and case.suite == suite)
+    cases = (case for case in load_track("smoke") if case.suite == suite)
+    case = next(case for case in cases if case.event.name == "camera_shift")
     scene = build_scene(case.suite, case.task_index)
     world = EmbeddedWorld(scene)
     world.reset(case.init_state_index)
-    policy = Hovering(world.position(case.event.trigger.entity) + (0.0, 0.0, 0.15))
+    policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
     envs = {hard: SceneEnv(scene, CAMERAS, IMAGE_SIZE, hard_reset=hard) for hard in (False, True)}
     pair = measure_pair(case, world, policy)
     final = world.data.qpos.copy()
@@ -103,7 +105,9 @@ def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTim
         for hard, env in envs.items():
             times["plain_hard" if hard else "plain"].append(_plain(env, world, case, pair))
             if not np.array_equal(env.sim.data._data.qpos, final):
-                raise SimulatorError(f"{case.item_id}: the plain loop arrived elsewhere, so times mean nothing.")
+                raise SimulatorError(
+                    f"{case.item_id}: the plain loop arrived elsewhere; its time means nothing."
+                )
     for env in envs.values():
         env.close()
     world.close()

@@ -41,6 +41,8 @@ class PairRecord:
         base_digest: The same chain over the whole Base rollout.
         dynamic_digest: The same chain over the whole Dynamic rollout, event included.
         evidence: What the event found and left, and the mean absolute pixel change per camera (0 to 255).
+        base_repeat: Where Base was played a second time for the noise floor: ``success``, and whether the
+            rollout was ``identical`` bit for bit. None elsewhere.
         contacts: Entities touched by the target at the end of each rollout.
         policy: The policy's spec as played.
         fingerprints: Everything else that could change a result: versions, substrate, assets.
@@ -82,6 +84,7 @@ class PairRecord:
     contacts: Json
     policy: Json
     fingerprints: Json
+    base_repeat: Json | None = None
     timings: Json = field(default_factory=dict)
     schema_version: int = RECORD_VERSION
 

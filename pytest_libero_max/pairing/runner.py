@@ -7,7 +7,7 @@ its event, :func:`inject` makes the change, :func:`continue_rollout` plays on, :
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -115,6 +115,16 @@ def measure_pair(
         case, world, policy, settings, rollout.min_distance_m, branch, evidence, base, dynamic, clock
     )
     return Pair(record, base, dynamic)
+
+
+def with_base_repeated(pair: Pair, case: Case, world: World, policy: Policy) -> Pair:
+    """Play Base once more and note in the record whether it ended alike: the noise below every effect.
+
+    The arguments and errors are those of :func:`measure_pair`.
+    """
+    again = Rollout.start(case, world, policy, Clock()).advance_to_end()
+    repeat = {"success": again.success, "identical": again.proof == pair.base.proof}
+    return replace(pair, record=replace(pair.record, base_repeat=repeat))
 
 
 def play_prefix(case: Case, world: World, policy: Policy) -> BranchPoint | None:

@@ -10,7 +10,7 @@ import pytest
 from pytest_libero_max.cases import EVENTS, FAMILIES, SUITE_BUDGETS, Case, Manifest, load_manifest
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.plugin import options
-from pytest_libero_max.plugin.keys import MANIFEST, SETTINGS
+from pytest_libero_max.plugin.keys import MANIFEST, NOISE_CASES, SETTINGS
 from pytest_libero_max.plugin.options import Settings
 
 PSEUDO_PATH = "libero-max"
@@ -37,14 +37,13 @@ def settings_of(config: pytest.Config) -> Settings:
 
 
 def manifest_of(config: pytest.Config) -> Manifest:
-    """The cases of the run before ``-k`` and ``-m``, sorted by item id.
+    """The track or manifest of the run, whole.
 
     Raises:
         pytest.UsageError: The track is unknown or the manifest is unusable.
     """
     if MANIFEST not in config.stash:
         from pytest_libero_max.changes import check_changes
-        from pytest_libero_max.construction.subset import stratified
         from pytest_libero_max.construction.tracks import load_track
 
         settings = settings_of(config)
@@ -53,14 +52,35 @@ def manifest_of(config: pytest.Config) -> Manifest:
             check_changes(manifest.cases)
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
-        cases = stratified(manifest.cases, settings.limit) if settings.limit else manifest.cases
-        config.stash[MANIFEST] = Manifest(
-            manifest.benchmark_id,
-            manifest.version,
-            manifest.protocol,
-            tuple(sorted(cases, key=lambda case: case.item_id)),
-        )
+        config.stash[MANIFEST] = manifest
     return config.stash[MANIFEST]
+
+
+def cases_of(config: pytest.Config) -> tuple[Case, ...]:
+    """The cases of the run before ``-k`` and ``-m``, sorted by item id."""
+    from pytest_libero_max.construction.subset import stratified
+
+    settings = settings_of(config)
+    cases = manifest_of(config).cases
+    if settings.limit is not None:
+        cases = stratified(cases, settings.limit)
+    cases = tuple(sorted(cases, key=lambda case: case.item_id))
+    if settings.shard is not None:
+        index, count = settings.shard
+        # Blocks, not every n-th: neighbours share scenes, which are expensive to build.
+        cases = cases[len(cases) * (index - 1) // count : len(cases) * index // count]
+    return cases
+
+
+def noise_cases_of(config: pytest.Config) -> frozenset[str]:
+    """Item ids of the cases of the run whose Base is played twice."""
+    if NOISE_CASES not in config.stash:
+        from pytest_libero_max.construction.subset import stratified
+
+        count = settings_of(config).noise_floor
+        chosen = stratified(cases_of(config), count) if count else ()
+        config.stash[NOISE_CASES] = frozenset(case.item_id for case in chosen)
+    return config.stash[NOISE_CASES]
 
 
 def aim(config: pytest.Config) -> None:
@@ -101,10 +121,9 @@ def parametrize(metafunc: pytest.Metafunc) -> None:
     """Give every test that asks for a case one item a case."""
     if CASE_FIXTURE not in metafunc.fixturenames:
         return
-    manifest = manifest_of(metafunc.config)
     metafunc.parametrize(
         CASE_FIXTURE,
-        [pytest.param(case, id=case.item_id, marks=_marks(case)) for case in manifest.cases],
+        [pytest.param(case, id=case.item_id, marks=_marks(case)) for case in cases_of(metafunc.config)],
     )
 
 

@@ -2,69 +2,106 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.cases import Case, Json
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.plugin.collection import case_of, manifest_of, settings_of
-from pytest_libero_max.plugin.keys import RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.collection import case_of, cases_of, manifest_of, settings_of
+from pytest_libero_max.plugin.keys import MEASURED_INPUT, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
 from pytest_libero_max.report.plan import Run
-from pytest_libero_max.report.store import PairStore, require_writable
+from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
+
+GATE_FAILED = 10
+"""Exit status of a complete run of which a gate does not hold."""
+
+INCOMPLETE = 11
+"""Exit status of a run with a missing or invalid pair."""
 
 
 class RunController:
     """Registered on the controller of a distributed run, or on the only process of a plain one.
 
+    Attributes:
+        measured: Item ids of the pairs that a resumed run holds already.
+
     Raises:
-        pytest.UsageError: The adapter cannot exist as named, or the output folder cannot be written to.
+        pytest.UsageError: The adapter cannot exist as named, the output folder cannot be written to, or what
+            is to be resumed cannot be read.
     """
 
     def __init__(self, config: pytest.Config) -> None:
         self.config = config
         self.settings = settings_of(config)
-        self.manifest = manifest_of(config)
-        self.cases = {case.item_id: case for case in self.manifest.cases}
+        self.cases = {case.item_id: case for case in cases_of(config)}
         self.store: PairStore | None = None
         self.report: Json | None = None
-        self.written: list[Path] = []
+        self.measured: tuple[str, ...] = ()
+        self._lines: list[str] = []
         self._reported: set[str] = set()
         try:
             check_reference(self.settings.reference)
             if not config.option.collectonly:
                 require_writable(self.settings.output)
+                self.measured = self._measured_before()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
 
+    def _measured_before(self) -> tuple[str, ...]:
+        path = self.settings.output / PAIRS_NAME
+        if self.settings.resume == "no" or not path.exists():
+            return ()
+        return tuple(record.item_id for record in read_pairs(path).records)
+
     def pytest_report_header(self) -> list[str]:
-        settings = self.settings
+        settings, manifest = self.settings, manifest_of(self.config)
+        resumed = f", {len(self.measured)} measured before" if self.measured else ""
         return [
-            f"libero-max: policy {settings.policy}, {settings.case_set} ({len(self.manifest)} pairs, "
-            f"digest {self.manifest.digest[:12]}), substrate {settings.substrate}, prefix {settings.prefix}"
+            f"libero-max: policy {settings.policy}, {settings.case_set} ({len(self.cases)} of "
+            f"{len(manifest)} pairs{resumed}, digest {manifest.digest[:12]}), "
+            f"substrate {settings.substrate}, "
+            f"prefix {settings.prefix}"
         ]
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker which pairs are measured, so that all collect the same."""
+        node.workerinput[MEASURED_INPUT] = list(self.measured)
 
     # What is planned: the pairs left after -k and -m, seen here or by the workers.
 
+    @pytest.hookimpl(tryfirst=True)
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        self._plan(item.nodeid for item in session.items)
+        if not self.config.pluginmanager.has_plugin("dsession"):
+            self._plan(item.nodeid for item in session.items)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_node_collection_finished(self, node: Any, ids: list[str]) -> None:
         self._plan(ids)
 
     def _plan(self, node_ids: Iterable[str]) -> None:
-        planned = [self.cases[name] for name in map(case_of, node_ids) if name in self.cases]
-        if planned and self.store is None and not self.config.option.collectonly:
-            self.store = PairStore(self.settings.output, Run.of(planned, self._provenance()))
+        chosen = {*map(case_of, node_ids), *self.measured}
+        planned = [case for name, case in self.cases.items() if name in chosen]
+        if not planned or self.store is not None or self.config.option.collectonly:
+            return
+        run = Run.of(planned, self._provenance())
+        if self.settings.resume == "no":
+            self.store = PairStore(self.settings.output, run)
+            return
+        try:
+            self.store, _ = PairStore.resume(self.settings.output, run)
+        except LiberoMaxError as error:
+            pytest.exit(f"--libero-max-resume: {error}", returncode=pytest.ExitCode.USAGE_ERROR)
 
     def _provenance(self) -> Json:
-        settings = self.settings
+        settings, manifest = self.settings, manifest_of(self.config)
         return provenance.collect(
             policy={
                 "reference": settings.reference,
@@ -72,8 +109,8 @@ class RunController:
                 "query_interval": settings.query_interval,
             },
             substrate={"name": settings.substrate},
-            case_set={"name": settings.case_set, "digest": self.manifest.digest},
-            protocol={"prefix": settings.prefix},
+            case_set={"name": settings.case_set, "digest": manifest.digest, "limit": settings.limit},
+            protocol={"prefix": settings.prefix, "noise_floor": settings.noise_floor},
             command=["pytest", *map(str, self.config.invocation_params.args)],
             folder=self.config.rootpath,
         )
@@ -84,15 +121,10 @@ class RunController:
         name = case_of(report.nodeid)
         if name is None or self.store is None or name in self._reported:
             return
-        result = getattr(report, RESULT_ATTRIBUTE, None)
-        if result is not None:
-            pair = PairError.from_dict(result) if "kind" in result else PairRecord.from_dict(result)
-        elif report.failed:
-            pair = PairError.of(self.cases[name], *_crash(report))
-        else:
-            return
-        self._reported.add(name)
-        self.store.append(pair)
+        pair = _pair_of(report, self.cases[name])
+        if pair is not None:
+            self._reported.add(name)
+            self.store.append(pair)
 
     # What is said at the end.
 
@@ -100,27 +132,73 @@ class RunController:
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if self.store is None:
             return
+        from pytest_libero_max.report.gating import decide, gate_lines, github_annotations
         from pytest_libero_max.report.output import write_reports
-
-        self.store.close()
-        self.report, self.written = write_reports(self.settings.output)
-
-    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        if self.report is None or terminalreporter.verbosity < 0:
-            return
         from pytest_libero_max.report.summary import summary_lines
 
-        terminalreporter.section("libero-max")
-        here = self.config.invocation_params.dir
-        for line in summary_lines(self.report, [str(_relative(path, here)) for path in self.written]):
+        self.store.close()
+        folder, here = self.settings.output, self.config.invocation_params.dir
+        self.report, written = write_reports(folder)
+        verdicts = decide(self.settings.gate, folder, here)
+        failed = [verdict for verdict in verdicts if not verdict.passed]
+        self._lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
+        self._lines += gate_lines(verdicts)
+        if os.environ.get("GITHUB_ACTIONS") == "true":
+            self._lines += github_annotations(verdicts)
+            _append_step_summary(folder / "report.md", gate_lines(verdicts))
+        self._lines += self._set_status(session, len(failed))
+
+    def _set_status(self, session: pytest.Session, failed_gates: int) -> list[str]:
+        """Turn pytest's status into ours where the run itself has more to say; never anything into OK."""
+        assert self.report is not None
+        status = session.exitstatus
+        pairs = self.report["pairs"]
+        if status == pytest.ExitCode.NO_TESTS_COLLECTED and self.measured:
+            session.exitstatus = status = pytest.ExitCode.OK  # everything was measured before
+        if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+            return []
+        if not pairs["complete"]:
+            session.exitstatus = INCOMPLETE
+            return [
+                f"Exit status {INCOMPLETE}: the run is incomplete ({pairs['invalid']} invalid, "
+                f"{pairs['missing']} missing). Repair what broke and continue with --libero-max-resume=yes."
+            ]
+        if failed_gates and status == pytest.ExitCode.OK:
+            session.exitstatus = GATE_FAILED
+            return [
+                f"Exit status {GATE_FAILED}: {failed_gates} of {len(self.settings.gate)} gates do not hold."
+            ]
+        return []
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        if terminalreporter.verbosity < 0:
+            self._lines = [
+                line for line in self._lines if line.startswith(("gate FAIL", "::error", "Exit status"))
+            ]
+        if self._lines:
+            terminalreporter.section("libero-max")
+        for line in self._lines:
             terminalreporter.write_line(line)
+
+
+def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | None:
+    """What a report says of its pair, if it is the one that says it."""
+    result = getattr(report, RESULT_ATTRIBUTE, None)
+    if result is not None:
+        return PairError.from_dict(result) if "kind" in result else PairRecord.from_dict(result)
+    if not report.failed:
+        return None
+    # The item ended without a word: its worker died, or somebody's hook failed it.
+    text = str(report.longrepr).strip().splitlines()
+    return PairError.of(case, SimulatorError(text[-1] if text else "no message"), "crash")
+
+
+def _append_step_summary(markdown: Path, gates: list[str]) -> None:
+    summary = os.environ.get("GITHUB_STEP_SUMMARY")
+    if summary:
+        with open(summary, "a", encoding="utf-8") as file:
+            file.write(markdown.read_text(encoding="utf-8") + "".join(f"\n- {line}" for line in gates) + "\n")
 
 
 def _relative(path: Path, start: Path) -> Path:
     return path.relative_to(start) if path.is_relative_to(start) else path
-
-
-def _crash(report: pytest.TestReport) -> tuple[BaseException, str]:
-    """The error of a pair that ended without a word: its worker died, or somebody's hook failed it."""
-    text = str(report.longrepr).strip().splitlines()
-    return SimulatorError(text[-1] if text else "the item failed without a message"), "crash"

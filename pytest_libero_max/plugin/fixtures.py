@@ -15,7 +15,7 @@ import pytest
 from pytest_libero_max.cases import Case, Json
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.plugin.collection import settings_of
+from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.keys import RESULT
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
 from pytest_libero_max.report.junit import properties
@@ -107,7 +107,7 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
 
 
 def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], None]) -> PairRecord:
-    from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+    from pytest_libero_max.pairing.runner import PairSettings, measure_pair, with_base_repeated
     from pytest_libero_max.pairing.trace import write_trace
 
     settings = settings_of(request.config)
@@ -122,6 +122,8 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
         PairSettings(prefix=settings.prefix, fingerprints=substrate.fingerprint()),
         on_phase,
     )
+    if case.item_id in noise_cases_of(request.config):
+        pair = with_base_repeated(pair, case, world, policy)
     if settings.traces == "all" or settings.traces == pair.record.outcome:
         write_trace(settings.output / "traces", pair)
     return pair.record

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_substrate,
     libero_max_world,
 )
-from pytest_libero_max.plugin.keys import RESULT, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.keys import MEASURED_INPUT, RESULT, RESULT_ATTRIBUTE
 
 __all__ = [
     "libero_max_inject",
@@ -30,6 +30,8 @@ __all__ = [
     "libero_max_substrate",
     "libero_max_world",
 ]
+
+CONTROLLER = "libero-max-controller"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -55,12 +57,26 @@ def _no_dist_chosen(config: pytest.Config) -> bool:
 def pytest_configure(config: pytest.Config) -> None:
     collection.aim(config)
     in_use = options.given_on_command_line(config)
-    cases = collection.manifest_of(config).cases if in_use else ()
-    collection.register_markers(config, cases)
+    collection.register_markers(config, collection.cases_of(config) if in_use else ())
     if in_use and not hasattr(config, "workerinput"):
         from pytest_libero_max.plugin.controller import RunController
 
-        config.pluginmanager.register(RunController(config), "libero-max-controller")
+        config.pluginmanager.register(RunController(config), CONTROLLER)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the pairs that a resumed run has measured."""
+    measured = set(_measured(config))
+    done = [item for item in items if collection.case_of(item.nodeid) in measured]
+    if done:
+        config.hook.pytest_deselected(items=done)
+        items[:] = [item for item in items if item not in done]
+
+
+def _measured(config: pytest.Config) -> Iterable[str]:
+    controller: Any = config.pluginmanager.get_plugin(CONTROLLER)
+    on_worker: dict[str, list[str]] = getattr(config, "workerinput", {})
+    return on_worker.get(MEASURED_INPUT, ()) if controller is None else tuple(controller.measured)
 
 
 def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:

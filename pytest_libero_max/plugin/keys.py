@@ -11,10 +11,16 @@ SETTINGS = pytest.StashKey[Settings]()
 """On the config, where the plugin is in use."""
 
 MANIFEST = pytest.StashKey[Manifest]()
-"""On the config: every case of the run before ``-k`` and ``-m``."""
+"""On the config: the track or manifest of the run."""
+
+NOISE_CASES = pytest.StashKey[frozenset[str]]()
+"""On the config: the item ids whose Base is played twice."""
 
 RESULT = pytest.StashKey[Json]()
 """On an item: its pair record, or what broke, as JSON types."""
 
 RESULT_ATTRIBUTE = "libero_max"
 """The attribute of a test report that carries the same to the controller."""
+
+MEASURED_INPUT = "libero_max_measured"
+"""In a worker's input: the item ids that a resumed run has measured."""

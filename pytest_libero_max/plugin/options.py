@@ -8,12 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
 
-from pytest_libero_max.errors import did_you_mean
+from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.worlds.registry import SUBSTRATES
+
+if TYPE_CHECKING:
+    from pytest_libero_max.report.gates import Gate
 
 PREFIX_MODES = ("fork", "replay")
 STRICT_MODES = ("regression",)
@@ -30,6 +33,7 @@ class Option:
 
     Attributes:
         parse: Turns the text into a value; raises ``ValueError`` with the accepted form.
+        many: Whether it may be given several times (in the ini file: one a line).
     """
 
     name: str
@@ -37,6 +41,7 @@ class Option:
     help: str
     parse: Callable[[str], Any]
     default: Any = None
+    many: bool = False
 
     @property
     def flag(self) -> str:
@@ -57,6 +62,24 @@ def _positive(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ValueError("expected an integer of at least 1")
     return int(text)
+
+
+def _shard(text: str) -> tuple[int, int]:
+    index, slash, count = text.partition("/")
+    if not (slash and index.isascii() and index.isdigit() and count.isascii() and count.isdigit()):
+        raise ValueError("expected I/N, for example 1/4")
+    if not 1 <= int(index) <= int(count):
+        raise ValueError("expected I/N with 1 <= I <= N")
+    return int(index), int(count)
+
+
+def _gate(text: str) -> Gate:
+    from pytest_libero_max.report.gates import parse_gate
+
+    try:
+        return parse_gate(text)
+    except OptionError as error:
+        raise ValueError(str(error)) from None
 
 
 def _one_of(*known: str) -> Callable[[str], str]:
@@ -80,6 +103,9 @@ OPTIONS = (
     Option("track", "NAME", "Frozen set of cases to play", _text, "smoke"),
     Option("manifest", "PATH", "Play the cases of this manifest instead of a track", _text),
     Option("limit", "N", "Play a stratified, deterministic subset of N cases", _positive),
+    Option(
+        "shard", "I/N", "Play the I-th of N parts of the cases; join the runs with libero-max merge", _shard
+    ),
     Option(
         "substrate",
         "NAME",
@@ -110,7 +136,28 @@ OPTIONS = (
         _one_of(*TRACE_MODES),
         "none",
     ),
+    Option(
+        "noise-floor",
+        "PAIRS",
+        "Play Base twice for a stratified subset of so many pairs and report how often it flips",
+        _positive,
+    ),
+    Option(
+        "gate",
+        "CONDITION",
+        "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated",
+        _gate,
+        default=(),
+        many=True,
+    ),
     Option("output", "FOLDER", "Where pairs.jsonl and report.json go", _text, DEFAULT_OUTPUT),
+    Option(
+        "resume",
+        "WHETHER",
+        "Continue the run in the output folder, skipping the pairs it has measured: yes or no",
+        _one_of("yes", "no"),
+        "no",
+    ),
 )
 """Every option, in the order of the help."""
 
@@ -129,7 +176,11 @@ class Settings:
     query_interval: int | None
     strict: str | None
     traces: str
+    shard: tuple[int, int] | None
+    noise_floor: int | None
+    gate: tuple[Gate, ...]
     output: Path
+    resume: str
 
     @property
     def reference(self) -> str:
@@ -149,11 +200,18 @@ def add_options(parser: pytest.Parser) -> None:
         "libero-max", "LIBERO-MAX: paired evaluation of robot policies under mid-execution events"
     )
     for option in OPTIONS:
-        default = "" if option.default is None else f" (default: {option.default})"
+        default = f" (default: {option.default})" if option.default else ""
         group.addoption(
-            option.flag, dest=option.key, metavar=option.metavar, default=None, help=option.help + default
+            option.flag,
+            dest=option.key,
+            metavar=option.metavar,
+            default=None,
+            help=option.help + default,
+            action="append" if option.many else "store",
         )
-        parser.addini(option.key, f"{option.help}{default}; overridden by {option.flag}", default=None)
+        words = f"{option.help}{default}; overridden by {option.flag}"
+        kind: Literal["linelist", "string"] = "linelist" if option.many else "string"
+        parser.addini(option.key, words, kind, default=None)
 
 
 def resolve(config: pytest.Config) -> Settings:
@@ -174,7 +232,8 @@ def resolve(config: pytest.Config) -> Settings:
     if horizon is not None and interval is not None and interval > horizon:
         raise pytest.UsageError(
             f"--libero-max-query-interval={interval} > --libero-max-horizon={horizon}: a query returns "
-            "at most H actions, so no more than H can be executed before the next (Q <= H). Lower Q or raise H."
+            "at most H actions, so no more than H can be executed before the next (Q <= H). "
+            "Lower Q or raise H."
         )
     return Settings(**values)
 
@@ -188,8 +247,14 @@ def _value(config: pytest.Config, option: Option) -> Any:
     text, where = config.getoption(option.key), option.flag
     if text is None:
         text, where = config.getini(option.key), f"ini option {option.key}"
-    if text is None:
-        return option.default
+    if not text:
+        return option.default if text is None or option.many else _parsed(option, text, where)
+    if option.many:
+        return tuple(_parsed(option, line, where) for line in text)
+    return _parsed(option, text, where)
+
+
+def _parsed(option: Option, text: str, where: str) -> Any:
     try:
         return option.parse(str(text))
     except ValueError as error:

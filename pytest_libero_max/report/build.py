@@ -23,8 +23,8 @@ from pytest_libero_max.stats.breakdown import (
     largest_split,
     macro_average,
 )
-from pytest_libero_max.stats.intervals import CONFIDENCE
-from pytest_libero_max.stats.outcomes import Outcomes, tabulate
+from pytest_libero_max.stats.intervals import CONFIDENCE, wilson
+from pytest_libero_max.stats.outcomes import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 
 REPORT_VERSION = 1
@@ -101,6 +101,7 @@ def build_report(
         "policy": played[measured[0].case_id].policy if measured else None,
         "substrate": substrate_json(provenance["substrate"]["name"]),
         "overall": result_json(overall, len(planned)),
+        "noise_floor": _noise_floor(played.values()),
         "by": {
             name: {label: result_json(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
@@ -113,6 +114,16 @@ def build_report(
         "methods": METHODS,
         "provenance": provenance,
     }
+
+
+def _noise_floor(records: Iterable[PairRecord]) -> Json | None:
+    """How often a second Base of the same case ended otherwise; None where none was played."""
+    repeated = [(record.base_success, record.base_repeat) for record in records if record.base_repeat]
+    if not repeated:
+        return None
+    flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
+    identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
+    return {"flips": rate_json(flips, wilson(flips)), "identical": ratio_json(identical)}
 
 
 def _by_case(records: Iterable[PairRecord], planned: Mapping[str, PlannedPair]) -> dict[str, PairRecord]:

@@ -13,6 +13,7 @@ from pytest_libero_max.report.summary import (
     change_text,
     count_text,
     incomplete_text,
+    noise_text,
     p_text,
     percent,
     rate_text,
@@ -125,7 +126,13 @@ def _coverage(report: Json) -> str:
                 median,
             )
         )
-    return _table(("", "Event fired", "Query after it", "Stale actions, mean", "Median"), rows)
+    table = _table(("", "Event fired", "Query after it", "Stale actions, mean", "Median"), rows)
+    noise = report["noise_floor"]
+    return (
+        table
+        if noise is None
+        else f"{table}<p>Noise floor, Base played twice: {escape(noise_text(noise))}</p>"
+    )
 
 
 def _breakdown(report: Json, dimension: str, title: str) -> str:

@@ -9,6 +9,7 @@ from pytest_libero_max.report.summary import (
     change_text,
     count_text,
     incomplete_text,
+    noise_text,
     p_text,
     rate_text,
     title_text,
@@ -49,6 +50,11 @@ def markdown(report: Json) -> str:
             ("Exact McNemar", p_text(overall["mcnemar"])),
             ("Event fired", rate_text(overall["trigger_coverage"])),
             ("Query after the event", rate_text(overall["response_coverage"])),
+            *(
+                [("Noise floor: Base played twice", noise_text(report["noise_floor"]))]
+                if report["noise_floor"]
+                else []
+            ),
         ],
     )
     for dimension, title in TITLES.items():

@@ -39,6 +39,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
         f"retained {percent(overall['retained']['value'])}",
         f"{'Event fired / query after it':<32}{count_text(overall['trigger_coverage'])} / "
         f"{count_text(overall['response_coverage'])}   {_stale_text(overall['stale_actions'])}",
+        *_noise_lines(report["noise_floor"]),
         "",
         _row("event", "pairs", "Base ", "Dynamic", "change", "95% interval", "lost"),
     ]
@@ -46,6 +47,15 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     if any(block["floor"] for block in report["by"]["event"].values()):
         lines.append("* Base success is too low to fall: a small change is no sign of robustness there.")
     return [*lines, *_written(paths)]
+
+
+def noise_text(noise: Json) -> str:
+    """What playing Base twice showed."""
+    return f"{rate_text(noise['flips'])} ended otherwise, {count_text(noise['identical'])} bit for bit alike"
+
+
+def _noise_lines(noise: Json | None) -> list[str]:
+    return [] if noise is None else [f"{'Noise floor: Base played twice':<32}{noise_text(noise)}"]
 
 
 def substrate_lines(substrate: Json) -> list[str]:

@@ -153,7 +153,7 @@ class World(Protocol):
         ...
 
     def step(self, action: Sequence[float] | Array) -> None:
-        """Play one control step (50 ms) of a (7,) action; components beyond +-1 are clipped by the controller.
+        """Play one control step (50 ms) of a (7,) action; the controller clips components beyond +-1.
 
         Raises:
             ActionError: Wrong shape or a component that is not finite.
@@ -162,7 +162,7 @@ class World(Protocol):
         ...
 
     def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
-        """Proprioception, and one (size, size, 3) uint8 image for each camera named; see :data:`Observation`."""
+        """Proprioception, and a (size, size, 3) uint8 image for each camera named (:data:`Observation`)."""
         ...
 
     def snapshot(self) -> WorldState: ...
@@ -213,11 +213,11 @@ class World(Protocol):
         position: Sequence[float] | Array,
         quaternion: Sequence[float] | Array | None = None,
     ) -> None:
-        """Put an entity somewhere else, at rest; the orientation (wxyz) stays unless given. Nothing else moves."""
+        """Put an entity elsewhere, at rest; the orientation (wxyz) stays unless given. Nothing else moves."""
         ...
 
     def park(self, entity: str, position: Sequence[float] | Array) -> None:
-        """Take an object out of the scene: unseen, untouchable and weightless at ``position`` until unparked."""
+        """Take an object out of the scene: unseen, untouchable, weightless at ``position`` until unparked."""
         ...
 
     def unpark(

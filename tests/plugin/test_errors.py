@@ -96,7 +96,7 @@ def test_bad_actions_are_errors_of_the_pair(
     pytester.makepyfile(broken=f"{head}        {body}\n\npolicy = Reacher\n")
     result = run("-k", "camera_shift-v0", policy="broken.py")
     result.assert_outcomes(errors=1)
-    assert result.ret == 1
+    assert result.ret == 11
     result.stdout.fnmatch_lines([message, "INCOMPLETE: 0 of 1 planned pairs*"])
 
 

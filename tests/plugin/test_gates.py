@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Run = Callable[..., pytest.RunResult]
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
+
+
+def test_gates_that_hold_leave_the_status_alone(run: Run) -> None:
+    result = run("-k", "camera_shift", "--libero-max-gate=regressions <= 3", "--libero-max-gate=missing == 0")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["gate pass*regressions*", "gate pass*missing*"])
+
+
+@pytest.mark.parametrize("quiet", [(), ("-q",)], ids=["normal", "quiet"])
+def test_a_gate_that_does_not_hold_has_a_status_of_its_own(run: Run, quiet: tuple[str, ...]) -> None:
+    result = run("-k", "camera_shift", "--libero-max-gate=dynamic_sr >= 0.6", *quiet)
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(["gate FAIL*dynamic_sr*", "Exit status 10: 1 of 1 gates do not hold."])
+
+
+def test_gates_come_from_the_ini_file_too(run: Run, pytester: pytest.Pytester) -> None:
+    pytester.makeini("[pytest]\nlibero_max_gate =\n    dynamic_sr >= 0.6\n    invalid == 0\n")
+    result = run("-k", "camera_shift")
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(["Exit status 10: 1 of 2 gates do not hold."])
+
+
+def test_an_incomplete_run_is_not_excused_by_its_gates(run: Run, pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(broken="def policy():\n    raise OSError('no weights')\n")
+    result = run("-k", "camera_shift", "--libero-max-gate=regressions <= 3", policy="broken.py")
+    assert result.ret == 11
+    result.stdout.fnmatch_lines(
+        ["gate FAIL*", "Exit status 11: the run is incomplete (2 invalid, 0 missing)*"]
+    )
+
+
+def test_a_gate_with_a_typo_stops_the_run_before_it_begins(run: Run) -> None:
+    result = run("--libero-max-gate=dynamic_rs >= 0.6")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: --libero-max-gate=*Did you mean 'dynamic_sr'*"])
+
+
+def test_on_github_failed_gates_are_annotated_and_summarised(
+    run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    summary = pytester.path / "summary.md"
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    result = run("-k", "camera_shift", "--libero-max-gate=dynamic_sr >= 0.6")
+    result.stdout.fnmatch_lines(["::error title=LIBERO-MAX gate failed::*"])
+    assert "gate FAIL" in summary.read_text()
+    assert "# reacher" in summary.read_text()
+
+
+def test_a_run_is_gated_against_an_earlier_one(run: Run) -> None:
+    run("-k", "camera_shift", "--libero-max-output=before")
+    result = run(
+        "-k", "camera_shift", "--libero-max-output=after", "--libero-max-gate=regressions_vs(before) <= 0"
+    )
+    assert result.ret == 0
+
+
+@pytest.mark.parametrize("workers", ["0", "2"])
+def test_a_run_is_resumed_where_it_stopped(
+    run: Run, results: Results, pytester: pytest.Pytester, workers: str
+) -> None:
+    run("--libero-max-output=whole")
+    run("--libero-max-output=part")
+    pairs = Path(pytester.path, "part", "pairs.jsonl")
+    lines = pairs.read_bytes().splitlines(keepends=True)
+    pairs.write_bytes(b"".join(lines[:9]) + lines[9][:100])  # the plan, eight pairs, and a torn ninth
+    result = run("--libero-max-output=part", "--libero-max-resume=yes", f"-n{workers}", subprocess=True)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["*8 measured before*"])
+    whole, part = results("whole"), results("part")
+    assert sorted(line["case_id"] for line in part[0]) == sorted(line["case_id"] for line in whole[0])
+    for name in ("overall", "by", "pairs"):
+        assert part[1][name] == whole[1][name]
+
+
+def test_resuming_a_finished_run_plays_nothing_and_is_fine(run: Run) -> None:
+    run("-k", "camera_shift")
+    result = run("-k", "camera_shift", "--libero-max-resume=yes")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["*2 of 2 planned pairs played*"])
+
+
+def test_another_run_is_not_resumed(run: Run) -> None:
+    run("-k", "camera_shift")
+    result = run("-k", "camera_shift", "--libero-max-resume=yes", "--libero-max-prefix=replay")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert "--libero-max-resume" in result.stdout.str() + result.stderr.str()
+
+
+def test_shards_make_up_the_whole(run: Run, pytester: pytest.Pytester) -> None:
+    from pytest_libero_max.cli import main
+
+    run("--libero-max-output=whole")
+    for shard in ("1/3", "2/3", "3/3"):
+        run(f"--libero-max-shard={shard}", f"--libero-max-output={shard[0]}")
+    assert main(["merge", "1", "2", "3", "--output", "merged"]) == 0
+    whole, merged = (json.loads(Path(name, "report.json").read_text()) for name in ("whole", "merged"))
+    for name in ("overall", "by", "pairs"):
+        assert merged[name] == whole[name]
+
+
+def test_the_noise_floor_of_a_policy_that_repeats_itself_is_zero(run: Run, results: Results) -> None:
+    result = run("-k", "v0", "--libero-max-noise-floor=4")
+    assert results()[1]["noise_floor"]["flips"]["count"] == 0
+    noise = results()[1]["noise_floor"]
+    assert noise["identical"]["count"] == noise["flips"]["of"] > 0
+    result.stdout.fnmatch_lines(["Noise floor: Base played twice*bit for bit alike"])
+
+
+def test_the_noise_floor_shows_a_policy_that_does_not(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(
+        noisy="""
+        import numpy as np
+        from pytest_libero_max.policies.contract import PolicySpec
+
+        class Noisy:
+            spec = PolicySpec("noisy", cameras=(), repeatable=False)
+            calls = 0
+
+            def reset(self, episode):
+                pass
+
+            def predict(self, observation, query):
+                Noisy.calls += 1
+                return np.full((1, 7), Noisy.calls % 7 / 10)
+
+        policy = Noisy
+        """
+    )
+    run("-k", "camera_shift", "--libero-max-noise-floor=16", policy="noisy.py")
+    noise = results()[1]["noise_floor"]
+    assert noise["identical"]["count"] < noise["identical"]["of"] == 2
