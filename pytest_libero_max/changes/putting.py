@@ -23,6 +23,7 @@ from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import Array, World
 
 _STEP_M, _BISECTIONS, _MAX_STEPS = 0.004, 12, 500
+_FAR_ABOVE_M = 1.0
 _BOX = 6  # mjGEOM_BOX
 
 
@@ -80,14 +81,12 @@ class PutObject(ManifestFields):
             require_in_scene(world, self.operation, "relative_to", self.relative_to)
             anchor = world.position(self.relative_to)
             x, y = float(anchor[0]) + x, float(anchor[1]) + y
-        parked = self.object in world.parked
-        turn = world.parked_pose(self.object)[1] if parked else world.pose(self.object)[1]
-        start = np.array([x, y, _top(world, self.onto) + _reach(world, self.object)])
-        if parked:
-            world.unpark(self.object, start)
-        if self.yaw_degrees:
-            turn = _turned(turn, self.yaw_degrees)
-            world.place(self.object, start, turn)
+        above = _top(world, self.onto)
+        if self.object in world.parked:
+            world.unpark(self.object, (x, y, above + _FAR_ABOVE_M))  # its size is not known before
+        start = np.array([x, y, above + _reach(world, self.object)])
+        turn = world.pose(self.object)[1]
+        world.place(self.object, start, _turned(turn, self.yaw_degrees) if self.yaw_degrees else None)
         _lower(world, self.object, self.onto, start)
         return Evidence(
             self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])

@@ -1,6 +1,4 @@
-"""Images of a world, straight from MuJoCo: no reflections, shadows only of lights told to cast them, OpenGL
-row order.
-"""
+"""Images of a world, straight from MuJoCo: OpenGL row order, shadows only of lights told to cast them."""
 
 from __future__ import annotations
 

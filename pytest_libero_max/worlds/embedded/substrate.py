@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.worlds import gl
-from pytest_libero_max.worlds.contract import Array
+from pytest_libero_max.worlds.contract import Array, Goal, SourceVariant
 from pytest_libero_max.worlds.embedded.placement import initial_state
-from pytest_libero_max.worlds.embedded.predicates import all_hold
-from pytest_libero_max.worlds.embedded.scene import Scene, build_scene
+from pytest_libero_max.worlds.embedded.predicates import Predicate, all_hold
+from pytest_libero_max.worlds.embedded.remodel import Remodel, remodelled, waiting_place
+from pytest_libero_max.worlds.embedded.scene import Scene, build_scene, resolve
 from pytest_libero_max.worlds.embedded.tasks import Fact
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
@@ -28,6 +30,12 @@ if TYPE_CHECKING:
     from pytest_libero_max.cases import Case
 
 NAME = "embedded"
+SCENES = 12
+"""How many compiled scenes a substrate keeps."""
+
+Starts = Callable[[int], Mapping[str, Array]]
+_AS_IT_IS = Remodel()
+_PREDICATES = ("on", "in", "open", "close", "turnon", "turnoff")
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless")
 
 
@@ -35,49 +43,154 @@ class EmbeddedWorld(RobosuiteWorld):
     """One embedded scene with its robot.
 
     The first reset to an initial state lays it out and lets it settle; later ones copy the result.
+
+    Args:
+        task: The scene to host.
+        plan: How it differs from that of the unmodified task, if it was remodelled.
+        starts: Where the initial states of a remodelled scene come from: joint positions of the unmodified
+            one by joint name.
     """
 
-    def __init__(self, task: Scene) -> None:
-        super().__init__(f"{NAME}/{task.key}", task.language, SceneEnv(task), task.entities)
+    def __init__(self, task: Scene, plan: Remodel = _AS_IT_IS, starts: Starts | None = None) -> None:
+        name = f"{NAME}/{task.key}" + (f"+{plan.key}" if plan.key else "")
+        super().__init__(name, task.language, SceneEnv(task), task.entities)
         self._task = task
+        self._plan = plan
+        self._given = starts
         self._starts: dict[int, Array] = {}
+        self._variant: SourceVariant | None = None
+        self._renderer = self._new_renderer()  # it opens nothing yet; the worlds of a scene share it
         self.reset(0)
+
+    def varied(self, variant: SourceVariant | None) -> EmbeddedWorld:
+        """The same scene under a source variation, which every reset applies.
+
+        All worlds that come from one scene share its simulator: play them one after the other, each from
+        its own reset.
+        """
+        world = copy.copy(self)
+        world._variant = variant
+        return world
 
     @property
     def goal(self) -> tuple[Fact, ...]:
         """What must hold at the end, all of it, in the task's own words: for policies that are privileged."""
-        return self._task.task.goal
+        assigned = self._assigned[1]
+        return self._task.task.goal if assigned is None else _facts(assigned)
+
+    def reset(self, init: int) -> None:
+        super().reset(init)
+        for number, (name, _) in enumerate(self._plan.extras):
+            self.park(name, waiting_place(number))
+        if self._variant is not None:
+            self._variant.apply(self)
+
+    def start(self, init: int) -> dict[str, Array]:
+        """Joint positions of an initial state by joint name, without any source variation."""
+        qpos = self._initial_qpos(init)
+        ends = [*self._model.jnt_qposadr[1:], self._model.nq]
+        return {
+            self._model.joint(number).name: qpos[self._model.jnt_qposadr[number] : end].copy()
+            for number, end in enumerate(ends)
+        }
 
     def succeeded(self) -> bool:
-        return all_hold(self._task.goal, self._model, self._data)
+        assigned = self._assigned[1]
+        goal = self._task.goal if assigned is None else self._resolved(assigned)
+        return all_hold(goal, self._model, self._data)
+
+    def _check_goal(self, goal: Goal) -> None:
+        self._resolved(goal)
+
+    def _resolved(self, goal: Goal) -> tuple[Predicate, ...]:
+        return tuple(resolve(fact, self._task.entities, self._task.regions) for fact in _facts(goal))
 
     def _initial_qpos(self, init: int) -> Array:
         if init not in self._starts:
-            # Initial states belong to the compiled scene, whatever an event has done to it since.
-            self._write_model(self._compiled)
-            scratch = mujoco.MjData(self._model)
-            self._starts[init] = initial_state(self._task, self._model, scratch, init)
+            if self._given is None:
+                # Initial states belong to the compiled scene, whatever an event has done to it since.
+                self._write_model(self._compiled)
+                scratch = mujoco.MjData(self._model)
+                self._starts[init] = initial_state(self._task, self._model, scratch, init)
+            else:
+                self._starts[init] = self._adapted(self._given(init))
         return self._starts[init]
+
+    def _adapted(self, start: Mapping[str, Array]) -> Array:
+        """The unmodified scene's initial state in this one, joint by joint; what was added keeps qpos0."""
+        qpos: Array = self._model.qpos0.copy()
+        for name, values in start.items():
+            address = int(self._model.joint(self._plan.renamed(name)).qposadr[0])
+            qpos[address : address + values.size] = values
+        return qpos
+
+
+def _facts(goal: Goal) -> tuple[Fact, ...]:
+    for word, *_ in goal:
+        if word not in _PREDICATES:
+            raise SubstrateError(
+                f"predicate={word!r} is not one of LIBERO's. {did_you_mean(word, _PREDICATES)}"
+            )
+    return tuple(Fact(cast(Any, word), subject, *place) for word, subject, *place in goal)
 
 
 class EmbeddedSubstrate:
-    """Builds a world for each task once and keeps it."""
+    """Builds the scenes of tasks and of their source variations, and keeps those used last.
+
+    Args:
+        variant_of: Finds the source variation that a case of LIBERO-Plus or LIBERO-PRO plays; see
+            :func:`pytest_libero_max.construction.catalogue.variant_of`. Without it only unmodified tasks can
+            be built.
+        scenes: How many compiled scenes are kept at most; each takes some 20 MB, and 0.2 s to build anew.
+    """
 
     name = NAME
 
-    def __init__(self) -> None:
-        self._worlds: dict[tuple[str, int], EmbeddedWorld] = {}
+    def __init__(
+        self, variant_of: Callable[[Case], SourceVariant] | None = None, scenes: int = SCENES
+    ) -> None:
+        self._variant_of = variant_of
+        self._limit = max(scenes, 2)  # a remodelled scene and the one that it takes its starts from
+        self._worlds: dict[tuple[str, int, Remodel], EmbeddedWorld] = {}
+        self._starts: dict[tuple[str, int, int], Mapping[str, Array]] = {}
 
     def world(self, case: Case) -> EmbeddedWorld:
-        if case.source != "libero":
+        if case.source == "libero":
+            return self._world(case.suite, case.task_index, _AS_IT_IS)
+        if self._variant_of is None:
             raise SubstrateError(
-                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}): the embedded "
-                "substrate builds LIBERO's unmodified tasks only. Choose another track or substrate."
+                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}), but this "
+                "substrate was opened without the catalogue of source variations. Open it with one."
             )
-        key = (case.suite, case.task_index)
-        if key not in self._worlds:
-            self._worlds[key] = EmbeddedWorld(build_scene(*key))
-        return self._worlds[key]
+        return self.varied_world(self._variant_of(case))
+
+    def varied_world(self, variant: SourceVariant) -> EmbeddedWorld:
+        """The world that plays a source variation."""
+        plan = Remodel.from_dict(variant.scene)
+        return self._world(variant.suite, variant.base_index, plan).varied(variant)
+
+    def _world(self, suite: str, index: int, plan: Remodel) -> EmbeddedWorld:
+        key = (suite, index, plan)
+        if key in self._worlds:
+            self._worlds[key] = self._worlds.pop(key)  # the last one used is the last one to go
+            return self._worlds[key]
+        scene = build_scene(suite, index)
+        if plan == _AS_IT_IS:
+            world = EmbeddedWorld(scene)
+        else:
+            starts = partial(self._start, suite, index)
+            starts(0)  # now, so that the unmodified scene is not built in the middle of building this one
+            world = EmbeddedWorld(remodelled(scene, plan), plan, starts)
+        self._worlds[key] = world
+        while len(self._worlds) > self._limit:
+            self._worlds.pop(next(iter(self._worlds))).close()
+        return world
+
+    def _start(self, suite: str, index: int, init: int) -> Mapping[str, Array]:
+        key = (suite, index, init)
+        if key not in self._starts:
+            self._starts[key] = self._world(suite, index, _AS_IT_IS).start(init)
+        return self._starts[key]
 
     def fingerprint(self) -> Mapping[str, str]:
         """Versions of what computes a result, the GL backend, and a digest of the scenes' source code."""

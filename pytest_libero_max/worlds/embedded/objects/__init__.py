@@ -6,7 +6,14 @@ from collections.abc import Callable
 from functools import cache
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
-from pytest_libero_max.worlds.embedded.objects import dishes, furniture, groceries, wine
+from pytest_libero_max.worlds.embedded.objects import (
+    dishes,
+    furniture,
+    groceries,
+    occluder,
+    restyled,
+    wine,
+)
 from pytest_libero_max.worlds.embedded.objects.base import Category
 
 _BUILDERS: dict[str, Callable[[], Category]] = {
@@ -34,17 +41,25 @@ _BUILDERS: dict[str, Callable[[], Category]] = {
     )
 }
 
+_OURS = {"occluder_book": occluder.occluder_book}
+"""What only source variations bring in, and LIBERO does not have."""
+
 CATEGORIES = tuple(sorted(_BUILDERS))
-"""Every category that can be built."""
+"""Every category of LIBERO that can be built."""
 
 
 @cache
 def category(name: str) -> Category:
-    """The design of a category.
+    """The design of a category, or of a relative of one (see :mod:`.restyled`).
 
     Raises:
         SubstrateError: There is none of that name.
     """
+    style = restyled.style_of(name)
+    if style is not None:
+        return restyled.relative(name, style, category(style.original))
+    if name in _OURS:
+        return _OURS[name]()
     if name not in _BUILDERS:
         raise SubstrateError(
             f"object category={name!r} is not one we build. {did_you_mean(name, CATEGORIES)}"
