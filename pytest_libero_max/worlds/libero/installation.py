@@ -1,4 +1,4 @@
-"""Finding a genuine installation and telling which of the four it is, by its content and without importing it.
+"""Finding a genuine installation and telling which of the four it is, without importing it.
 
 All of them import as ``libero``, so the import name says nothing and one process can use one of them only.
 """
@@ -71,7 +71,7 @@ class Installation:
 
     @cached_property
     def contents(self) -> str:
-        """SHA-256 over the names and sizes of all assets, hexadecimal: reading gigabytes would take minutes."""
+        """SHA-256 over the names and sizes of all assets, hexadecimal: their content may be gigabytes."""
         sizes = ((path, str(path.stat().st_size).encode()) for path in _files(self.assets))
         return _digest((path.relative_to(self.assets), size) for path, size in sizes)
 
@@ -164,7 +164,8 @@ def _checked_root(root: Path) -> Path:
 def _assets(package: Path, flavour: Flavour) -> Path:
     own = package / "assets"
     if flavour == "hf-libero" and not own.is_dir():
-        hub = os.environ.get("HF_HUB_CACHE") or Path(os.environ.get("HF_HOME") or "~/.cache/huggingface", "hub")
+        home = os.environ.get("HF_HOME") or "~/.cache/huggingface"
+        hub = os.environ.get("HF_HUB_CACHE") or Path(home, "hub")
         snapshots = Path(hub).expanduser() / _HUB_FOLDER / "snapshots"
         downloaded = sorted(snapshots.iterdir()) if snapshots.is_dir() else []
         if downloaded:
@@ -178,7 +179,7 @@ def _missing(found: Installation, what: str, option: str, folder: Path) -> str:
         "lerobot/libero-assets`)",
         "LIBERO": "restore it from the checkout's repository",
         "LIBERO-Plus": "download assets.zip of the data set Sylvest/LIBERO-plus and unpack it there",
-        "LIBERO-PRO": "restore it from the checkout's repository, or from the data set zhouxueyang/LIBERO-Pro",
+        "LIBERO-PRO": "restore it from the repository, or from the data set zhouxueyang/LIBERO-Pro",
     }
     cure = cures[found.flavour] if what == "assets" else "restore it from the package"
     return (

@@ -49,8 +49,8 @@ def load(installation: Installation) -> ModuleType:
     if _loaded is not None and _loaded.root == installation.root:
         if _loaded != installation:
             raise SubstrateError(
-                f"{installation} is in use in this process with other folders of assets, tasks or states. Use "
-                "one set of folders a process."
+                f"{installation} is in use in this process with other folders of assets, tasks or states. "
+                "Use one set of folders a process."
             )
         return importlib.import_module("libero.libero.envs")
     _refuse_another(installation)
@@ -65,11 +65,12 @@ def load(installation: Installation) -> ModuleType:
         with _private_settings(installation):
             _import_outer(installation.root / "libero")
             inner = importlib.import_module("libero.libero")
-            inner._assets_path_cache = str(installation.assets)  # type: ignore[attr-defined]
+            vars(inner)["_assets_path_cache"] = str(installation.assets)
             environments = importlib.import_module("libero.libero.envs")
     except ImportError as error:
         raise SubstrateError(
-            f"{installation} cannot be imported: {error}. Install what is missing, or give another installation."
+            f"{installation} cannot be imported: {error}. Install what is missing, or give another "
+            "installation."
         ) from error
     _redirect_assets(installation)
     _loaded = installation
@@ -181,7 +182,8 @@ class _Unavailable:
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         raise SubstrateError(
-            f"{type(self).__name__} is needed, but its package is not installed. `libero-max doctor` says how."
+            f"{type(self).__name__} is needed, but its package is not installed. `libero-max doctor` says "
+            "how."
         )
 
 
@@ -197,7 +199,7 @@ def _redirect_assets(installation: Installation) -> None:
             "'assets'. Give it that name, or make a link of that name to it."
         )
     parent = installation.assets.parent
-    sys.modules["libero.libero.envs.bddl_base_domain"].DIR_PATH = str(parent / "envs")  # type: ignore[attr-defined]
+    vars(sys.modules["libero.libero.envs.bddl_base_domain"])["DIR_PATH"] = str(parent / "envs")
     for name, module in list(sys.modules.items()):
         if name.startswith("libero.libero.envs.objects.") and hasattr(module, "absolute_path"):
-            module.absolute_path = parent
+            vars(module)["absolute_path"] = parent

@@ -12,7 +12,7 @@ import pickle
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -43,8 +43,8 @@ def read_states(path: Path) -> Array:
     states = np.atleast_2d(np.asarray(raw))
     if states.ndim != 2 or states.dtype.kind != "f" or not np.isfinite(states).all():
         raise SubstrateError(
-            f"{str(path)!r} holds {states.dtype} of shape {states.shape}, but initial states are finite numbers, "
-            "one row a state. Restore it from the package."
+            f"{str(path)!r} holds {states.dtype} of shape {states.shape}, but initial states are finite "
+            "numbers, one row a state. Restore it from the package."
         )
     return np.ascontiguousarray(states, dtype=np.float64)
 
@@ -76,7 +76,7 @@ def _dtype(code: str, align: bool = False, copy: bool = True) -> np.dtype[Any]:
 class _Arrays(pickle.Unpickler):
     """Rebuilds an array of numbers and nothing else."""
 
-    _NAMES: dict[tuple[str, str], Callable[..., Any] | type] = {
+    _NAMES: ClassVar[dict[tuple[str, str], Callable[..., Any] | type]] = {
         ("numpy.core.multiarray", "_reconstruct"): _empty,
         ("numpy._core.multiarray", "_reconstruct"): _empty,
         ("numpy", "ndarray"): np.ndarray,

@@ -35,9 +35,7 @@ class LiberoSubstrate:
 
     name = NAME
 
-    def __init__(
-        self, installation: Installation | None = None, semantics: Semantics = "published"
-    ) -> None:
+    def __init__(self, installation: Installation | None = None, semantics: Semantics = "published") -> None:
         self.installation = find_installation() if installation is None else installation
         self.semantics = semantics
         self._worlds: dict[tuple[str, int, int], LiberoWorld] = {}
@@ -45,8 +43,8 @@ class LiberoSubstrate:
     def world(self, case: Case) -> LiberoWorld:
         if case.source != "libero":
             raise SubstrateError(
-                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}): {self.installation} "
-                "plays LIBERO's unmodified tasks only. Choose another track or substrate."
+                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}): "
+                f"{self.installation} plays LIBERO's unmodified tasks only. Choose another substrate."
             )
         return self.task_world(case.suite, case.task_index, case.policy_seed)
 

@@ -40,7 +40,7 @@ class Task:
         """The instruction that the benchmark makes of the name."""
         words = self.name
         if words[:1].isupper():  # LIBERO-100 puts the scene before the sentence
-            scene, _, words = words.partition("SCENE")
+            words = words.partition("SCENE")[2]
             words = words.lstrip("0123456789").removeprefix("_")
         return " ".join(words.split("_"))
 

@@ -22,7 +22,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
-from pytest_libero_max.worlds.contract import Array, Entity, Goal, Image, PixelFilter
+from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter
 from pytest_libero_max.worlds.libero.environment import Built
 from pytest_libero_max.worlds.rendering import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
@@ -56,8 +56,8 @@ class LiberoWorld(RobosuiteWorld):
         built: Its environment, after a seeded reset; nobody else may use it from now on.
         states: (n, 1 + nq + nv) initial states.
         semantics: ``published``: objects taken out are put where the authors put them, inside the floor,
-            and come back as they then are; a look after an event shifts the sampling of observations.
-            ``corrected``: neither.
+            and come back as they then are; what is moved keeps its share of the solver's warm start; a look
+            after an event shifts the sampling of observations. ``corrected``: none of it.
         reference_textures: Draw all textures as the authors' MuJoCo does. MuJoCo from 3.3.3 on draws those
             that are tagged as sRGB darker.
     """
@@ -78,8 +78,8 @@ class LiberoWorld(RobosuiteWorld):
         expected = 1 + self._model.nq + self._model.nv
         if states.shape[1] != expected:
             raise SubstrateError(
-                f"{scene}: an initial state has {states.shape[1]} numbers, but the scene has {expected} (time, "
-                "positions and velocities). They are not of the same task or installation."
+                f"{scene}: an initial state has {states.shape[1]} numbers, but the scene has {expected} "
+                "(time, positions and velocities). They are not of the same task or installation."
             )
         self._kinematics = _kinematics(env.robots[0].controller)
         self._seen = {name: np.zeros(size) for name, size in _SEEN.items()}
@@ -188,7 +188,8 @@ class LiberoWorld(RobosuiteWorld):
             return stepper.aim(action), 0
         self._stale = False
         robot = self._env.robots[0]
-        vars(robot.controller).update({name: np.copy(value) for name, value in self._kinematics.items()})
+        for name, value in self._kinematics.items():
+            setattr(robot.controller, name, value.copy(order="K"))
         robot.controller.new_update = False
         robot.gripper.current_action = np.zeros(2)
         self._seen_qpos[:] = self._data.qpos
@@ -230,9 +231,19 @@ class LiberoWorld(RobosuiteWorld):
     def _initial_qpos(self, init: int) -> Array:
         if not 0 <= init < len(self._states):
             raise SubstrateError(
-                f"{self._scene} has the initial states 0 to {len(self._states) - 1}, but {init} was asked for."
+                f"{self._scene} has the initial states 0 to {len(self._states) - 1}, but {init} was asked "
+                "for."
             )
         return self._states[init, 1 : 1 + self._model.nq]
+
+    def _write_start(self, qpos: Array) -> None:
+        self._data.qpos[:] = qpos  # not normalised: the package does not, and the first step would show it
+
+    def _write_pose(self, name: str, position: Array, quaternion: Array | None) -> None:
+        warm_start = self._data.qacc_warmstart.copy()
+        super()._write_pose(name, position, quaternion)
+        if self._semantics == "published":
+            self._data.qacc_warmstart[:] = warm_start  # the authors move an object and leave the solver alone
 
     def _reset_controller(self) -> None:
         start = np.concatenate([np.ravel(self._kinematics["goal_ori"]), np.zeros(2)])
@@ -287,7 +298,8 @@ def entities_of(env: Any) -> dict[str, Entity]:
     supports = _supports(env.parsed_problem)
     bodies = set(env.sim.model.body_names)
     entities = {}
-    for kind, items in (("object", env.objects_dict), ("fixture", env.fixtures_dict)):
+    kinds: tuple[tuple[EntityKind, Any], ...] = (("object", env.objects_dict), ("fixture", env.fixtures_dict))
+    for kind, items in kinds:
         for name, item in items.items():
             entities[name] = Entity(name, item.category_name, kind, item.root_body, supports.get(name))
     surface = env.workspace_name
@@ -309,4 +321,6 @@ def _supports(problem: Mapping[str, Any]) -> dict[str, str]:
 
 def _kinematics(controller: Any) -> dict[str, Array]:
     """Everything the controller holds right after a reset, which the first substep works with."""
-    return {name: value.copy() for name, value in vars(controller).items() if isinstance(value, np.ndarray)}
+    arrays = {name: value for name, value in vars(controller).items() if isinstance(value, np.ndarray)}
+    # The layout in memory is kept: products of differently laid out matrices differ in their last bits.
+    return {name: value.copy(order="K") for name, value in arrays.items()}

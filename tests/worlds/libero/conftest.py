@@ -1,0 +1,23 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from pytest_libero_max.worlds.libero.installation import Installation, find_installation
+from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+from tests.worlds.libero.data import DATA, HOW, installed
+
+
+@pytest.fixture(scope="session")
+def installation() -> Installation:
+    if not installed or not (DATA / "assets").is_dir():
+        pytest.skip(HOW)
+    return find_installation(assets=DATA / "assets")
+
+
+@pytest.fixture
+def substrate(installation: Installation) -> Iterator[LiberoSubstrate]:
+    substrate = LiberoSubstrate(installation)
+    yield substrate
+    substrate.close()
