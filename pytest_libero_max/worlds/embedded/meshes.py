@@ -1,4 +1,4 @@
-"""Procedural visual meshes: surfaces of revolution, boxes with chamfered edges, flat panels.
+"""Procedural visual meshes: surfaces of revolution, boxes with chamfered edges, bent tubes, flat panels.
 
 Every mesh carries its own normals and texture coordinates, one of each for every vertex, so that sharp
 edges and label seams are plain: where something changes abruptly, the vertex exists twice. Lengths are in
@@ -243,4 +243,61 @@ def revolve(profile: Sequence[tuple[float, float]], segments: int = 24, crease_d
                 triangles.append((a, c, d))
     return Mesh(
         np.concatenate(vertices), np.concatenate(normals), np.concatenate(texcoords), np.array(triangles)
+    )
+
+
+def tube(path: Sequence[Point], half_width: float, half_depth: float, segments: int = 8) -> Mesh:
+    """A bent rod with an elliptic cross-section and closed ends.
+
+    Args:
+        path: Points (x, y, z) in m, all in one plane that contains the z axis, none straight above each other
+            twice in a row.
+        half_width: Half axis of the cross-section across that plane, m.
+        half_depth: Half axis of the cross-section in that plane, m.
+        segments: Facets around the rod.
+    """
+    points = np.asarray(path, float)
+    tangents = np.gradient(points, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    spread = points[:, :2] - points[0, :2]
+    far = spread[np.argmax(np.linalg.norm(spread, axis=1))]
+    across = np.array([-far[1], far[0], 0.0]) / np.linalg.norm(far)
+    within = np.cross(across, tangents)
+    angles = 2 * np.pi * np.arange(segments + 1) / segments
+    cos, sin = np.cos(angles)[None, :, None], np.sin(angles)[None, :, None]
+    rings = (
+        points[:, None]
+        + half_depth * cos * within[:, None]
+        + half_width * sin * np.broadcast_to(across, (1, 1, 3))
+    )
+    normals = half_width * cos * within[:, None] + half_depth * sin * across
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    count, width = len(points), segments + 1
+    u, v = np.meshgrid(np.arange(width) / segments, np.arange(count) / (count - 1))
+    triangles = []
+    for ring in range(count - 1):
+        for s in range(segments):
+            a, b = ring * width + s, ring * width + s + 1
+            triangles += [(a, b, b + width), (a, b + width, a + width)]
+    side = Mesh(
+        rings.reshape(-1, 3),
+        normals.reshape(-1, 3),
+        np.stack([u, v], axis=2).reshape(-1, 2),
+        np.array(triangles),
+    )
+    blank = [(0.0, 0.0)] * segments
+    lids = [panel(rings[0, :-1][::-1].tolist(), blank), panel(rings[-1, :-1].tolist(), blank)]
+    return join(side, *lids)
+
+
+def faceted(mesh: Mesh) -> Mesh:
+    """The same surface with every triangle shaded flat."""
+    corners = mesh.vertices[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Mesh(
+        corners.reshape(-1, 3),
+        np.repeat(normals, 3, axis=0),
+        mesh.texcoords[mesh.triangles].reshape(-1, 2),
+        np.arange(3 * len(corners)).reshape(-1, 3),
     )

@@ -16,6 +16,7 @@ import numpy as np
 
 from pytest_libero_max.errors import SimulatorError, SubstrateError
 from pytest_libero_max.worlds.contract import Array
+from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.arenas import ARENAS
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.predicates import touching
@@ -135,6 +136,9 @@ def _lay_out(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, draw: _Dr
         joint = data.joint(f"{fact.subject}_joint0")
         joint.qpos[:3] = x, y, height + kind.origin_height + _DROP
         joint.qpos[3:] = kind.upright
+        if kind.turn is not None:
+            angle = draw.uniform(f"{fact.subject}/turn", *kind.turn)
+            joint.qpos[3:] = rotations.multiply(rotations.about((0, 0, 1), angle), kind.upright)
         mujoco.mj_kinematics(model, data)
     mujoco.mj_forward(model, data)
 
@@ -156,14 +160,15 @@ def _spot(
     """Where to put an object: x, y and the height of what is under it."""
     place = fact.place or ""
     if place in scene.task.places:
-        margin = category(category_of(fact.subject)).spread_margin
+        arena = ARENAS[scene.task.arena]
+        margin = category(category_of(fact.subject)).spread_margin if arena.spares_edges else 0.0
         low_x, low_y, high_x, high_y = scene.task.places[place].box
         # LIBERO shrinks a region by the object's nominal radius; where the radius is larger, the interval
         # turns over and has the difference as its half width.
         reach_x, reach_y = abs((high_x - low_x) / 2 - margin), abs((high_y - low_y) / 2 - margin)
         x = (low_x + high_x) / 2 + draw.uniform(f"{fact.subject}/x", -reach_x, reach_x)
         y = (low_y + high_y) / 2 + draw.uniform(f"{fact.subject}/y", -reach_y, reach_y)
-        return x, y, ARENAS[scene.task.arena].top_z
+        return x, y, arena.top_z
     support = scene.entities[scene.entities[fact.subject].support or ""]
     if place in scene.regions:
         site = data.site(place)

@@ -219,7 +219,7 @@ def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
     pictures, surface = furnish(row.arena, assets, worldbody)
     for place in row.places.values():
         x0, y0, x1, y1 = place.box
-        centre = ((x0 + x1) / 2, (y0 + y1) / 2, 0.02)
+        centre = ((x0 + x1) / 2, (y0 + y1) / 2, arena.region_z)
         surface.append(base.site_element(place.name, centre, ((x1 - x0) / 2, (y1 - y0) / 2, 0.007)))
     for name in dict.fromkeys(category_of(instance) for instance in (*row.objects, *row.fixtures)):
         elements, shared = base.assets(category(name))

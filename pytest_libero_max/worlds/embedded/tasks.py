@@ -13,8 +13,8 @@ from functools import cache
 from typing import Literal
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.worlds.embedded.layouts import LAYOUTS, Arena
 
-Arena = Literal["tabletop", "floor"]
 Box = tuple[float, float, float, float]
 
 
@@ -24,7 +24,7 @@ class Place:
 
     Attributes:
         name: As in LIBERO, for example ``main_table_plate_region``.
-        surface: ``main_table`` or ``floor``.
+        surface: For example ``main_table`` or ``floor``.
         box: (x_min, y_min, x_max, y_max) in m, world.
         yaw: Turn about z of a fixture that is put here, rad.
     """
@@ -58,6 +58,7 @@ class Task:
         places: Rectangles by name.
         start: What holds at reset.
         goal: What must hold at the end, all of it.
+        scene: LIBERO-90's name of the scene, with which the names of LIBERO-10's files begin.
     """
 
     suite: str
@@ -69,11 +70,13 @@ class Task:
     places: Mapping[str, Place]
     start: tuple[Fact, ...]
     goal: tuple[Fact, ...]
+    scene: str = ""
 
     @property
     def name(self) -> str:
         """The stem of its BDDL file."""
-        return self.language.replace(" ", "_")
+        words = self.language.replace(" ", "_")
+        return f"{self.scene}_{words}" if self.scene else words
 
 
 def category_of(instance: str) -> str:
@@ -273,10 +276,109 @@ def _goal(index: int) -> Task:
     )
 
 
+# --- LIBERO-10: ten long tasks in kitchens, living rooms and a study
+# -----------------------------------------------------
+
+_IN_BASKET = "basket_1_contain_region"
+
+# The scene, the instruction, and what it asks for.
+_TEN: tuple[tuple[str, str, tuple[Fact, ...]], ...] = (
+    (
+        "LIVING_ROOM_SCENE2",
+        "put both the alphabet soup and the tomato sauce in the basket",
+        (Fact("in", "alphabet_soup_1", _IN_BASKET), Fact("in", "tomato_sauce_1", _IN_BASKET)),
+    ),
+    (
+        "LIVING_ROOM_SCENE2",
+        "put both the cream cheese box and the butter in the basket",
+        (Fact("in", "cream_cheese_1", _IN_BASKET), Fact("in", "butter_1", _IN_BASKET)),
+    ),
+    (
+        "KITCHEN_SCENE3",
+        "turn on the stove and put the moka pot on it",
+        (Fact("turnon", "flat_stove_1"), Fact("on", "moka_pot_1", _STOVE)),
+    ),
+    (
+        "KITCHEN_SCENE4",
+        "put the black bowl in the bottom drawer of the cabinet and close it",
+        (Fact("close", "white_cabinet_1_bottom_region"), Fact("in", _BOWL, "white_cabinet_1_bottom_region")),
+    ),
+    (
+        "LIVING_ROOM_SCENE5",
+        "put the white mug on the left plate and put the yellow and white mug on the right plate",
+        (Fact("on", "porcelain_mug_1", "plate_1"), Fact("on", "white_yellow_mug_1", "plate_2")),
+    ),
+    (
+        "STUDY_SCENE1",
+        "pick up the book and place it in the back compartment of the caddy",
+        (Fact("in", "black_book_1", "desk_caddy_1_back_contain_region"),),
+    ),
+    (
+        "LIVING_ROOM_SCENE6",
+        "put the white mug on the plate and put the chocolate pudding to the right of the plate",
+        (
+            Fact("on", "porcelain_mug_1", "plate_1"),
+            Fact("on", "chocolate_pudding_1", "living_room_table_plate_right_region"),
+        ),
+    ),
+    (
+        "LIVING_ROOM_SCENE1",
+        "put both the alphabet soup and the cream cheese box in the basket",
+        (Fact("in", "alphabet_soup_1", _IN_BASKET), Fact("in", "cream_cheese_1", _IN_BASKET)),
+    ),
+    (
+        "KITCHEN_SCENE8",
+        "put both moka pots on the stove",
+        (Fact("on", "moka_pot_1", _STOVE), Fact("on", "moka_pot_2", _STOVE), Fact("turnon", "flat_stove_1")),
+    ),
+    (
+        "KITCHEN_SCENE6",
+        "put the yellow and white mug in the microwave and close it",
+        (Fact("in", "white_yellow_mug_1", "microwave_1_heating_region"), Fact("close", "microwave_1")),
+    ),
+)
+# Fixtures and the basket are put down more precisely than the rest, m.
+_REGION_HALF, _PRECISE_HALF = 0.025, 0.01
+# Fixtures that LIBERO puts down turned by half a turn.
+_TURNED = ("wine_rack_1", "desk_caddy_1")
+
+
+def _ten(index: int) -> Task:
+    scene, language, goal = _TEN[index]
+    layout = LAYOUTS[scene]
+    places = {}
+
+    def region(key: str, box: Box, yaw: float = 0.0) -> None:
+        name = f"{layout.surface}_{key}"
+        places[name] = Place(name, layout.surface, box, yaw)
+
+    standing = {**layout.objects, **layout.fixtures}
+    for name, (key, x, y) in standing.items():
+        half = _PRECISE_HALF if name in layout.fixtures or name == "basket_1" else _REGION_HALF
+        region(key, _square(x, y, half), math.pi if name in _TURNED else 0.0)
+    for key, (x, y, half) in layout.extra.items():
+        region(key, _square(x, y, half))
+    put = [Fact("on", name, f"{layout.surface}_{key}") for name, (key, _, _) in standing.items()]
+    joints = [Fact(predicate, subject) for predicate, subject in layout.joints]
+    return Task(
+        "libero_10",
+        index,
+        language,
+        layout.arena,
+        tuple(layout.objects),
+        tuple(layout.fixtures),
+        places,
+        (*put, *joints),
+        goal,
+        scene,
+    )
+
+
 _SUITES = {
     "libero_spatial": (_spatial, len(_SPATIAL)),
     "libero_object": (_object, len(_OBJECT)),
     "libero_goal": (_goal, len(_GOAL)),
+    "libero_10": (_ten, len(_TEN)),
 }
 
 SUITES = tuple(_SUITES)

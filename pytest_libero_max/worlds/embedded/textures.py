@@ -104,15 +104,29 @@ def plaster(size: int = 256) -> Image:
     return blend(pattern, (196, 194, 188), (226, 225, 220))
 
 
-def tiles(size: int = 256, joints: int = 2) -> Image:
-    """Light gray floor tiles, ``joints`` by ``joints`` of them."""
+def linen(size: int = 256) -> Image:
+    """Pale yellow woven wall covering."""
+    y, x = np.mgrid[0:size, 0:size]
+    weave = 0.5 + 0.25 * np.where(x % 4 < 2, 1, -1) * np.where(y % 4 < 2, 1, -1)
+    pattern = 0.5 * noise(size, size, 35, 16) + 0.3 * noise(size, size, 36, 2) + 0.2 * weave
+    return blend(pattern, (206, 186, 128), (240, 224, 176))
+
+
+def tiles(
+    size: int = 256,
+    joints: int = 2,
+    dark: Rgb = (150, 150, 148),
+    light: Rgb = (184, 184, 180),
+    seam: Rgb = (118, 118, 116),
+) -> Image:
+    """Floor tiles, ``joints`` by ``joints`` of them; light gray by default."""
     pattern = (
         0.5 * noise(size, size, 41, 64) + 0.3 * noise(size, size, 42, 16) + 0.2 * noise(size, size, 43, 4)
     )
-    picture = blend(pattern, (150, 150, 148), (184, 184, 180))
+    picture = blend(pattern, dark, light)
     line = (np.arange(size) * joints) % size < 2 * joints
-    picture[line] = (118, 118, 116)
-    picture[:, line] = (118, 118, 116)
+    picture[line] = seam
+    picture[:, line] = seam
     return picture
 
 

@@ -15,9 +15,15 @@ SPOTS = {
     "cook_region": (0.0, 0.0, 0.026),
     "top_side": (0.0, 0.0, 0.004),
     "top_region": (0.0, -0.02, -0.022),
-    "bottom_region": (0.0, -0.02, -0.022),
-    "contain_region": (0.0, 0.0, 0.03),
+    "bottom_region": (0.0, -0.02, -0.026),
+    "basket_1_contain_region": (0.0, 0.0, -0.055),
+    "back_contain_region": (0.0, 0.0, -0.054),
+    "heating_region": (-0.05, -0.02, -0.082),
 }
+# Where a second object goes that wants the same region: both move aside by this much, m.
+ASIDE = {"cook_region": (0.043, 0.0, 0.0), "basket_1_contain_region": (0.0, 0.034, 0.0)}
+# Where the middle of an upright object is along y, seen from its origin, m.
+MIDDLES = {"porcelain_mug": -0.0121, "white_yellow_mug": 0.0182, "black_book": -0.0122}
 # A bottle in the rack: half its slope up from lying, its bottom a little above the lower end.
 BOTTLE_LEAN = np.deg2rad(63.5)
 BOTTLE_OVER_BOARD = 0.0235
@@ -67,8 +73,12 @@ def put(scene: Scene, data: mujoco.MjData, fact: Fact, number: int) -> None:
     elif place in scene.regions:
         key = next(key for key in SPOTS if place.endswith(key))
         frame = data.body(scene.entities[scene.regions[place].target].body).xmat.reshape(3, 3)
-        spot = data.site(place).xpos + frame @ np.array(SPOTS[key])
+        shared = sum(other.place == place for other in scene.task.goal) > 1
+        aside = (1 - 2 * number) * np.array(ASIDE[key]) if shared else np.zeros(3)
+        spot = data.site(place).xpos + frame @ (np.array(SPOTS[key]) + aside)
         joint.qpos[:3] = spot + np.array([0.0, 0.0, kind.origin_height])
+        joint.qpos[1] -= MIDDLES.get(kind.name, 0.0)
     else:
         drop = 0.045 if "bowl" in place else 0.012
         joint.qpos[:3] = data.body(scene.entities[place].body).xpos + np.array([0.005, -0.005, drop])
+        joint.qpos[1] -= MIDDLES.get(kind.name, 0.0)

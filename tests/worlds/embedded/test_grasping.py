@@ -58,6 +58,10 @@ GRASPS = [
     ("bbq_sauce", 0.0, 0.05),
     ("wine_bottle", 0.0, 0.135),
     ("wine_bottle", 0.0, 0.055),
+    ("porcelain_mug", -0.0580, 0.092),
+    ("white_yellow_mug", 0.0695, 0.088),
+    ("red_coffee_mug", 0.0590, 0.118),
+    ("moka_pot", 0.0, 0.144),
 ]
 
 

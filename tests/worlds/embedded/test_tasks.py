@@ -53,16 +53,58 @@ GOAL_FACTS = [
     ("on", "akita_black_bowl_1", "plate_1"),
     ("on", "wine_bottle_1", "wine_rack_1_top_region"),
 ]
+TEN = [
+    "put both the alphabet soup and the tomato sauce in the basket",
+    "put both the cream cheese box and the butter in the basket",
+    "turn on the stove and put the moka pot on it",
+    "put the black bowl in the bottom drawer of the cabinet and close it",
+    "put the white mug on the left plate and put the yellow and white mug on the right plate",
+    "pick up the book and place it in the back compartment of the caddy",
+    "put the white mug on the plate and put the chocolate pudding to the right of the plate",
+    "put both the alphabet soup and the cream cheese box in the basket",
+    "put both moka pots on the stove",
+    "put the yellow and white mug in the microwave and close it",
+]
+TEN_FACTS = [
+    [
+        ("in", "alphabet_soup_1", "basket_1_contain_region"),
+        ("in", "tomato_sauce_1", "basket_1_contain_region"),
+    ],
+    [("in", "cream_cheese_1", "basket_1_contain_region"), ("in", "butter_1", "basket_1_contain_region")],
+    [("turnon", "flat_stove_1", None), ("on", "moka_pot_1", "flat_stove_1_cook_region")],
+    [
+        ("close", "white_cabinet_1_bottom_region", None),
+        ("in", "akita_black_bowl_1", "white_cabinet_1_bottom_region"),
+    ],
+    [("on", "porcelain_mug_1", "plate_1"), ("on", "white_yellow_mug_1", "plate_2")],
+    [("in", "black_book_1", "desk_caddy_1_back_contain_region")],
+    [
+        ("on", "porcelain_mug_1", "plate_1"),
+        ("on", "chocolate_pudding_1", "living_room_table_plate_right_region"),
+    ],
+    [
+        ("in", "alphabet_soup_1", "basket_1_contain_region"),
+        ("in", "cream_cheese_1", "basket_1_contain_region"),
+    ],
+    [
+        ("on", "moka_pot_1", "flat_stove_1_cook_region"),
+        ("on", "moka_pot_2", "flat_stove_1_cook_region"),
+        ("turnon", "flat_stove_1", None),
+    ],
+    [("in", "white_yellow_mug_1", "microwave_1_heating_region"), ("close", "microwave_1", None)],
+]
 
 
 def test_instructions_are_the_benchmarks_own_in_its_order():
     assert [row.language for row in tasks("libero_spatial")] == SPATIAL
     assert [row.language for row in tasks("libero_object")] == OBJECT
     assert [row.language for row in tasks("libero_goal")] == GOAL
+    assert [row.language for row in tasks("libero_10")] == TEN
 
 
 def test_the_name_is_the_stem_of_the_bddl_file():
     assert task("libero_object", 3).name == "pick_up_the_bbq_sauce_and_place_it_in_the_basket"
+    assert task("libero_10", 8).name == "KITCHEN_SCENE8_put_both_moka_pots_on_the_stove"
 
 
 def test_goals():
@@ -81,6 +123,7 @@ def test_goals():
 
     found = [[(f.predicate, f.subject, f.place) for f in row.goal] for row in tasks("libero_goal")]
     assert found == [[fact] for fact in GOAL_FACTS]
+    assert [[(f.predicate, f.subject, f.place) for f in row.goal] for row in tasks("libero_10")] == TEN_FACTS
 
 
 @pytest.mark.parametrize("suite", SUITES)

@@ -7,9 +7,13 @@ from functools import cache
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.worlds.embedded.objects import (
+    cookware,
+    desk,
     dishes,
     furniture,
     groceries,
+    microwave,
+    mugs,
     occluder,
     restyled,
     wine,
@@ -19,11 +23,16 @@ from pytest_libero_max.worlds.embedded.objects.base import Category
 _BUILDERS: dict[str, Callable[[], Category]] = {
     build.__name__: build
     for build in (
+        cookware.chefmate_8_frypan,
+        cookware.moka_pot,
+        desk.black_book,
+        desk.desk_caddy,
         dishes.akita_black_bowl,
         dishes.glazed_rim_porcelain_ramekin,
         dishes.plate,
         furniture.basket,
         furniture.flat_stove,
+        furniture.white_cabinet,
         furniture.wooden_cabinet,
         groceries.alphabet_soup,
         groceries.bbq_sauce,
@@ -36,6 +45,10 @@ _BUILDERS: dict[str, Callable[[], Category]] = {
         groceries.orange_juice,
         groceries.salad_dressing,
         groceries.tomato_sauce,
+        microwave.microwave,
+        mugs.porcelain_mug,
+        mugs.red_coffee_mug,
+        mugs.white_yellow_mug,
         wine.wine_bottle,
         wine.wine_rack,
     )

@@ -109,8 +109,8 @@ class Grip:
     Attributes:
         name: For example ``handle``; ``<instance>_<name>`` is unique in a scene.
         pos: Middle of the part, m.
-        along: Unit vector along the part; fingers close across it.
-        out: Unit vector away from the object, against which the hand approaches.
+        along: Unit vector along the part; fingers close across it. Of a round part, one of many.
+        out: Unit vector at right angles to it and away from the object, against which the hand approaches.
         width: How far apart the fingers end up, m.
     """
 

@@ -1,14 +1,16 @@
-"""The wooden cabinet, the flat stove and the basket: what other things are put on or into."""
+"""The cabinets, the flat stove and the basket: what other things are put on or into."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded import rotations, textures
 from pytest_libero_max.worlds.embedded.meshes import box, join, panel, revolve
 from pytest_libero_max.worlds.embedded.objects.base import (
     Category,
+    Colour,
     Grip,
     Joint,
     JointState,
@@ -33,15 +35,35 @@ _KNOB_STATES = {
 
 
 def wooden_cabinet() -> Category:
-    """A cabinet with three drawers, 0.25 m wide and 0.22 m high; the drawers slide out along -y."""
-    left, right, front, back, bottom, top = -0.1234, 0.1312, -0.086, 0.1117, 0.0046, 0.223
+    """A brown cabinet with three drawers, 0.25 m wide and 0.22 m high; the drawers slide out along -y."""
+    return _cabinet(
+        "wooden_cabinet",
+        lambda: textures.wood(128, (112, 66, 34), (158, 100, 56), seed=5),
+        lambda: _framed(textures.wood(128, (128, 78, 42), (176, 116, 66), seed=9)),
+        (0.16, 0.15, 0.15),
+    )
+
+
+def white_cabinet() -> Category:
+    """The same cabinet painted white, with steel handles."""
+    return _cabinet(
+        "white_cabinet",
+        lambda: textures.blend(textures.noise(128, 128, 87, 8), (222, 222, 218), (242, 242, 238)),
+        lambda: _framed(textures.blend(textures.noise(128, 128, 89, 8), (232, 232, 228), (248, 248, 245))),
+        (0.62, 0.63, 0.66),
+    )
+
+
+def _cabinet(name: str, wood: Callable[[], Image], front: Callable[[], Image], steel: Colour) -> Category:
+    """A cabinet, its two pictures and the colour of its handles."""
+    left, right, near, back, bottom, top = -0.1234, 0.1312, -0.086, 0.1117, 0.0046, 0.223
     wall = 0.005
     case = (
-        slab((left, front, bottom), (left + wall, back, top)),
-        slab((right - wall, front, bottom), (right, back, top)),
+        slab((left, near, bottom), (left + wall, back, top)),
+        slab((right - wall, near, bottom), (right, back, top)),
         slab((left + wall, back - wall, bottom), (right - wall, back, top)),
-        slab((left + wall, front, bottom), (right - wall, back - wall, bottom + wall)),
-        slab((left + wall, front, top - wall), (right - wall, back - wall, top)),
+        slab((left + wall, near, bottom), (right - wall, back - wall, bottom + wall)),
+        slab((left + wall, near, top - wall), (right - wall, back - wall, top)),
     )
     base = Link(
         "base",
@@ -49,22 +71,22 @@ def wooden_cabinet() -> Category:
         case,
         (Skin(slab_mesh(case, 0.16), texture="wood", shine=0.1),),
         (Site("top_side", (0.00354, 0.01567, 0.22152), (0.12534, 0.09438, 0.00147)),),
-        links=tuple(_drawer(*row) for row in (("top", 0.18563), ("middle", 0.1169), ("bottom", 0.04701))),
+        links=tuple(
+            _drawer(drawer, middle, steel)
+            for drawer, middle in (("top", 0.18563), ("middle", 0.1169), ("bottom", 0.04701))
+        ),
     )
     return Category(
-        "wooden_cabinet",
+        name,
         Link("main", 0.0, links=(base,)),
         fixture=True,
         spread_margin=0.045,
-        textures={
-            "wood": lambda: textures.wood(128, (112, 66, 34), (158, 100, 56), seed=5),
-            "front": _drawer_front,
-        },
+        textures={"wood": wood, "front": front},
         states=_DRAWER_STATES,
     )
 
 
-def _drawer(name: str, middle: float) -> Link:
+def _drawer(name: str, middle: float, steel: Colour) -> Link:
     left, right, front, back = -0.1164, 0.1242, -0.0905, 0.0925
     low, high, wall, sheet = middle - 0.0328, middle + 0.0285, 0.004, 0.0035
     boards = (
@@ -92,7 +114,7 @@ def _drawer(name: str, middle: float) -> Link:
     skins = (
         Skin(slab_mesh(boards, 0.16), (0.92, 0.88, 0.8), "wood", 0.1),
         Skin(face, texture="front", shine=0.1),
-        Skin(slab_mesh((bar, *posts), 0.16), (0.16, 0.15, 0.15), None, 0.6),
+        Skin(slab_mesh((bar, *posts), 0.16), steel, None, 0.6),
     )
     # LIBERO's quaternion: the region's x axis points down, its z axis along the cabinet's width.
     region = Site(
@@ -103,8 +125,8 @@ def _drawer(name: str, middle: float) -> Link:
     return Link(f"cabinet_{name}", 3.0, (*boards, bar, *posts), skins, (region,), slide, grips=(grip,))
 
 
-def _drawer_front() -> Image:
-    picture = textures.wood(128, (128, 78, 42), (176, 116, 66), seed=9)
+def _framed(picture: Image) -> Image:
+    """The front of a drawer: a picture with two grooves around it."""
     for inset, tone in ((0, 0.55), (10, 0.8)):
         frame = slice(inset, 128 - inset)
         for edge in (inset, inset + 1, 126 - inset, 127 - inset):

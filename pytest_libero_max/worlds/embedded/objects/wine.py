@@ -71,7 +71,7 @@ def wine_bottle() -> Category:
         Skin(capsule, (0.62, 0.08, 0.12), shine=0.5),
     )
     grips = (
-        Grip("neck", (0.0, 0.0, top - 0.022), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 2 * neck),
+        Grip("neck", (0.0, 0.0, top - 0.022), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 2 * neck),
         Grip("body", (0.0, 0.0, bottom + 0.055), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 2 * radius),
     )
     return Category(
