@@ -15,12 +15,13 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.libero.installation import Installation
+from pytest_libero_max.worlds.libero.loading import imported
 
 MAX_RESETS = 10
 """Attempts to lay out a scene; the authors' runners allow as many."""
@@ -39,22 +40,22 @@ class Built:
     env: Any
 
 
-def build(environments: ModuleType, bddl: Path | str, seed: int) -> Built:
+def build(installation: Installation, bddl: Path | str, seed: int) -> Built:
     """Build the environment of a task and reset it once, as an evaluation with this seed would.
 
     No image is rendered and no OpenGL context is made.
 
     Args:
-        environments: The imported ``libero.libero.envs``.
+        installation: Whose environment.
         bddl: The task's BDDL file, or a name that the package's wrapper understands.
         seed: Seed of the reset, which places the fixtures.
 
     Raises:
         SubstrateError: The scene cannot be built or laid out.
     """
-    wrappers = importlib.import_module("libero.libero.envs.env_wrapper")
-    randomization_error = importlib.import_module("robosuite.utils.errors").RandomizationError
-    with _own_randomness(), _no_debugger():
+    with imported(installation), _own_randomness(), _no_debugger():
+        wrappers = importlib.import_module("libero.libero.envs.env_wrapper")
+        randomization_error = importlib.import_module("robosuite.utils.errors").RandomizationError
         try:
             np.random.seed(seed)  # noqa: NPY002 - building lays a scene out as well, which may fail
             wrapper = _retried(

@@ -17,7 +17,8 @@ import shutil
 import sys
 import tempfile
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
@@ -36,24 +37,65 @@ _CONFIG_VARIABLE = "LIBERO_CONFIG_PATH"
 _OPTIONAL = {"gym": "gymnasium", "wand": "", "wand.api": "", "wand.image": ""}
 """Modules that are imported but not needed here, and what may stand in for them."""
 
-_loaded: Installation | None = None
+_REGISTRIES = (
+    ("robosuite.robots", "ROBOT_CLASS_MAPPING"),
+    ("robosuite.models.robots.robot_model", "REGISTERED_ROBOTS"),
+    ("robosuite.environments.base", "REGISTERED_ENVS"),
+)
+"""Where robosuite looks classes up by name. Each LIBERO enters its own under the same names."""
+
+_loaded: dict[Installation, _Loaded] = {}
 
 
-def load(installation: Installation) -> ModuleType:
-    """Import the installation's environments, ``libero.libero.envs``.
+@dataclass(frozen=True)
+class _Loaded:
+    """An imported installation.
+
+    Attributes:
+        modules: Everything it put into ``sys.modules`` under the name ``libero``.
+        registered: What it put into robosuite's registries, in their order.
+    """
+
+    modules: Mapping[str, ModuleType]
+    registered: tuple[Mapping[str, Any], ...]
+
+
+@contextlib.contextmanager
+def imported(installation: Installation) -> Iterator[ModuleType]:
+    """Let ``libero`` be this installation while the block runs, whatever it is outside.
+
+    Several installations can be used by turns in one process: what is built with one goes on working
+    afterwards, since it holds the classes it needs. Where nothing else is called ``libero``, the first
+    installation stays importable, for adapters that want its helpers.
+
+    Yields:
+        The installation's environments, ``libero.libero.envs``.
 
     Raises:
-        SubstrateError: Another LIBERO is imported already, or a module it needs is missing.
+        SubstrateError: It cannot be imported; the message says what is missing.
     """
-    global _loaded
-    if _loaded is not None and _loaded.root == installation.root:
-        if _loaded != installation:
-            raise SubstrateError(
-                f"{installation} is in use in this process with other folders of assets, tasks or states. "
-                "Use one set of folders a process."
-            )
-        return importlib.import_module("libero.libero.envs")
-    _refuse_another(installation)
+    modules, registered = _libero_modules(), _registered()
+    for name in modules:
+        del sys.modules[name]
+    try:
+        if installation not in _loaded:
+            _loaded[installation] = _load(installation)
+        loaded = _loaded[installation]
+        sys.modules.update(loaded.modules)
+        for registry, entries in zip(_registries(), loaded.registered, strict=True):
+            registry.update(entries)
+        yield sys.modules["libero.libero.envs"]
+    finally:
+        if modules:
+            for name in _libero_modules():
+                del sys.modules[name]
+            sys.modules.update(modules)
+            for registry, entries in zip(_registries(), registered, strict=True):
+                registry.clear()
+                registry.update(entries)
+
+
+def _load(installation: Installation) -> _Loaded:
     missing = missing_requirements()
     if missing:
         raise SubstrateError(
@@ -61,20 +103,39 @@ def load(installation: Installation) -> ModuleType:
             f"with `{REQUIREMENTS_INSTALL}` (and bddl with `{INSTALL}`)."
         )
     gl.prepare()
+    before = _registered()
     try:
         with _private_settings(installation):
             _import_outer(installation.root / "libero")
-            inner = importlib.import_module("libero.libero")
-            vars(inner)["_assets_path_cache"] = str(installation.assets)
-            environments = importlib.import_module("libero.libero.envs")
-    except ImportError as error:
+            vars(importlib.import_module("libero.libero"))["_assets_path_cache"] = str(installation.assets)
+            importlib.import_module("libero.libero.envs")
+            _redirect_assets(installation)
+    except BaseException as error:
+        for name in _libero_modules():
+            del sys.modules[name]
+        if not isinstance(error, ImportError):
+            raise
         raise SubstrateError(
             f"{installation} cannot be imported: {error}. Install what is missing, or give another "
             "installation."
         ) from error
-    _redirect_assets(installation)
-    _loaded = installation
-    return environments
+    registered = tuple(
+        {name: entry for name, entry in after.items() if known.get(name) is not entry}
+        for known, after in zip(before, _registered(), strict=True)
+    )
+    return _Loaded(_libero_modules(), registered)
+
+
+def _libero_modules() -> dict[str, ModuleType]:
+    return {name: module for name, module in sys.modules.items() if name.partition(".")[0] == "libero"}
+
+
+def _registries() -> tuple[dict[str, Any], ...]:
+    return tuple(getattr(importlib.import_module(module), name) for module, name in _REGISTRIES)
+
+
+def _registered() -> tuple[dict[str, Any], ...]:
+    return tuple(dict(registry) for registry in _registries())
 
 
 def missing_requirements() -> list[str]:
@@ -89,23 +150,8 @@ def _exists(name: str) -> bool:
         return False
 
 
-def _refuse_another(installation: Installation) -> None:
-    module = sys.modules.get("libero.libero")
-    if module is None:
-        return
-    folder = Path(module.__file__ or "").resolve().parent
-    if folder != installation.package:
-        raise SubstrateError(
-            f"This process has imported the LIBERO in {str(folder)!r}, so the one in "
-            f"{str(installation.package)!r} cannot be used: all of them are called 'libero'. Let the adapter "
-            "import the same installation, or give that one."
-        )
-
-
 def _import_outer(folder: Path) -> None:
     """Import ``libero`` from this folder and no other, with or without an ``__init__.py``."""
-    if "libero" in sys.modules and "libero.libero" in sys.modules:
-        return
     source = folder / "__init__.py"
     if source.exists():
         spec = importlib.util.spec_from_file_location(

@@ -10,7 +10,6 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.libero.environment import build
 from pytest_libero_max.worlds.libero.installation import Installation, find_installation
-from pytest_libero_max.worlds.libero.loading import load
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld, Semantics
@@ -57,7 +56,7 @@ class LiberoSubstrate:
         key = (suite, index, seed)
         if key not in self._worlds:
             task = task_of(self.installation, suite, index)
-            built = build(load(self.installation), task.bddl, seed)
+            built = build(self.installation, task.bddl, seed)
             scene = f"{NAME}/{suite}/{index}" + ("" if seed == 0 else f"?seed={seed}")
             states = read_states(task.states)
             self._worlds[key] = LiberoWorld(scene, task.language, built, states, self.semantics)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from pytest_libero_max.worlds.libero.installation import Installation
-from pytest_libero_max.worlds.libero.loading import load
+from pytest_libero_max.worlds.libero.loading import imported
 from pytest_libero_max.worlds.libero.tasks import Task
 from pytest_libero_max.worlds.libero.world import LiberoWorld
 from tests.worlds.states import integration_state
@@ -27,19 +27,19 @@ class Reference:
     """``OffScreenRenderEnv``, or without images the ``ControlEnv`` that it is made of."""
 
     def __init__(self, installation: Installation, task: Task, seed: int, images: bool = False) -> None:
-        environments = load(installation)
-        from libero.libero.envs.env_wrapper import ControlEnv
+        with imported(installation) as environments:
+            from libero.libero.envs.env_wrapper import ControlEnv
 
-        if images:
-            self.env: Any = environments.OffScreenRenderEnv(
-                bddl_file_name=str(task.bddl), camera_heights=128, camera_widths=128
-            )
-        else:
-            self.env = ControlEnv(
-                bddl_file_name=str(task.bddl), use_camera_obs=False, has_offscreen_renderer=False
-            )
-        self.env.seed(seed)
-        self.env.reset()
+            if images:
+                self.env: Any = environments.OffScreenRenderEnv(
+                    bddl_file_name=str(task.bddl), camera_heights=128, camera_widths=128
+                )
+            else:
+                self.env = ControlEnv(
+                    bddl_file_name=str(task.bddl), use_camera_obs=False, has_offscreen_renderer=False
+                )
+            self.env.seed(seed)
+            self.env.reset()
         if images:
             self._show_textures_as_they_are()
         self.observation: Any = None

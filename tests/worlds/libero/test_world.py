@@ -12,7 +12,6 @@ from pytest_libero_max.errors import EntityError, SubstrateError
 from pytest_libero_max.worlds.contract import NOOP_ACTION, World
 from pytest_libero_max.worlds.libero.environment import build
 from pytest_libero_max.worlds.libero.installation import Installation
-from pytest_libero_max.worlds.libero.loading import load
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld, Semantics
@@ -31,7 +30,7 @@ def make_world(
     installation: Installation, suite: str, index: int, semantics: Semantics = "published"
 ) -> LiberoWorld:
     task = task_of(installation, suite, index)
-    built = build(load(installation), task.bddl, SEED)
+    built = build(installation, task.bddl, SEED)
     return LiberoWorld(f"libero/{suite}/{index}", task.language, built, read_states(task.states), semantics)
 
 
@@ -241,14 +240,14 @@ def test_there_are_fifty_initial_states(installation: Installation) -> None:
 
 def test_states_of_another_task_are_refused(installation: Installation) -> None:
     task = task_of(installation, "libero_object", 0)
-    built = build(load(installation), task.bddl, SEED)
+    built = build(installation, task.bddl, SEED)
     with pytest.raises(SubstrateError, match="has 92 numbers, but the scene has 110"):
         LiberoWorld("libero/x", "", built, read_states(task_of(installation, "libero_spatial", 0).states))
 
 
 def test_a_scene_that_cannot_be_built_says_so(installation: Installation, tmp_path: Path) -> None:
     with pytest.raises(SubstrateError, match=r"missing.bddl could not be built"):
-        build(load(installation), tmp_path / "missing.bddl", 0)
+        build(installation, tmp_path / "missing.bddl", 0)
 
 
 def test_the_global_generator_is_left_alone(installation: Installation) -> None:
