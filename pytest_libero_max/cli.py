@@ -50,7 +50,11 @@ def _parser() -> argparse.ArgumentParser:
         "report", help="Compute the report of a run again from its pairs.jsonl alone"
     )
     report.add_argument("folder", type=Path, metavar="FOLDER")
-    report.add_argument("--figures", action="store_true", help="Also write the figures as SVG")
+    report.add_argument(
+        "--figures",
+        action="store_true",
+        help="Also write the figures, as SVG and (with the extra figures) PNG",
+    )
     report.add_argument("--tables", action="store_true", help="Also write the tables as CSV and LaTeX")
     report.set_defaults(run=_report)
 
@@ -66,6 +70,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     compare.add_argument("--json", type=Path, metavar="FILE", help="Also write the comparison here")
     compare.set_defaults(run=_compare)
+
+    published = commands.add_parser("published", help="Print the paper's fourteen policies, from their counts")
+    published.set_defaults(run=_published)
 
     merge = commands.add_parser("merge", help="Join the runs of shards into one")
     merge.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
@@ -112,6 +119,7 @@ def _bench(options: argparse.Namespace) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report import raster
     from pytest_libero_max.report.output import write_figures, write_reports, write_text
     from pytest_libero_max.report.summary import summary_lines
     from pytest_libero_max.report.tables import csv_text, latex_text
@@ -125,6 +133,8 @@ def _report(options: argparse.Namespace) -> None:
             write_text(options.folder / name, text)
         paths += [options.folder / name for name in tables]
     print("\n".join(summary_lines(report, [str(path) for path in paths])))
+    if options.figures and not raster.available():
+        print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -136,6 +146,12 @@ def _compare(options: argparse.Namespace) -> None:
     if options.json:
         write_text(options.json, report_json(comparison))
     print("\n".join(comparison_lines(comparison, options.flips)))
+
+
+def _published(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.published import published_lines
+
+    print("\n".join(published_lines()))
 
 
 def _merge(options: argparse.Namespace) -> None:

@@ -34,7 +34,7 @@ def test_a_report_is_recomputed_from_the_pairs_alone(
     assert "64 of 64 planned pairs played" in capsys.readouterr().out
     names = {path.name for path in Path(folder).iterdir()}
     assert {"report.json", "report.md", "report.html", "report.csv", "report.tex"} <= names
-    assert any(name.endswith(".svg") for name in names)
+    assert {"base-to-dynamic.svg", "base-to-dynamic.png"} <= names
 
 
 def test_runs_are_compared(
@@ -76,3 +76,10 @@ def test_everything_has_help(capsys: pytest.CaptureFixture[str]) -> None:
         with pytest.raises(SystemExit, match="0"):
             main([*command, "--help"])
     assert "usage: libero-max" in capsys.readouterr().out
+
+
+def test_the_published_policies_say_what_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["published"]) == 0
+    out = capsys.readouterr().out
+    assert "never against it" in out
+    assert len(out.splitlines()) == 4 + 14

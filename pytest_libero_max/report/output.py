@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pytest_libero_max.cases import Json
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report import raster
 from pytest_libero_max.report.build import REPORT_VERSION, build_report
 from pytest_libero_max.report.compare import replay_command
 from pytest_libero_max.report.figures import FIGURES
@@ -52,15 +53,18 @@ def write_reports(folder: Path) -> tuple[Json, list[Path]]:
 
 
 def write_figures(report: Json, folder: Path) -> list[Path]:
-    """Write the figures of a report as SVG files into an existing folder.
+    """Write the figures of a report into an existing folder: as SVG, and as PNG where the extra is installed.
 
     Raises:
         ReportError: They cannot be written.
     """
-    paths = [folder / f"{stem}.svg" for stem in FIGURES]
-    for path, draw in zip(paths, FIGURES.values(), strict=True):
-        write_text(path, draw(report))
-    return paths
+    documents = {stem: draw(report) for stem, draw in FIGURES.items()}
+    files = {f"{stem}.svg": svg.encode() for stem, svg in documents.items()}
+    if raster.available():
+        files |= {f"{stem}.png": raster.png_of(svg) for stem, svg in documents.items()}
+    for name, content in files.items():
+        _write(folder / name, content)
+    return [folder / name for name in files]
 
 
 def report_json(report: Json) -> str:
@@ -97,9 +101,13 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         ReportError: It cannot be written.
     """
+    _write(path, text.encode())
+
+
+def _write(path: Path, content: bytes) -> None:
     partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_bytes(content)
         os.replace(partial, path)
     except OSError as error:
         raise ReportError(f"Cannot write {path}: {error}. Give a folder you can write to.") from error

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 
+from pytest_libero_max.report.summary import percent, points
 from pytest_libero_max.stats.outcomes import Outcomes
 
 NOTE = (
@@ -43,3 +44,20 @@ def published_policies() -> tuple[PublishedPolicy, ...]:
         PublishedPolicy(**{**row, "outcomes": Outcomes(**row["outcomes"])})
         for row in json.loads(text)["policies"]
     )
+
+
+def published_lines() -> list[str]:
+    """The published results as a table for the terminal, under a line that says what they are."""
+    lines = [
+        "Published results of the genuine benchmark, 8,000 pairs each. They were measured on other images than",
+        "those of the embedded substrate: read them beside each other, never against it.",
+        "",
+        f"{'policy':<20} {'Base':>8} {'Dynamic':>9} {'change':>9} {'lost':>8}",
+    ]
+    for policy in published_policies():
+        outcomes = policy.outcomes
+        lines.append(
+            f"{policy.name:<20} {percent(outcomes.base.value):>8} {percent(outcomes.dynamic.value):>9} "
+            f"{points(outcomes.change.value):>9} {percent(outcomes.conditional_regression.value):>8}"
+        )
+    return lines

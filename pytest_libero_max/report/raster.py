@@ -1,0 +1,41 @@
+"""Figures as PNG, with the extra ``figures``; the lettering is the same on every machine."""
+
+from __future__ import annotations
+
+import importlib.util
+import tempfile
+from pathlib import Path
+
+INSTALL = "pip install 'pytest-libero-max[figures]'"
+
+_ZOOM = 2
+_PAPER = "#ffffff"
+
+
+def available() -> bool:
+    """Whether what draws them is installed."""
+    return all(importlib.util.find_spec(name) for name in ("resvg_py", "PIL"))
+
+
+def png_of(svg: str) -> bytes:
+    """Draw an SVG document at twice its size on white, in the font that comes with Pillow."""
+    import resvg_py
+    from PIL import ImageFont
+
+    font = ImageFont.load_default(size=12)
+    assert isinstance(font, ImageFont.FreeTypeFont)
+    family = font.getname()[0] or ""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "font.ttf")
+        file.write_bytes(font.font_bytes)
+        return bytes(
+            resvg_py.svg_to_bytes(
+                svg_string=svg,
+                font_files=[str(file)],
+                skip_system_fonts=True,
+                font_family=family,
+                sans_serif_family=family,
+                background=_PAPER,
+                zoom=_ZOOM,
+            )
+        )
