@@ -81,5 +81,5 @@ def test_everything_has_help(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_published_policies_say_what_they_are(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["published"]) == 0
     out = capsys.readouterr().out
-    assert "never against it" in out
+    assert "Published results on the genuine substrate" in out
     assert len(out.splitlines()) == 4 + 14

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -49,8 +50,7 @@ def published_policies() -> tuple[PublishedPolicy, ...]:
 def published_lines() -> list[str]:
     """The published results as a table for the terminal, under a line that says what they are."""
     lines = [
-        "Published results of the genuine benchmark, 8,000 pairs each. They were measured on other images than",
-        "those of the embedded substrate: read them beside each other, never against it.",
+        *textwrap.wrap(NOTE, 100),
         "",
         f"{'policy':<20} {'Base':>8} {'Dynamic':>9} {'change':>9} {'lost':>8}",
     ]
