@@ -12,7 +12,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.worlds.embedded.objects import base, category
+from pytest_libero_max.worlds.embedded import rotations
+from pytest_libero_max.worlds.embedded.objects import CATEGORIES, base, category
 
 PAD = 'type="box" size="0.008 0.004 0.008" solref="0.01 0.5" friction="2 0.05 0.0001"'
 FINGER = 'type="box" size="0.009 0.006 0.02" condim="4" friction="1 0.005 0.0001"'
@@ -56,22 +57,38 @@ GRASPS = [
     ("ketchup", 0.0, 0.065),
     ("salad_dressing", 0.0, 0.065),
     ("bbq_sauce", 0.0, 0.05),
-    ("wine_bottle", 0.0, 0.135),
-    ("wine_bottle", 0.0, 0.055),
-    ("porcelain_mug", -0.0580, 0.092),
-    ("white_yellow_mug", 0.0695, 0.088),
-    ("red_coffee_mug", 0.0590, 0.118),
-    ("moka_pot", 0.0, 0.144),
+]
+# Parts that the objects themselves name.
+PARTS = [
+    ("black_book", "spine"),
+    ("chefmate_8_frypan", "handle"),
+    ("moka_pot", "handle"),
+    ("moka_pot", "handle_top"),
+    ("moka_pot", "knob"),
+    ("porcelain_mug", "handle"),
+    ("porcelain_mug", "rim_across"),
+    ("porcelain_mug", "rim_back"),
+    ("porcelain_mug", "rim_front"),
+    ("red_coffee_mug", "handle"),
+    ("red_coffee_mug", "rim_across"),
+    ("red_coffee_mug", "rim_back"),
+    ("red_coffee_mug", "rim_front"),
+    ("white_yellow_mug", "handle"),
+    ("white_yellow_mug", "rim_across"),
+    ("white_yellow_mug", "rim_back"),
+    ("white_yellow_mug", "rim_front"),
+    ("wine_bottle", "body"),
+    ("wine_bottle", "neck"),
 ]
 
 
-def grasp_model(name: str) -> mujoco.MjModel:
+def grasp_model(name: str, x: float = 0.0, y: float = 0.0, turn: float = 0.0) -> mujoco.MjModel:
+    """The object at (x, y), turned about z, under a gripper whose fingers close along y."""
     kind = category(name)
+    quat = rotations.multiply(rotations.about((0, 0, 1), turn), kind.upright)
     elements, _ = base.assets(kind)
     assets = "".join(ET.tostring(element, encoding="unicode") for element in elements)
-    body = ET.tostring(
-        base.body(kind, "thing_1", (0, 0, kind.origin_height), kind.upright), encoding="unicode"
-    )
+    body = ET.tostring(base.body(kind, "thing_1", (x, y, kind.origin_height), quat), encoding="unicode")
     return mujoco.MjModel.from_xml_string(f"""
       <mujoco><compiler angle="radian" autolimits="true" inertiagrouprange="0 0"/> <option timestep="0.002"
       cone="elliptic" impratio="20"/> <asset>{assets}</asset> <worldbody><geom type="plane" size="2 2 0.1"
@@ -100,7 +117,27 @@ def drive(
     ids=[f"{name}{side:+.3f}@{height:.3f}" for name, side, height in GRASPS],
 )
 def test_is_lifted_carried_and_held(name, side, height):
-    model = grasp_model(name)
+    carry(grasp_model(name), side, height)
+
+
+def test_every_part_to_grasp_is_tried():
+    kinds = {name: category(name) for name in CATEGORIES if not category(name).fixture}
+    assert sorted((name, grip.name) for name, kind in kinds.items() for grip in kind.root.grips) == PARTS
+
+
+@pytest.mark.parametrize(("name", "part"), PARTS, ids=[f"{name}-{part}" for name, part in PARTS])
+def test_is_lifted_carried_and_held_by_its_part(name, part):
+    kind = category(name)
+    (grip,) = (grip for grip in kind.root.grips if grip.name == part)
+    across = np.cross(grip.along, grip.out)
+    turn = np.pi / 2 - np.arctan2(across[1], across[0])
+    offset = rotations.matrix(rotations.about((0, 0, 1), turn)) @ grip.pos
+    model = grasp_model(name, -offset[0], -offset[1], turn)
+    carry(model, 0.0, grip.pos[2] + kind.origin_height)
+
+
+def carry(model: mujoco.MjModel, side: float, height: float) -> None:
+    """Pinch at y = ``side``, lift, carry and put down, and check that the object came along each time."""
     data = mujoco.MjData(model)
     down = height - 0.3
     data.joint("left").qpos[0], data.joint("right").qpos[0] = 0.04, -0.04

@@ -144,15 +144,14 @@ def _between(a: tuple[float, float, float], b: tuple[float, float, float]) -> So
 
 def _ear(shape: _Shape) -> Mesh:
     """The handle as it is seen: a flat rod bent to a D."""
-    wall, reach = shape.wall(0.5), shape.end - shape.side * _HANDLE_DEPTH / 2
-    middle, half = shape.height(0.54), (shape.height(0.82) - shape.height(0.26)) / 2
+    reach = shape.end - shape.side * _HANDLE_DEPTH / 2
     path = []
     for k in range(11):
         angle = math.pi * (k / 10 - 0.5)
         out, up = abs(math.cos(angle)) ** 0.5, math.copysign(abs(math.sin(angle)) ** 0.75, math.sin(angle))
-        path.append(
-            (0.0, wall - shape.side * 0.003 + (reach - wall + shape.side * 0.003) * out, middle + half * up)
-        )
+        share = 0.54 + 0.28 * up
+        wall = shape.wall(share) - shape.side * 0.0015
+        path.append((0.0, wall + (reach - wall) * out, shape.height(share)))
     return tube(path, _HANDLE_WIDTH / 2, _HANDLE_DEPTH / 2, 8)
 
 
