@@ -134,6 +134,16 @@ class PlaceCamera(ManifestFields):
         if self.blend is not None:
             self._set("blend", number(f"{where}.blend", self.blend, 0.0, 1.0))
 
+    @classmethod
+    def looking_at(cls, camera: str, position_m: Vector3, aim_m: Vector3) -> PlaceCamera:
+        """Put a camera at a position, upright, so that ``aim_m`` is in the middle of its picture."""
+        back = np.subtract(position_m, aim_m)
+        back /= np.linalg.norm(back)
+        right = np.array([-back[1], back[0], 0.0]) / math.hypot(back[0], back[1])
+        up = np.cross(back, right)
+        turn = _of_axes(right, up, back)
+        return cls(camera, position_m, tuple(round(float(part), 8) for part in turn))  # type: ignore[arg-type]
+
     @property
     def share(self) -> float:
         """Share of the way, 0 to 1."""
@@ -190,6 +200,14 @@ def _rotated(turn: Array, vector: Array) -> Array:
     back = turn * np.array([1.0, -1.0, -1.0, -1.0])
     rotated: Array = _product(_product(turn, np.array([0.0, *vector])), back)[1:]
     return rotated
+
+
+def _of_axes(x: Array, y: Array, z: Array) -> Array:
+    """The quaternion of the frame whose axes these are; the first two do not lie opposite to the world's."""
+    w = math.sqrt(max(1.0 + x[0] + y[1] + z[2], 0.0)) / 2
+    if w < 1e-6:
+        raise ChangeError("A camera that looks straight back has no single upright orientation.")
+    return np.array([w, (y[2] - z[1]) / (4 * w), (z[0] - x[2]) / (4 * w), (x[1] - y[0]) / (4 * w)])
 
 
 def _between(start: Array, end: Array, share: float) -> Array:
