@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from textwrap import wrap
 
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.tasks import SUITES, Task, tasks
 from pytest_libero_max.worlds.sheets import captioned, write_sheet
+
+_LETTER = 5.4
+"""Pixels that a letter of a caption takes on average."""
 
 
 def write_contact_sheet(
@@ -16,7 +20,7 @@ def write_contact_sheet(
     rows: Iterable[Task] | None = None,
     init: int = 0,
     camera: str = "agentview",
-    size: int = 224,
+    size: int = 184,
     columns: int = 5,
 ) -> None:
     """Render scenes at reset, with the robot, upright and captioned, into one PNG.
@@ -32,19 +36,24 @@ def write_contact_sheet(
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 
     chosen = [task for suite in SUITES for task in tasks(suite)] if rows is None else list(rows)
+    captions = [[f"{task.suite}/{task.index}", *wrap(_short(task), int(size / _LETTER))] for task in chosen]
     pictures = []
-    for task in chosen:
+    for number, task in enumerate(chosen):
         world = EmbeddedWorld(build_scene(task.suite, task.index))
         try:
             world.reset(init)
             image = world.observe((camera,), size)[f"{camera}_image"][::-1]
         finally:
             world.close()
-        pictures.append(captioned(image, f"{task.suite}/{task.index}", _short(task)))
+        caption = captions[number]
+        lines = max(len(other) for other in captions)
+        pictures.append(captioned(image, *caption, *[""] * (lines - len(caption))))
     write_sheet(path, pictures, columns)
 
 
 def _short(task: Task) -> str:
     """The part of an instruction that tells it from the others of its suite."""
+    if task.suite not in ("libero_spatial", "libero_object"):
+        return task.language
     words = task.language.removeprefix("pick up the ").removeprefix("black bowl ")
     return words.split(" and place it ")[0]
