@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from pytest_libero_max.changes.base import Evidence, Factor
-from pytest_libero_max.changes.fields import ManifestFields, items, number, strength_of
+from pytest_libero_max.changes.fields import ManifestFields, flag, items, number, strength_of
+from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import World
 
 ARM_DOF = 7
+
+_WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
+_ROBOT = {"robot0", "gripper0"}
 
 
 @dataclass(frozen=True)
@@ -20,6 +24,8 @@ class OffsetArm(ManifestFields):
 
     Attributes:
         delta_joint_rad: (7,) added to the joint positions, rad.
+        keep_clear: True: where the arm would touch something, the opposite offset is taken, and where that
+            does too, three quarters of the one or the other, and so on. What was taken is in the evidence.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -28,12 +34,15 @@ class OffsetArm(ManifestFields):
     operation: ClassVar[str] = "offset_arm"
 
     delta_joint_rad: tuple[float, ...]
+    keep_clear: bool | None = None
 
     def __post_init__(self) -> None:
         where = "offset_arm.delta_joint_rad"
         given = items(where, self.delta_joint_rad, ARM_DOF)
         delta = tuple(number(f"{where}[{i}]", part, -3.0, 3.0) for i, part in enumerate(given))
         self._set("delta_joint_rad", delta)
+        if self.keep_clear is not None:
+            flag("offset_arm.keep_clear", self.keep_clear)
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -42,14 +51,28 @@ class OffsetArm(ManifestFields):
     def apply(self, world: World) -> Evidence:
         before = _measure(world)
         if any(self.delta_joint_rad):
-            joints = world.observe(cameras=())["robot0_joint_pos"]
-            world.pose_arm(joints + np.array(self.delta_joint_rad))
+            joints, delta = np.array(before["joint_pos_rad"]), np.array(self.delta_joint_rad)
+            for part in _WAYS_OUT:
+                world.pose_arm(joints + part * delta)
+                if not self.keep_clear or not _touching(world):
+                    break
+            else:
+                raise ChangeError(
+                    f"{self}: the arm touches something on every way there. Use a smaller offset."
+                )
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
 
     def scaled(self, strength: float) -> OffsetArm:
         """Every joint's offset multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
-        return self if s == 1.0 else OffsetArm(tuple(delta * s for delta in self.delta_joint_rad))
+        if s == 1.0:
+            return self
+        return replace(self, delta_joint_rad=tuple(delta * s for delta in self.delta_joint_rad))
+
+
+def _touching(world: World) -> bool:
+    """Whether the robot touches anything that has a name."""
+    return any(_ROBOT & set(world.contacts(name)) for name in world.entities if name not in world.parked)
 
 
 def _measure(world: World) -> dict[str, list[float]]:

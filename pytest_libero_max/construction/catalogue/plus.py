@@ -262,7 +262,7 @@ def _level(task: Task) -> Iterator[_Candidate]:
 
 def _robot(task: Task) -> Iterator[_Candidate]:
     for number in range(task.index, _POSES, 10):
-        change = OffsetArm(start_offset(number)).to_dict()
+        change = OffsetArm(start_offset(number), keep_clear=True).to_dict()
         yield _Candidate("robot", number // (_POSES // _BANDS), (change,))
 
 

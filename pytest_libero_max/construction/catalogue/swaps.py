@@ -132,7 +132,6 @@ def occluded(task: Task, target: str) -> tuple[Json, ...]:
     """
     plan = floorplan(task.suite, task.index)
     carrier = plan.carrier(target)
-    others = {key: other for key, other in plan.standing.items() if key != target}
     for making_room in (False, True):
         for footprint in _in_front(plan, carrier):
             near = [key for key, other in plan.standing.items() if footprint.gap(other) < _NEAR_M]
@@ -141,7 +140,7 @@ def occluded(task: Task, target: str) -> tuple[Json, ...]:
             if not near:
                 return (_put_occluder(plan, carrier, footprint),)
             if making_room and len(near) == 1 and near[0] in task.objects and near[0] != carrier:
-                shift = _away(plan, near[0], {**others, OCCLUDER: footprint})
+                shift = _away(plan, near[0], {**plan.standing, OCCLUDER: footprint})
                 if shift is not None:
                     moves = _moves((near[0], *plan.riders(near[0])), *shift)
                     return (*moves, _put_occluder(plan, carrier, footprint))
@@ -170,7 +169,7 @@ def _put_occluder(plan: Floorplan, carrier: str, footprint: Footprint) -> Json:
 def _away(plan: Floorplan, name: str, now: Mapping[str, Footprint]) -> tuple[float, float] | None:
     """The least shift by which an object gets out of the way, within reach; None if there is none."""
     x, y = plan.centre(name)
-    for length in (0.06, 0.08, 0.10, 0.12, 0.14, 0.16, 0.18, 0.20):
+    for length in (percent / 100 for percent in range(6, 34, 2)):
         for angle in _ANGLES_DEG:
             dx = round(length * math.cos(math.radians(angle)), 6)
             dy = round(length * math.sin(math.radians(angle)), 6)
