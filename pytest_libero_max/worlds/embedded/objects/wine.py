@@ -7,7 +7,7 @@ import math
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded import rotations, textures
 from pytest_libero_max.worlds.embedded.labels import Label
-from pytest_libero_max.worlds.embedded.meshes import join, revolve
+from pytest_libero_max.worlds.embedded.meshes import Mesh, join, panel, revolve
 from pytest_libero_max.worlds.embedded.objects.base import (
     Category,
     Grip,
@@ -96,7 +96,9 @@ def _label() -> Image:
 
 
 _TIER_SLOPE = math.radians(26.5)
-_TIER_LENGTH = 0.155
+# Where the surfaces of the tiers begin: (y, z) of their lower ends, m.
+_TIERS = ((-0.0800, 0.2095), (-0.1170, 0.0860))
+_TIER_LENGTH, _TIER_HALF = 0.155, 0.1234
 _SLOT_PITCH = 0.056
 _RACK_LIFT = 0.015
 _FEET = 0.020
@@ -109,7 +111,7 @@ def wine_rack() -> Category:
     are an addition: LIBERO's rack hovers two centimetres over the table.
     """
     width = 0.1344
-    boards, ridges = zip(*(_tier(y, z) for y, z in ((-0.0800, 0.2095), (-0.1170, 0.0860))), strict=True)
+    boards, ridges = zip(*(_tier(y, z) for y, z in _TIERS), strict=True)
     tiers = [solid for part in (*boards, *ridges) for solid in part]
     lean = math.radians(15.8)
     turn = rotations.about((1, 0, 0), -lean)
@@ -140,6 +142,7 @@ def wine_rack() -> Category:
     )
     skins = (
         Skin(slab_mesh([solid for tier in boards for solid in tier], 0.14), (1.0, 0.94, 0.86), "wood", 0.1),
+        Skin(join(*(_surface(y, z) for y, z in _TIERS)), texture="slots", shine=0.1),
         Skin(slab_mesh([solid for tier in ridges for solid in tier], 0.14), (0.7, 0.6, 0.52), "wood", 0.1),
         Skin(slab_mesh(frame, 0.14), (0.62, 0.55, 0.5), "wood", 0.1),
     )
@@ -147,9 +150,32 @@ def wine_rack() -> Category:
         "wine_rack",
         Link("main", 0.152748, (*tiers, *frame), skins, (region,)),
         fixture=True,
-        textures={"wood": lambda: textures.wood(128, (134, 82, 42), (192, 134, 78), seed=15)},
+        textures={
+            "wood": lambda: textures.wood(128, (134, 82, 42), (192, 134, 78), seed=15),
+            "slots": _slots,
+        },
         lift=_RACK_LIFT,
     )
+
+
+def _slots() -> Image:
+    """A tier from above, its lower end at the bottom: the outline of a bottle burnt into every slot."""
+    label = Label((0, 0, 0), 256, 160)
+    label.image[:] = textures.wood(256, (176, 122, 70), (226, 174, 114), seed=15)[:160]
+    for slot in (-2, -1, 0, 1, 2):
+        x = 0.5 + slot * _SLOT_PITCH / (2 * _TIER_HALF)
+        right = [(x + side, y) for side, y in ((0.072, 0.93), (0.072, 0.48), (0.03, 0.34), (0.03, 0.1))]
+        left = [(2 * x - edge, y) for edge, y in reversed(right)]
+        label.polygon([*right, *left], (70, 38, 26))
+    return label.image
+
+
+def _surface(y: float, z: float) -> Mesh:
+    """What is seen on top of a tier."""
+    length, over = _TIER_LENGTH, 0.0003
+    outline = [(-_TIER_HALF, 0.0), (_TIER_HALF, 0.0), (_TIER_HALF, length), (-_TIER_HALF, length)]
+    turn = rotations.matrix(rotations.about((1, 0, 0), _TIER_SLOPE))
+    return panel([(x, along, over) for x, along in outline]).moved((0.0, y, z), turn=turn)
 
 
 def _tier(y: float, z: float) -> tuple[list[Solid], list[Solid]]:
@@ -166,6 +192,6 @@ def _tier(y: float, z: float) -> tuple[list[Solid], list[Solid]]:
         for x in (-1.5, -0.5, 0.5, 1.5)
     ]
     return (
-        [part(0.0, middle, -thickness, (0.1234, middle, thickness))],
-        [*ridges, part(0.0, 0.003, 0.007, (0.1234, 0.003, 0.007))],
+        [part(0.0, middle, -thickness, (_TIER_HALF, middle, thickness))],
+        [*ridges, part(0.0, 0.003, 0.007, (_TIER_HALF, 0.003, 0.007))],
     )
