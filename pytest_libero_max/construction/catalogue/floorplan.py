@@ -25,9 +25,12 @@ MAX_REACH_M = 0.78
 """Horizontal distance from the robot's base within which what it has to handle must stand."""
 
 _AREA = (-0.45, 0.36, -0.45, 0.45)
-"""x and y range in which the cameras see things well, m, world."""
+"""Range of x and y in which objects are put, m, world."""
 
 _EDGE_M = 0.06
+
+# Half the width of agentview's picture at unit distance, less a margin.
+_HALF_VIEW = 0.94 * math.tan(math.radians(22.5))
 
 
 @dataclass(frozen=True)
@@ -177,6 +180,16 @@ class Floorplan:
             low_x, high_x = max(low_x, x - top.half[0] + _EDGE_M), min(high_x, x + top.half[0] - _EDGE_M)
             low_y, high_y = max(low_y, y - top.half[1] + _EDGE_M), min(high_y, y + top.half[1] - _EDGE_M)
         return all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in footprint.corners())
+
+    def in_view(self, footprint: Footprint) -> bool:
+        """Whether ``agentview`` sees all of it."""
+        place, turn = (np.array(part) for part in self.arena.agentview)
+        axes = rotations.matrix((turn[0], turn[1], turn[2], turn[3]))
+        for x, y in footprint.corners():
+            right, up, back = axes.T @ (np.array([x, y, self.arena.top_z]) - place)
+            if back >= 0 or max(abs(right), abs(up)) > -back * _HALF_VIEW:
+                return False
+        return True
 
     def reachable(self, x: float, y: float) -> bool:
         base = self.arena.robot_base_pos

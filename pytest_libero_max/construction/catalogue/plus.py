@@ -58,6 +58,8 @@ _AZIMUTH = (1, 16, 31, 46, 61, -75, -60, -45, -30, -15)
 _YAW = (2, 4, 6, 8, 10, -10, -8, -6, -4, -2)
 _ELEVATIONS = (0, 15)
 _PITCHES = (-10, -8, -6, -4, -2, 2, 4, 6, 8, 10)
+# Turns that bring the main lamp over the robot's back and over the camera: a wall stands on every other side.
+_FROM_BEHIND_DEG, _FROM_THE_FRONT_DEG = 141.0, -39.0
 _BANDS = 5
 _POSES = 500
 _POSE_SEED = 42
@@ -221,10 +223,10 @@ def _light(task: Task) -> Iterator[_Candidate]:
 
 
 def _colour(strength: float, where: tuple[object, ...]) -> SetLamps:
-    """Lamps of another colour and brightness: each channel between a third and three times."""
+    """Lamps of another colour and brightness: each channel between two fifths and two and a half times."""
     channels = [uniform(-1.0, 1.0, *where, channel) for channel in range(3)]
     widest = max(abs(channel) for channel in channels)
-    r, g, b = (round(3.0 ** (strength * channel / widest), 6) for channel in channels)
+    r, g, b = (round(2.5 ** (strength * channel / widest), 6) for channel in channels)
     return SetLamps(diffuse_factor=(r, g, b))
 
 
@@ -236,16 +238,16 @@ def _direction(strength: float, where: tuple[object, ...]) -> SetLamps:
 
 
 def _gloss(strength: float, where: tuple[object, ...]) -> SetLamps:
-    """Lamps that shine on things until they gleam."""
-    return SetLamps(specular=round(1.0 + 9.0 * strength, 6))
+    """Lamps that stand behind the robot, so that what they shine on gleams into the camera."""
+    specular = round(1.0 + 9.0 * strength, 6)
+    return SetLamps(specular=specular, azimuth_degrees=_FROM_BEHIND_DEG, tilt_degrees=10.0)
 
 
 def _shadow(strength: float, where: tuple[object, ...]) -> SetLamps:
-    """A main lamp that casts shadows, the longer the stronger the variation."""
-    azimuth = uniform(-35.0, 35.0, *where, "azimuth")
-    return SetLamps(
-        azimuth_degrees=azimuth, tilt_degrees=round(-10.0 + 30.0 * strength, 6), cast_shadows=True
-    )
+    """A main lamp in front that casts shadows, the longer the stronger the variation."""
+    azimuth = round(_FROM_THE_FRONT_DEG + uniform(-25.0, 25.0, *where, "azimuth"), 6)
+    tilt = round(-20.0 + 28.0 * strength, 6)
+    return SetLamps(azimuth_degrees=azimuth, tilt_degrees=tilt, cast_shadows=True)
 
 
 def _add(task: Task) -> Iterator[_Candidate]:

@@ -102,13 +102,14 @@ def started_elsewhere(task: Task, target: str) -> tuple[Json, ...]:
     carrier = plan.carrier(target)
     x, y = plan.centre(carrier)
     others = {key: other for key, other in plan.standing.items() if key != carrier}
-    for dx, dy in _shifts():
-        footprint = plan.standing[carrier].moved(dx, dy)
-        inside = plan.inside(footprint) or category(category_of(carrier)).fixture
-        if inside and plan.reachable(x + dx, y + dy) and _clear(footprint, others, ()):
-            moves = _moves((carrier, *plan.riders(carrier)), dx, dy)
-            turn = FIXTURE_TURN_DEG if target in task.fixtures else START_TURN_DEG
-            return (*moves, TurnObject(target, turn).to_dict())
+    for must_be_seen in (not category(category_of(carrier)).fixture, False):
+        for dx, dy in _shifts():
+            footprint = plan.standing[carrier].moved(dx, dy)
+            seen = plan.in_view(footprint) or not must_be_seen
+            if seen and plan.reachable(x + dx, y + dy) and _clear(footprint, others, ()):
+                moves = _moves((carrier, *plan.riders(carrier)), dx, dy)
+                turn = FIXTURE_TURN_DEG if target in task.fixtures else START_TURN_DEG
+                return (*moves, TurnObject(target, turn).to_dict())
     raise ManifestError(f"{task.name}: there is no room for {target} to start elsewhere.")
 
 
@@ -169,11 +170,13 @@ def _put_occluder(plan: Floorplan, carrier: str, footprint: Footprint) -> Json:
 def _away(plan: Floorplan, name: str, now: Mapping[str, Footprint]) -> tuple[float, float] | None:
     """The least shift by which an object gets out of the way, within reach; None if there is none."""
     x, y = plan.centre(name)
-    for length in (percent / 100 for percent in range(6, 34, 2)):
-        for angle in _ANGLES_DEG:
-            dx = round(length * math.cos(math.radians(angle)), 6)
-            dy = round(length * math.sin(math.radians(angle)), 6)
-            footprint = plan.standing[name].moved(dx, dy)
-            if plan.inside(footprint) and plan.reachable(x + dx, y + dy) and _clear(footprint, now, {name}):
-                return dx, dy
+    for must_be_seen in (True, False):
+        for length in (percent / 100 for percent in range(6, 34, 2)):
+            for angle in _ANGLES_DEG:
+                dx = round(length * math.cos(math.radians(angle)), 6)
+                dy = round(length * math.sin(math.radians(angle)), 6)
+                footprint = plan.standing[name].moved(dx, dy)
+                seen = plan.in_view(footprint) if must_be_seen else plan.inside(footprint)
+                if seen and plan.reachable(x + dx, y + dy) and _clear(footprint, now, {name}):
+                    return dx, dy
     return None
