@@ -18,6 +18,7 @@ from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
 from pytest_libero_max.report.plan import Run
 from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
+from pytest_libero_max.worlds.registry import describe_substrate
 
 GATE_FAILED = 10
 """Exit status of a complete run of which a gate does not hold."""
@@ -33,8 +34,8 @@ class RunController:
         measured: Item ids of the pairs that a resumed run holds already.
 
     Raises:
-        pytest.UsageError: The adapter cannot exist as named, the output folder cannot be written to, or what
-            is to be resumed cannot be read.
+        pytest.UsageError: The adapter cannot exist as named, a LIBERO that is asked for is not installed, the
+            output folder cannot be written to, or what is to be resumed cannot be read.
     """
 
     def __init__(self, config: pytest.Config) -> None:
@@ -48,6 +49,7 @@ class RunController:
         self._reported: set[str] = set()
         try:
             check_reference(self.settings.reference)
+            self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
             if not config.option.collectonly:
                 require_writable(self.settings.output)
                 self.measured = self._measured_before()
@@ -66,7 +68,7 @@ class RunController:
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({len(self.cases)} of "
             f"{len(manifest)} pairs{resumed}, digest {manifest.digest[:12]}), "
-            f"substrate {settings.substrate}, "
+            f"substrate {_origin(self.substrate)}, "
             f"prefix {settings.prefix}"
         ]
 
@@ -108,7 +110,7 @@ class RunController:
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
             },
-            substrate={"name": settings.substrate},
+            substrate=self.substrate,
             case_set={"name": settings.case_set, "digest": manifest.digest, "limit": settings.limit},
             protocol={"prefix": settings.prefix, "noise_floor": settings.noise_floor},
             command=["pytest", *map(str, self.config.invocation_params.args)],
@@ -202,3 +204,10 @@ def _append_step_summary(markdown: Path, gates: list[str]) -> None:
 
 def _relative(path: Path, start: Path) -> Path:
     return path.relative_to(start) if path.is_relative_to(start) else path
+
+
+def _origin(substrate: Json) -> str:
+    """A substrate in the header, with the installations it plays on."""
+    if "installations" not in substrate:
+        return str(substrate["name"])
+    return f"{substrate['name']} ({', '.join(substrate['installations'])}, {substrate['semantics']} events)"

@@ -52,7 +52,7 @@ def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     """What builds the worlds; every scene is built once a worker."""
     from pytest_libero_max.worlds.registry import open_substrate
 
-    substrate = open_substrate(libero_max_settings.substrate)
+    substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
     yield substrate
     substrate.close()
 

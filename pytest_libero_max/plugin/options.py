@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.errors import OptionError, did_you_mean
-from pytest_libero_max.worlds.registry import SUBSTRATES
+from pytest_libero_max.worlds.registry import SEMANTICS, SUBSTRATES, SubstrateOptions
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.gates import Gate
@@ -109,9 +109,32 @@ OPTIONS = (
     Option(
         "substrate",
         "NAME",
-        "What builds the worlds: embedded, or tiny for a dry run",
+        "What builds the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
+        "for a dry run",
         _one_of(*SUBSTRATES),
         "embedded",
+    ),
+    Option(
+        "libero",
+        "FOLDER",
+        "Checkout of LIBERO, LIBERO-Plus or LIBERO-PRO for the libero substrate; may be repeated, once a "
+        "kind (default: what import libero finds)",
+        _text,
+        default=(),
+        many=True,
+    ),
+    Option(
+        "libero-assets",
+        "FOLDER",
+        "Models and textures for an installation of the libero substrate that has none of its own",
+        _text,
+    ),
+    Option(
+        "semantics",
+        "WHICH",
+        "Events of the libero substrate as published, defects included, or corrected",
+        _one_of(*SEMANTICS),
+        "published",
     ),
     Option(
         "prefix",
@@ -171,6 +194,9 @@ class Settings:
     manifest: Path | None
     limit: int | None
     substrate: str
+    libero: tuple[Path, ...]
+    libero_assets: Path | None
+    semantics: Literal["published", "corrected"]
     prefix: Literal["fork", "replay"]
     horizon: int | None
     query_interval: int | None
@@ -187,6 +213,11 @@ class Settings:
         """Where the policy is loaded from."""
         assert self.policy is not None
         return self.policy
+
+    @property
+    def substrate_options(self) -> SubstrateOptions:
+        """What the libero substrate is told."""
+        return SubstrateOptions(self.libero, self.libero_assets, self.semantics)
 
     @property
     def case_set(self) -> str:
@@ -228,6 +259,16 @@ def resolve(config: pytest.Config) -> Settings:
             )
         values["manifest"] = _path(config, values["manifest"])
     values["output"] = _path(config, values["output"])
+    values["libero"] = tuple(_path(config, folder) for folder in values["libero"])
+    if values["libero_assets"] is not None:
+        values["libero_assets"] = _path(config, values["libero_assets"])
+    for name in ("libero", "libero-assets", "semantics"):
+        key = f"libero_max_{name.replace('-', '_')}"
+        if config.getoption(key) is not None and values["substrate"] != "libero":
+            raise pytest.UsageError(
+                f"--libero-max-{name} is for the libero substrate, but the substrate is "
+                f"{values['substrate']}. Add --libero-max-substrate=libero."
+            )
     horizon, interval = values["horizon"], values["query_interval"]
     if horizon is not None and interval is not None and interval > horizon:
         raise pytest.UsageError(

@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Substrate
+    from pytest_libero_max.worlds.libero.installation import Installation
 
-SUBSTRATES = ("embedded", "tiny")
+SUBSTRATES = ("embedded", "libero", "tiny")
+
+SEMANTICS = ("published", "corrected")
+"""``published`` keeps the defects of the authors' event code, since published numbers contain them."""
 
 
-def open_substrate(name: str) -> Substrate:
+@dataclass(frozen=True)
+class SubstrateOptions:
+    """What the genuine substrate can be told. The others take none of it.
+
+    Attributes:
+        installations: Folders of LIBERO, LIBERO-Plus or LIBERO-PRO; none: what ``import libero`` finds.
+        assets: Models and textures for those that have none of their own.
+        semantics: One of :data:`SEMANTICS`.
+    """
+
+    installations: tuple[Path, ...] = ()
+    assets: Path | None = None
+    semantics: Literal["published", "corrected"] = "published"
+
+
+def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
     """The substrate called ``name``.
 
     Raises:
@@ -22,8 +43,32 @@ def open_substrate(name: str) -> Substrate:
         from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
         return EmbeddedSubstrate()
+    if name == "libero":
+        from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+
+        options = options or SubstrateOptions()
+        return LiberoSubstrate(_installations(options), options.semantics)
     if name == "tiny":
         from pytest_libero_max.worlds.tiny import TinySubstrate
 
         return TinySubstrate()
     raise SubstrateError(f"substrate={name!r} is not known. {did_you_mean(name, SUBSTRATES)}")
+
+
+def describe_substrate(name: str, options: SubstrateOptions | None = None) -> dict[str, Any]:
+    """Name and origin of a substrate, as JSON values, without building or importing anything of it.
+
+    Raises:
+        SubstrateError: A genuine installation is missing or incomplete.
+    """
+    if name != "libero":
+        return {"name": name}
+    options = options or SubstrateOptions()
+    installations = [str(found) for found in _installations(options)]
+    return {"name": name, "installations": installations, "semantics": options.semantics}
+
+
+def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
+    from pytest_libero_max.worlds.libero.installation import find_installation
+
+    return tuple(find_installation(root, assets=options.assets) for root in options.installations or (None,))

@@ -93,7 +93,7 @@ def find_installation(
 
     Args:
         root: A checkout, or the folder of site-packages. None: whatever ``import libero`` would find.
-        assets: Models and textures, where they are not in the package.
+        assets: Models and textures, where the package has none of its own.
         bddl: Task descriptions, likewise.
         states: Initial states, likewise.
 
@@ -106,14 +106,14 @@ def find_installation(
     found = Installation(
         flavour=flavour,
         root=root,
-        assets=assets or _assets(package, flavour),
+        assets=_assets(package, flavour, assets),
         bddl=bddl or package / "bddl_files",
         states=states or package / "init_files",
     )
-    for what, option in (("assets", "assets"), ("bddl", "bddl"), ("states", "states")):
+    for what in ("assets", "bddl", "states"):
         folder = getattr(found, what)
         if not folder.is_dir():
-            raise SubstrateError(_missing(found, what, option, folder))
+            raise SubstrateError(_missing(found, what, folder))
     return found
 
 
@@ -161,9 +161,13 @@ def _checked_root(root: Path) -> Path:
     )
 
 
-def _assets(package: Path, flavour: Flavour) -> Path:
+def _assets(package: Path, flavour: Flavour, elsewhere: Path | None) -> Path:
     own = package / "assets"
-    if flavour == "hf-libero" and not own.is_dir():
+    if own.is_dir():
+        return own
+    if elsewhere is not None:
+        return elsewhere.absolute()
+    if flavour == "hf-libero":
         home = os.environ.get("HF_HOME") or "~/.cache/huggingface"
         hub = os.environ.get("HF_HUB_CACHE") or Path(home, "hub")
         snapshots = Path(hub).expanduser() / _HUB_FOLDER / "snapshots"
@@ -173,7 +177,7 @@ def _assets(package: Path, flavour: Flavour) -> Path:
     return own
 
 
-def _missing(found: Installation, what: str, option: str, folder: Path) -> str:
+def _missing(found: Installation, what: str, folder: Path) -> str:
     cures = {
         "hf-libero": "download the data set lerobot/libero-assets (`hf download --repo-type dataset "
         "lerobot/libero-assets`)",
@@ -181,10 +185,12 @@ def _missing(found: Installation, what: str, option: str, folder: Path) -> str:
         "LIBERO-Plus": "download assets.zip of the data set Sylvest/LIBERO-plus and unpack it there",
         "LIBERO-PRO": "restore it from the repository, or from the data set zhouxueyang/LIBERO-Pro",
     }
-    cure = cures[found.flavour] if what == "assets" else "restore it from the package"
+    cure = "restore it from the package"
+    if what == "assets":
+        cure = f"{cures[found.flavour]}, or name the folder with --libero-max-libero-assets"
     return (
         f"{found.flavour} in {str(found.root)!r} has no {what} folder: {str(folder)!r} does not exist. "
-        f"Nothing is downloaded during a run; {cure}, or name the folder with libero_max_libero_{option}."
+        f"Nothing is downloaded during a run; {cure}."
     )
 
 

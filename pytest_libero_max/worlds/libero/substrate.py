@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.libero.environment import build
-from pytest_libero_max.worlds.libero.installation import Installation, find_installation
+from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld, Semantics
@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from pytest_libero_max.cases import Case
 
 NAME = "libero"
+_PLAYED_BY: Mapping[str, tuple[Flavour, ...]] = {
+    "libero": ("hf-libero", "LIBERO", "LIBERO-PRO", "LIBERO-Plus"),
+}
+"""Which installations can play the cases of a source, the preferred first. LIBERO-Plus comes last for plain
+tasks: it rounds the camera's pose to four decimals."""
+
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless", "bddl")
 
 
@@ -25,25 +31,47 @@ class LiberoSubstrate:
     """Builds worlds from an installed LIBERO.
 
     Args:
-        installation: Which one; by default whatever ``import libero`` would find.
+        installations: Which; by default whatever ``import libero`` would find.
         semantics: See :class:`.world.LiberoWorld`.
 
     Raises:
-        SubstrateError: There is no installation.
+        SubstrateError: There is no installation, or there are two of one kind.
     """
 
     name = NAME
 
-    def __init__(self, installation: Installation | None = None, semantics: Semantics = "published") -> None:
-        self.installation = find_installation() if installation is None else installation
+    def __init__(
+        self, installations: Sequence[Installation] = (), semantics: Semantics = "published"
+    ) -> None:
+        self.installations = tuple(installations) or (find_installation(),)
+        flavours = [found.flavour for found in self.installations]
+        if len(set(flavours)) < len(flavours):
+            raise SubstrateError(
+                f"The installations are {', '.join(map(str, self.installations))}: give one of each kind."
+            )
         self.semantics = semantics
-        self._worlds: dict[tuple[str, int, int], LiberoWorld] = {}
+        self._worlds: dict[tuple[Flavour, str, int, int], LiberoWorld] = {}
+
+    def installation_for(self, source: str) -> Installation:
+        """The installation that plays cases of a source.
+
+        Raises:
+            SubstrateError: None of them can.
+        """
+        for flavour in _PLAYED_BY[source]:
+            for found in self.installations:
+                if found.flavour == flavour:
+                    return found
+        raise SubstrateError(
+            f"Cases of source {source!r} need {' or '.join(_PLAYED_BY[source])}, but there is "
+            f"{', '.join(map(str, self.installations))}. Give its folder with --libero-max-libero."
+        )
 
     def world(self, case: Case) -> LiberoWorld:
         if case.source != "libero":
             raise SubstrateError(
-                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}): "
-                f"{self.installation} plays LIBERO's unmodified tasks only. Choose another substrate."
+                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}), but the "
+                "genuine substrate plays LIBERO's unmodified tasks only. Choose another track or substrate."
             )
         return self.task_world(case.suite, case.task_index, case.policy_seed)
 
@@ -53,11 +81,12 @@ class LiberoSubstrate:
         Raises:
             SubstrateError: The installation cannot build it.
         """
-        key = (suite, index, seed)
+        installation = self.installation_for("libero")
+        key = (installation.flavour, suite, index, seed)
         if key not in self._worlds:
-            task = task_of(self.installation, suite, index)
-            built = build(self.installation, task.bddl, seed)
-            scene = f"{NAME}/{suite}/{index}" + ("" if seed == 0 else f"?seed={seed}")
+            task = task_of(installation, suite, index)
+            built = build(installation, task.bddl, seed)
+            scene = f"{NAME}/{suite}/{index}?seed={seed}"
             states = read_states(task.states)
             self._worlds[key] = LiberoWorld(scene, task.language, built, states, self.semantics)
         return self._worlds[key]
@@ -65,16 +94,16 @@ class LiberoSubstrate:
     def fingerprint(self) -> Mapping[str, str]:
         """Versions of what computes a result, the GL backend, and what the installation is made of."""
         packages = {package: version(package) for package in _RESULT_PACKAGES}
-        found = self.installation
+        installations = {
+            found.flavour: f"{found.version} sources {found.sources} assets {found.contents}"
+            for found in self.installations
+        }
         return {
             "substrate": NAME,
-            "flavour": found.flavour,
-            "flavour_version": found.version,
             "semantics": self.semantics,
+            **installations,
             **packages,
             "gl": gl.prepare(),
-            "sources": found.sources,
-            "assets": found.contents,
         }
 
     def close(self) -> None:
