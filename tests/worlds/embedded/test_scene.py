@@ -3,6 +3,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 import mujoco
+import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
@@ -70,24 +71,121 @@ def test_joints_come_in_liberos_order():
             "milk",
         )
     ]
+    for (suite, index), names in JOINTS.items():
+        _, model = compiled(suite, index)
+        free = mujoco.mjtJoint.mjJNT_FREE
+        found = [(model.joint(n).name, model.jnt_type[n] == free) for n in range(model.njnt)]
+        assert [name.removesuffix("_joint0") for name, _ in found] == names.split()
+        assert all(name.endswith("_joint0") == moves for name, moves in found)
 
 
-def test_cameras_stand_where_libero_has_them():
-    for suite, position in (
-        ("libero_spatial", (0.658613, 0, 1.61035)),
-        ("libero_object", (0.896577, 0, 0.65)),
-    ):
-        _, model = compiled(suite, 0)
-        names = {model.camera(n).name for n in range(model.ncam)}
-        assert names == {"agentview", "frontview", "birdview", "galleryview", "sideview"}
-        assert model.camera("agentview").pos == pytest.approx(position, abs=1e-5)
-        assert model.camera("agentview").fovy == 45
+JOINTS = {
+    ("libero_goal", 3): "akita_black_bowl_1 cream_cheese_1 wine_bottle_1 plate_1 wooden_cabinet_1_top_level "
+    "wooden_cabinet_1_middle_level wooden_cabinet_1_bottom_level flat_stove_1_button",
+    (
+        "libero_10",
+        0,
+    ): "alphabet_soup_1 cream_cheese_1 tomato_sauce_1 ketchup_1 orange_juice_1 milk_1 butter_1 basket_1",
+    (
+        "libero_10",
+        1,
+    ): "alphabet_soup_1 cream_cheese_1 tomato_sauce_1 ketchup_1 orange_juice_1 milk_1 butter_1 basket_1",
+    ("libero_10", 2): "chefmate_8_frypan_1 moka_pot_1 flat_stove_1_button",
+    ("libero_10", 3): "akita_black_bowl_1 wine_bottle_1 white_cabinet_1_top_level "
+    "white_cabinet_1_middle_level white_cabinet_1_bottom_level",
+    ("libero_10", 4): "porcelain_mug_1 red_coffee_mug_1 white_yellow_mug_1 plate_1 plate_2",
+    ("libero_10", 5): "black_book_1 white_yellow_mug_1",
+    ("libero_10", 6): "porcelain_mug_1 red_coffee_mug_1 plate_1 chocolate_pudding_1",
+    ("libero_10", 7): "alphabet_soup_1 cream_cheese_1 tomato_sauce_1 ketchup_1 basket_1",
+    ("libero_10", 8): "moka_pot_1 moka_pot_2 flat_stove_1_button",
+    ("libero_10", 9): "porcelain_mug_1 white_yellow_mug_1 microwave_1_microjoint",
+}
+
+# A task in each room: the robot's mount and base, agentview, the surface's height, a site and where it is.
+ROOMS = {
+    ("libero_spatial", 0): (
+        "rethink",
+        (-0.66, 0.0, 0.912),
+        (0.658613, 0, 1.61035),
+        0.9,
+        ("main_table_plate_region", (0.06, 0.20, 0.895)),
+    ),
+    ("libero_object", 0): (
+        "ground",
+        (-0.6, 0.0, 0.0),
+        (0.896577, 0, 0.65),
+        0.0,
+        ("floor_bin_region", (0.0, 0.26, 0.02)),
+    ),
+    ("libero_10", 0): (
+        "ground",
+        (-0.51, 0.0, 0.42),
+        (0.606577, 0, 0.96),
+        0.43676,
+        ("living_room_table_alphabet_soup_init_region", (-0.10, -0.15, 0.41)),
+    ),
+    ("libero_10", 2): (
+        "rethink",
+        (-0.66, 0.0, 0.912),
+        (0.658613, 0, 1.61035),
+        0.9,
+        ("kitchen_table_flat_stove_init_region", (-0.20, 0.20, 0.875)),
+    ),
+    ("libero_10", 5): (
+        "rethink",
+        (-0.75, 0.0, 0.912),
+        (0.458613, 0, 1.61035),
+        0.88513,
+        ("study_table_black_book_init_region", (-0.20, 0.15, 0.867)),
+    ),
+}
+every_room = pytest.mark.parametrize("room", ROOMS, ids=[f"{suite}/{index}" for suite, index in ROOMS])
 
 
-def test_robot_goes_where_libero_has_it():
-    table, floor = build_scene("libero_spatial", 0), build_scene("libero_object", 0)
-    assert (table.mount, table.robot_base_pos) == ("rethink", (-0.66, 0.0, 0.912))
-    assert (floor.mount, floor.robot_base_pos) == ("ground", (-0.6, 0.0, 0.0))
+@every_room
+def test_cameras_stand_where_libero_has_them(room):
+    _, model = compiled(*room)
+    names = {model.camera(n).name for n in range(model.ncam)}
+    extra = {"paperview"} if room[0] == "libero_10" else set()
+    assert names == {"agentview", "frontview", "birdview", "galleryview", "sideview"} | extra
+    assert model.camera("agentview").pos == pytest.approx(ROOMS[room][2], abs=1e-5)
+    assert model.camera("agentview").fovy == 45
+
+
+@every_room
+def test_robot_surface_and_regions_are_where_libero_has_them(room):
+    mount, base, _, height, (name, position) = ROOMS[room]
+    scene, model, data = at_start(*room)
+    assert (scene.mount, scene.robot_base_pos) == (mount, base)
+    assert data.site(name).xpos == pytest.approx(position, abs=1e-6)
+    down = np.array([0.0, 0.0, -1.0])
+    start = np.array([0.12, -0.01, height + 0.001])  # nothing stands here in any of these scenes
+    solid = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+    assert mujoco.mj_ray(model, data, start, down, solid, 1, -1, np.zeros(1, np.int32)) == pytest.approx(
+        0.001, abs=1e-6
+    )
+
+
+FIXTURES = {
+    ("libero_goal", 0): {
+        "wooden_cabinet_1": (0.03, -0.24, 0.905),
+        "flat_stove_1": (-0.41, 0.21, 0.905),
+        "wine_rack_1": (-0.26, -0.26, 0.92),
+    },
+    ("libero_10", 3): {"white_cabinet_1": (0.0, 0.30, 0.905), "wine_rack_1": (-0.10, -0.30, 0.92)},
+    ("libero_10", 5): {"desk_caddy_1": (-0.40, -0.14, 0.887)},
+    ("libero_10", 9): {"microwave_1": (0.0, 0.35, 0.92)},
+}
+
+
+@pytest.mark.parametrize(("suite", "index"), FIXTURES, ids=[f"{s}/{i}" for s, i in FIXTURES])
+def test_fixtures_stand_in_the_middle_of_their_regions(suite, index):
+    scene, _, data = at_start(suite, index)
+    for name, position in FIXTURES[suite, index].items():
+        body = data.body(scene.entities[name].body)
+        assert body.xpos == pytest.approx(position, abs=1e-6)
+        turned = name.startswith(("wooden_cabinet", "wine_rack", "desk_caddy"))
+        assert body.xmat[0] == pytest.approx(-1.0 if turned else 1.0)
 
 
 def test_the_same_task_gives_the_same_bytes():
@@ -138,17 +236,31 @@ def test_names_become_predicates():
     assert of("close", "wooden_cabinet_1_top_region") == Joints(top, low=0.0, every=True)
     assert of("turnon", "flat_stove_1") == Joints(("flat_stove_1_button",), low=0.5, closed=True)
     assert of("turnoff", "flat_stove_1") == Joints(("flat_stove_1_button",), high=0.0, every=True)
+    scene = build_scene("libero_10", 9)
+    door = ("microwave_1_microjoint",)
+    assert of("open", "microwave_1") == Joints(door, high=-1.3)
+    assert of("close", "microwave_1") == Joints(door, low=-0.005, every=True)
+    assert of("in", "white_yellow_mug_1", "microwave_1_heating_region") == In(
+        "white_yellow_mug_1_main", "microwave_1_heating_region"
+    )
 
 
 def test_a_predicate_about_nothing_is_refused():
     scene = build_scene("libero_spatial", 0)
     with pytest.raises(SubstrateError, match="Did you mean 'plate_1'"):
         resolve(Fact("on", "akita_black_bowl_1", "plate_2"), scene.entities, scene.regions)
+    with pytest.raises(SubstrateError, match="predicate='open' means nothing for 'flat_stove_1'"):
+        resolve(Fact("open", "flat_stove_1"), scene.entities, scene.regions)
+    with pytest.raises(SubstrateError, match="predicate='turnon' means nothing for 'plate_1'"):
+        resolve(Fact("turnon", "plate_1"), scene.entities, scene.regions)
 
 
-@pytest.mark.parametrize("suite", ["libero_spatial", "libero_object"])
-def test_the_main_camera_sees_every_object(suite):
-    scene, model, data = at_start(suite, 0)
+@pytest.mark.parametrize(
+    ("suite", "index"),
+    [("libero_spatial", 0), ("libero_object", 0), ("libero_goal", 0), *(("libero_10", n) for n in range(10))],
+)
+def test_the_main_camera_sees_every_object(suite, index):
+    scene, model, data = at_start(suite, index)
     upload(model, scene.textures)
     renderer = Renderer(model, data)
     try:
