@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of
+from pytest_libero_max.changes.published import PublishedSensorCorruption
 from pytest_libero_max.worlds.contract import Image, World
 
 
@@ -42,7 +43,8 @@ class SensorCorruption:
 
     The authors draw from one stream over both cameras in the order in which they are rendered, counted in
     looks. Here each camera has its own stream, counted in control steps, so a policy that asks for one
-    camera sees the pixels it would see beside another.
+    camera sees the pixels it would see beside another. Where published results are to be matched,
+    :class:`.published.PublishedSensorCorruption` stands in.
 
     Attributes:
         noise_std: Standard deviation of the noise, grey levels (0 to 255).
@@ -104,7 +106,8 @@ class SetSensorCorruption(ManifestFields):
     def apply(self, world: World) -> Evidence:
         before = {"filters": filter_records(world)}
         if self.noise_std or self.occlusion_fraction:
-            world.add_filter(SensorCorruption(self.noise_std, self.occlusion_fraction, self.seed))
+            kind = PublishedSensorCorruption if world.semantics == "published" else SensorCorruption
+            world.add_filter(kind(self.noise_std, self.occlusion_fraction, self.seed))
         after = {"filters": filter_records(world)}
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 

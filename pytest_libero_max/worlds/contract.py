@@ -36,6 +36,8 @@ CAMERAS = ("agentview", "robot0_eye_in_hand")
 
 EntityKind = Literal["object", "fixture", "surface"]
 
+Semantics = Literal["published", "corrected"]
+
 Goal = tuple[tuple[str, ...], ...]
 """Predicates that must all hold, as BDDL writes them: ``(("on", "akita_black_bowl_1", "plate_1"),)``."""
 
@@ -120,6 +122,11 @@ class World(Protocol):
     @property
     def assigned(self) -> tuple[str | None, Goal | None]:
         """Instruction and goal given since reset in place of the task's own; None where they were not."""
+        ...
+
+    @property
+    def semantics(self) -> Semantics:
+        """Whether events keep the defects of the authors' code, which published numbers contain."""
         ...
 
     @property

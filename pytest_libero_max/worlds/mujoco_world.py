@@ -28,6 +28,7 @@ from pytest_libero_max.worlds.contract import (
     Goal,
     Image,
     PixelFilter,
+    Semantics,
     WorldState,
 )
 
@@ -168,6 +169,10 @@ class MujocoWorld(ABC):
     @property
     def assigned(self) -> tuple[str | None, Goal | None]:
         return self._assigned
+
+    @property
+    def semantics(self) -> Semantics:
+        return "corrected"
 
     @property
     def model(self) -> mujoco.MjModel:

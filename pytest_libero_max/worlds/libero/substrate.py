@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds.contract import Semantics
 from pytest_libero_max.worlds.libero.environment import build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import task_of
-from pytest_libero_max.worlds.libero.world import LiberoWorld, Semantics
+from pytest_libero_max.worlds.libero.world import LiberoWorld
 
 if TYPE_CHECKING:
     from pytest_libero_max.cases import Case

@@ -17,20 +17,17 @@ the world as it is, as after the package's forced update.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
-from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter
+from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter, Semantics
 from pytest_libero_max.worlds.libero.environment import Built
 from pytest_libero_max.worlds.rendering import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
 import mujoco  # isort: skip - the rooms above have settled its backend
-
-Semantics = Literal["published", "corrected"]
-"""Whether the defects of the authors' event code are kept, since published numbers contain them."""
 
 _LINEAR = 1
 """``mjCOLORSPACE_LINEAR``: textures as they are, which is how MuJoCo before 3.3.3 showed all of them."""

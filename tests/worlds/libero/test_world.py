@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import EntityError, SubstrateError
-from pytest_libero_max.worlds.contract import NOOP_ACTION, World
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Semantics, World
 from pytest_libero_max.worlds.libero.environment import build
 from pytest_libero_max.worlds.libero.installation import Installation
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import task_of
-from pytest_libero_max.worlds.libero.world import LiberoWorld, Semantics
+from pytest_libero_max.worlds.libero.world import LiberoWorld
 from tests.worlds.libero.data import DATA, TASKS, needs_package
 from tests.worlds.libero.reference import Reference, assert_same
 from tests.worlds.states import differing, every_array, random_actions
