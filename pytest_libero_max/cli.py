@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     compare.add_argument("--json", type=Path, metavar="FILE", help="Also write the comparison here")
     compare.set_defaults(run=_compare)
 
-    published = commands.add_parser("published", help="Print the paper's fourteen policies, from their counts")
+    published = commands.add_parser("published", help="Print the results published in the paper")
     published.set_defaults(run=_published)
 
     merge = commands.add_parser("merge", help="Join the runs of shards into one")

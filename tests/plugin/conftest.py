@@ -29,7 +29,7 @@ TINY_TASK = TaskMetadata(
     fixtures={"main_table": "table", "cabinet_1": "cabinet"},
     objects_of_interest=frozenset({"box_1", "plate_1"}),
     goal=(Relation("On", ("box_1", "plate_1")),),
-    placements={name: ON_TABLE for name in ("box_1", "plate_1", *CLUTTER)},
+    placements=dict.fromkeys(("box_1", "plate_1", *CLUTTER), ON_TABLE),
 )
 
 REACHER = """
