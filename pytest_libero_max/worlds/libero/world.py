@@ -24,6 +24,7 @@ import numpy as np
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter, Semantics
 from pytest_libero_max.worlds.libero.environment import Built
+from pytest_libero_max.worlds.libero.pro import ProVariation
 from pytest_libero_max.worlds.rendering import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
@@ -85,6 +86,8 @@ class LiberoWorld(RobosuiteWorld):
         self._fresh = True
         self._solved = False
         self._stale = True
+        self._asked = False
+        self._variation: ProVariation | None = None
         self._view: mujoco.MjData | None = None
         if reference_textures and hasattr(self._model, "tex_colorspace"):
             self._model.tex_colorspace[:] = _LINEAR
@@ -98,6 +101,18 @@ class LiberoWorld(RobosuiteWorld):
     def goal(self) -> tuple[tuple[str, ...], ...]:
         """What must hold at the end, all of it, in the package's words: predicate, then its arguments."""
         return tuple(tuple(fact) for fact in self._env.parsed_problem["goal_state"])
+
+    def varied(self, variation: ProVariation | None) -> LiberoWorld:
+        """This world, which applies a source variation at every reset from now on."""
+        self._variation = variation
+        return self
+
+    def reset(self, init: int) -> None:
+        super().reset(init)
+        if self._variation is not None:
+            self._variation.apply(self)
+            self._refresh()
+            self._sample_earlier()
 
     def succeeded(self) -> bool:
         return self._holds() if self._fresh else self._solved
@@ -159,8 +174,7 @@ class LiberoWorld(RobosuiteWorld):
 
     def _control_step(self, action: Array) -> None:
         stepper = self._stepper
-        if self._fresh and self._steps and self._semantics == "published":
-            self._sample_at = (self._sample_at - 2) % stepper.substeps + 1
+        self._sample_earlier()
         self._fresh = False
         self._env._post_process()  # what the last step did to a burner's glow is seen from this one on
         goal, played = self._begin(action)
@@ -198,6 +212,12 @@ class LiberoWorld(RobosuiteWorld):
             self._settle()
         return goal, 1
 
+    def _sample_earlier(self) -> None:
+        """A look out of turn since the last step makes all later ones earlier by a substep."""
+        if self._asked and self._semantics == "published":
+            self._sample_at = (self._sample_at - 2) % self._stepper.substeps + 1
+        self._asked = False
+
     def _sample(self) -> None:
         for name, value in super()._proprioception().items():
             self._seen[name][:] = value
@@ -205,7 +225,7 @@ class LiberoWorld(RobosuiteWorld):
 
     def _refresh(self) -> None:
         """Somebody has altered the world: until the next step, a look sees it as it is."""
-        self._fresh = True
+        self._fresh = self._asked = True
         self._env._post_process()
 
     def _holds(self) -> bool:
@@ -251,18 +271,20 @@ class LiberoWorld(RobosuiteWorld):
         for seen in (self._seen_qpos, *self._seen.values()):
             seen[:] = 0.0
         self._refresh()
+        self._asked = False
 
     def _controller_state(self) -> Array:
-        flags = [float(flag) for flag in (self._sample_at, self._fresh, self._solved, self._stale)]
+        switches = (self._fresh, self._solved, self._stale, self._asked)
+        flags = [float(flag) for flag in (self._sample_at, *switches)]
         return np.concatenate([super()._controller_state(), flags, self._seen_qpos, *self._seen.values()])
 
     def _set_controller_state(self, state: Array) -> None:
         stepper, flags, qpos, *seen = np.split(
-            state, np.cumsum([11, 4, self._seen_qpos.size, *list(_SEEN.values())[:-1]])
+            state, np.cumsum([11, 5, self._seen_qpos.size, *list(_SEEN.values())[:-1]])
         )
         super()._set_controller_state(stepper)
         self._sample_at = int(flags[0])
-        self._fresh, self._solved, self._stale = (bool(flag) for flag in flags[1:])
+        self._fresh, self._solved, self._stale, self._asked = (bool(flag) for flag in flags[1:])
         self._seen_qpos[:] = qpos
         for name, value in zip(self._seen, seen, strict=True):
             self._seen[name][:] = value

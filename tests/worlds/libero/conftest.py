@@ -18,6 +18,6 @@ def installation() -> Installation:
 
 @pytest.fixture
 def substrate(installation: Installation) -> Iterator[LiberoSubstrate]:
-    substrate = LiberoSubstrate(installation)
+    substrate = LiberoSubstrate([installation])
     yield substrate
     substrate.close()

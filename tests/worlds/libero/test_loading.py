@@ -45,7 +45,7 @@ def home(tmp_path: Path) -> Path:
 def test_a_world_is_built_without_a_question_and_without_leaving_anything(home: Path) -> None:
     code = """
 from pytest_libero_max.worlds import rendering
-substrate = LiberoSubstrate(installation)
+substrate = LiberoSubstrate([installation])
 world = substrate.task_world("libero_object", 0, 195)
 world.step([0.0] * 7)
 assert rendering._shared_context.cache_info().currsize == 0, "a context is made too early"
@@ -65,7 +65,7 @@ def test_torch_is_not_imported(home: Path) -> None:
     code = """
 import sys
 sys.modules["torch"] = None
-LiberoSubstrate(installation).task_world("libero_spatial", 1, 195)
+LiberoSubstrate([installation]).task_world("libero_spatial", 1, 195)
 """
     result = run(code, home)
     assert result.returncode == 0, result.stderr
@@ -76,7 +76,7 @@ def test_the_users_own_settings_are_neither_read_nor_written(home: Path) -> None
     settings = home / ".libero" / "config.yaml"
     settings.parent.mkdir()
     settings.write_text("assets: /nowhere\nbddl_files: /nowhere\n")
-    result = run('LiberoSubstrate(installation).task_world("libero_object", 2, 0)', home)
+    result = run('LiberoSubstrate([installation]).task_world("libero_object", 2, 0)', home)
     assert result.returncode == 0, result.stderr
     assert settings.read_text() == "assets: /nowhere\nbddl_files: /nowhere\n"
 
@@ -104,7 +104,7 @@ folder = Path({str(home.parent / "other")!r})
 folder.mkdir()
 (folder / "libero").symlink_to(installation.root / "libero")
 other = find_installation(folder, assets=installation.assets)
-first, second = LiberoSubstrate(installation), LiberoSubstrate(other)
+first, second = LiberoSubstrate([installation]), LiberoSubstrate([other])
 worlds = [first.task_world("libero_spatial", 0, 1)]
 modules, robot = dict(sys.modules), REGISTERED_ROBOTS["MountedPanda"]
 worlds.append(second.task_world("libero_spatial", 0, 1))
@@ -129,7 +129,7 @@ def test_another_libero_that_an_adapter_has_imported_stays_its_own(home: Path) -
 import sys, types
 outer, inner = types.ModuleType("libero"), types.ModuleType("libero.libero")
 sys.modules |= {"libero": outer, "libero.libero": inner}
-LiberoSubstrate(installation).task_world("libero_object", 0, 0)
+LiberoSubstrate([installation]).task_world("libero_object", 0, 0)
 assert sys.modules["libero"] is outer and sys.modules["libero.libero"] is inner
 assert "libero.libero.envs" not in sys.modules
 """
