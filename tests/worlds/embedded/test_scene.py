@@ -36,11 +36,24 @@ def test_every_name_of_the_scene_exists_in_the_model(suite, index):
         assert (model.tex_height[texture], model.tex_width[texture]) == picture.shape[:2]
 
 
+def triangles(model: mujoco.MjModel) -> int:
+    shown = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
+    return int(model.mesh_facenum[shown].sum())
+
+
+def test_no_scene_has_more_than_twice_the_median_of_triangles_or_of_colliding_shapes():
+    models = [compiled(suite, index)[1] for suite, index in ALL]
+    for counts in (
+        [triangles(model) for model in models],
+        [int((model.geom_contype > 0).sum()) for model in models],
+    ):
+        assert max(counts) <= 2 * np.median(counts)
+
+
 @every_scene
 def test_a_scene_is_light_and_casts_no_shadows(suite, index):
     _, model = compiled(suite, index)
-    shown = model.geom_dataid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
-    assert model.mesh_facenum[shown].sum() < 6000
+    assert triangles(model) < 6000
     assert not model.light_castshadow.any()
     assert not model.mat_reflectance.any()
 
