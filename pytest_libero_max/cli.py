@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.errors import LiberoMaxError, SubstrateError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,6 +45,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     bench.add_argument("--repeats", type=int, default=3, metavar="N", help="Pairs (default: %(default)s)")
     bench.set_defaults(run=_bench)
+
+    genuine = commands.add_parser("bench-genuine", help="The same with an installed LIBERO's own environment")
+    genuine.add_argument("--suite", default="libero_spatial", metavar="SUITE", help="Default: %(default)s")
+    genuine.add_argument(
+        "--steps", type=int, default=60, metavar="N", help="Control steps (default: %(default)s)"
+    )
+    genuine.add_argument("--repeats", type=int, default=1, metavar="N", help="Pairs (default: %(default)s)")
+    _add_libero(genuine)
+    genuine.set_defaults(run=_bench_genuine)
+
+    doctor = commands.add_parser("doctor", help="Say what this machine lacks, and the commands that help")
+    _add_libero(doctor)
+    doctor.set_defaults(run=_doctor)
 
     report = commands.add_parser(
         "report", help="Compute the report of a run again from its pairs.jsonl alone"
@@ -107,6 +120,41 @@ def _parser() -> argparse.ArgumentParser:
     smoke.add_argument("folder", type=Path, metavar="FOLDER")
     smoke.set_defaults(run=_freeze_smoke)
     return parser
+
+
+def _add_libero(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--libero", type=Path, action="append", default=[], metavar="FOLDER", help="Checkout of a LIBERO"
+    )
+    command.add_argument(
+        "--libero-assets",
+        type=Path,
+        metavar="FOLDER",
+        help="Models and textures, if it has none of its own",
+    )
+
+
+def _bench_genuine(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.genuine import measure_genuine
+    from pytest_libero_max.worlds.libero.installation import find_installation
+    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+
+    roots = options.libero or [None]
+    substrate = LiberoSubstrate([find_installation(root, assets=options.libero_assets) for root in roots])
+    times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
+    substrate.close()
+    print("\n".join(times.lines()))
+
+
+def _doctor(options: argparse.Namespace) -> None:
+    from pytest_libero_max.doctor import examine
+    from pytest_libero_max.worlds.registry import SubstrateOptions
+
+    findings = examine(SubstrateOptions(tuple(options.libero), options.libero_assets))
+    print("\n".join(map(str, findings)))
+    missing = [finding for finding in findings if finding.level == "missing"]
+    if missing:
+        raise SubstrateError(f"{len(missing)} of {len(findings)} findings are missing; see above.")
 
 
 def _bench(options: argparse.Namespace) -> None:

@@ -9,6 +9,7 @@ import hashlib
 import importlib.util
 import os
 import re
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -134,6 +135,21 @@ def recognise(package: Path) -> Flavour:
         return "LIBERO-PRO"
     source = (package / "__init__.py").read_text(encoding="utf-8", errors="replace")
     return "hf-libero" if "def get_assets_path" in source else "LIBERO"
+
+
+def missing_requirements() -> list[str]:
+    """Modules that every installation needs and that cannot be found, by import name."""
+    return [name for name in REQUIREMENTS if not importable(name)]
+
+
+def importable(name: str) -> bool:
+    """Whether a module can be found, without importing it."""
+    if name in sys.modules:
+        return True
+    try:
+        return importlib.util.find_spec(name) is not None
+    except (ImportError, ValueError):
+        return False
 
 
 def _importable() -> Path:

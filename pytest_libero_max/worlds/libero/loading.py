@@ -28,9 +28,10 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.libero.installation import (
     INSTALL,
-    REQUIREMENTS,
     REQUIREMENTS_INSTALL,
     Installation,
+    importable,
+    missing_requirements,
 )
 
 _CONFIG_VARIABLE = "LIBERO_CONFIG_PATH"
@@ -138,18 +139,6 @@ def _registered() -> tuple[dict[str, Any], ...]:
     return tuple(dict(registry) for registry in _registries())
 
 
-def missing_requirements() -> list[str]:
-    """Modules that every installation needs and that cannot be found, by import name."""
-    return [name for name in REQUIREMENTS if name not in sys.modules and not _exists(name)]
-
-
-def _exists(name: str) -> bool:
-    try:
-        return importlib.util.find_spec(name) is not None
-    except (ImportError, ValueError):
-        return False
-
-
 def _import_outer(folder: Path) -> None:
     """Import ``libero`` from this folder and no other, with or without an ``__init__.py``."""
     source = folder / "__init__.py"
@@ -206,7 +195,7 @@ def _stand_ins() -> dict[str, ModuleType]:
     """Modules in place of those that are imported, are not installed, and are not needed to build a scene."""
     found: dict[str, ModuleType] = {}
     for name, substitute in _OPTIONAL.items():
-        if name in sys.modules or _exists(name.partition(".")[0]):
+        if name in sys.modules or importable(name.partition(".")[0]):
             continue
         found[name] = importlib.import_module(substitute) if substitute else _Nothing(name)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from pytest_libero_max.worlds.libero.pro import ProVariation
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld
+from pytest_libero_max.worlds.versions import version_notes
 
 if TYPE_CHECKING:
     from pytest_libero_max.cases import Case
@@ -54,6 +56,8 @@ class LiberoSubstrate:
             raise SubstrateError(
                 f"The installations are {', '.join(map(str, self.installations))}: give one of each kind."
             )
+        for note in version_notes(version("mujoco"), version("robosuite")):
+            warnings.warn(note, stacklevel=2)
         self.semantics = semantics
         self._worlds: dict[tuple[Flavour, str, int, int], LiberoWorld] = {}
 

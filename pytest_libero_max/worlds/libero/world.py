@@ -114,6 +114,12 @@ class LiberoWorld(RobosuiteWorld):
             self._refresh()
             self._sample_earlier()
 
+    def initial_state(self, init: int) -> Array:
+        """(1 + nq + nv,) time, positions and velocities, as the package's ``set_init_state`` takes them."""
+        self._initial_qpos(init)
+        state: Array = self._states[init].copy()
+        return state
+
     def succeeded(self) -> bool:
         return self._holds() if self._fresh else self._solved
 

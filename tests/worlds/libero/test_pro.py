@@ -50,7 +50,7 @@ def test_the_camera_stands_where_the_published_runtime_puts_it(substrate: Libero
 
     reference = Reference(found, task_of(found, "libero_object", 2), 195, images=True)
     world.reset(3)
-    reference.start(world._states[3])
+    reference.start(world.initial_state(3))
     camera = reference.model.camera("agentview").id
     reference.model.cam_pos[camera] = (0.48, 0.24, 1.62)
     reference.model.cam_quat[camera] = (0.6099232, 0.3594558, 0.3594558, 0.6099232)

@@ -43,7 +43,7 @@ def test_states_observations_and_success_are_those_of_the_packages_own_step(
     reference = Reference(installation, task_of(installation, suite, index), SEED)
     init = index % len(world._states)
     world.reset(init)
-    reference.start(world._states[init])
+    reference.start(world.initial_state(init))
     for field in ("body_pos", "body_quat", "geom_rgba", "site_rgba", "qpos0"):
         assert np.array_equal(getattr(world.model, field), getattr(reference.model, field)), field
     assert_same(world, reference, "start")
@@ -60,7 +60,7 @@ def test_equal_bits_last(installation: Installation, suite: str, index: int) -> 
     world = make_world(installation, suite, index)
     reference = Reference(installation, task_of(installation, suite, index), SEED)
     world.reset(7)
-    reference.start(world._states[7])
+    reference.start(world.initial_state(7))
     for number, action in enumerate(random_actions(5, 60)):
         reference.step(action)
         world.step(action)
@@ -74,7 +74,7 @@ def test_images_are_those_of_the_packages_own_renderer(
     world = make_world(installation, suite, index)
     reference = Reference(installation, task_of(installation, suite, index), SEED, images=True)
     world.reset(2)
-    reference.start(world._states[2])
+    reference.start(world.initial_state(2))
     assert_same(world, reference, "start")
     for number, action in enumerate(random_actions(1, 4)):
         reference.step(action)
@@ -92,7 +92,7 @@ def test_the_burners_glow_is_seen_when_the_package_shows_it(
     world = make_world(installation, *suite_and_index)
     reference = Reference(installation, task_of(installation, *suite_and_index), SEED, images=True)
     world.reset(0)
-    reference.start(world._states[0])
+    reference.start(world.initial_state(0))
     knob = world.model.joint("flat_stove_1_button")
     for data in (world.data, reference.data):
         data.qvel[knob.dofadr] = 20.0
@@ -111,7 +111,7 @@ def test_a_look_after_an_event_and_all_later_ones_are_those_of_the_authors(
     world = make_world(installation, "libero_spatial", 2)
     reference = Reference(installation, task_of(installation, "libero_spatial", 2), SEED, images=True)
     world.reset(1)
-    reference.start(world._states[1])
+    reference.start(world.initial_state(1))
     actions = random_actions(8, 6)
     for step in actions[:3]:
         reference.step(step)

@@ -1,0 +1,183 @@
+"""The same two measurements on a genuine scene: our loop against the installed package's own environment.
+
+The clock is the one of :mod:`~pytest_libero_max.bench.stepping`: processor time, so what one core with
+nothing else to do would take. The package's loop is what an evaluation without this project does: a hard
+reset for each rollout, both cameras rendered at every step, the executed prefix played again.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.bench.pairs import IMAGE_SIZE, QUERY_INTERVAL, Hovering
+from pytest_libero_max.cases import SETTLE_STEPS, Case
+from pytest_libero_max.construction.tracks import load_track
+from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.pairing.runner import Pair, measure_pair
+from pytest_libero_max.worlds.contract import ACTION_DIM, NOOP_ACTION
+from pytest_libero_max.worlds.libero.loading import imported
+from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+from pytest_libero_max.worlds.libero.tasks import task_of
+from pytest_libero_max.worlds.libero.world import LiberoWorld
+
+WARM_UP = 5
+
+
+@dataclass(frozen=True)
+class GenuineTimes:
+    """Medians of processor time.
+
+    Attributes:
+        origin: The installation.
+        item_id: The case whose pair is played.
+        lean_ms: Our control step.
+        package_ms: The package's ``env.step`` with every camera observable off.
+        images_ms: Its ``env.step`` with both cameras.
+        fork_s: A pair in the pair runner; None where no pair was measured.
+        plain_s: The same pair in the package's loop; likewise.
+        steps: Control steps of the two rollouts as the package's loop plays them.
+    """
+
+    origin: str
+    item_id: str
+    lean_ms: float
+    package_ms: float
+    images_ms: float
+    fork_s: float | None = None
+    plain_s: float | None = None
+    steps: int = 0
+
+    def lines(self) -> list[str]:
+        """A small table for people."""
+        lines = [
+            f"{self.origin}, {self.item_id}, median processor times",
+            f"  lean step                        {self.lean_ms:8.2f} ms  {1000 / self.lean_ms:6.0f} steps/s",
+            f"  package's step, no cameras       {self.package_ms:8.2f} ms  "
+            f"{self.package_ms / self.lean_ms:6.1f} times the lean step",
+            f"  package's step, two {IMAGE_SIZE} px images{self.images_ms:7.2f} ms  "
+            f"{self.images_ms / self.lean_ms:6.1f} times the lean step",
+        ]
+        if self.fork_s is None or self.plain_s is None:
+            return lines
+        return [
+            *lines,
+            f"  pair runner, Q = {QUERY_INTERVAL}              {self.fork_s:8.2f} s   "
+            f"{60 / self.fork_s:6.2f} pairs/min",
+            f"  package's loop, {self.steps} steps        {self.plain_s:8.2f} s   "
+            f"{self.plain_s / self.fork_s:6.1f} times the pair runner",
+        ]
+
+
+def measure_genuine(
+    substrate: LiberoSubstrate, suite: str = "libero_spatial", *, steps: int = 60, repeats: int = 1
+) -> GenuineTimes:
+    """Time control steps and one smoke pair of a suite on a genuine scene.
+
+    Args:
+        substrate: Where the scene comes from.
+        suite: Of which suite the first ``camera_shift`` pair of the smoke track is played.
+        steps: Control steps to measure, with random actions.
+        repeats: Pairs to measure; 0 leaves them out.
+
+    Raises:
+        SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
+    """
+    cases = (case for case in load_track("smoke") if case.suite == suite)
+    case = next(case for case in cases if case.event.name == "camera_shift")
+    world = substrate.world(case)
+    plain, seeing = (_package_env(substrate, case, images) for images in (False, True))
+    origin = str(substrate.installation_for("libero"))
+    times = GenuineTimes(origin, case.item_id, *_steps(world, plain, seeing, case, steps))
+    if repeats:
+        times = _with_pairs(times, world, seeing, case, repeats)
+    for env in (plain, seeing):
+        _make_current(env)
+        env.close()
+    return times
+
+
+def _with_pairs(
+    times: GenuineTimes, world: LiberoWorld, seeing: Any, case: Case, repeats: int
+) -> GenuineTimes:
+    world.reset(case.init_state_index)
+    policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
+    pair = measure_pair(case, world, policy)
+    final = world.data.qpos.copy()
+    forks, plains = [], []
+    for _ in range(repeats):
+        forks.append(_seconds(lambda: measure_pair(case, world, policy)))
+        plains.append(_seconds(lambda: _play(seeing, world, case, pair)))
+        if not np.array_equal(seeing.sim.data.qpos, final):
+            raise SimulatorError(f"{case.item_id}: the package's loop arrived elsewhere.")
+    steps = sum(len(actions) for actions in _rollouts(pair))
+    return replace(times, fork_s=median(forks), plain_s=median(plains), steps=steps)
+
+
+def _package_env(substrate: LiberoSubstrate, case: Case, images: bool) -> Any:
+    installation = substrate.installation_for("libero")
+    bddl = str(task_of(installation, case.suite, case.task_index).bddl)
+    with imported(installation) as environments:
+        if images:
+            env = environments.OffScreenRenderEnv(
+                bddl_file_name=bddl, camera_heights=IMAGE_SIZE, camera_widths=IMAGE_SIZE
+            )
+        else:
+            wrappers = importlib.import_module("libero.libero.envs.env_wrapper")
+            env = wrappers.ControlEnv(bddl_file_name=bddl, use_camera_obs=False, has_offscreen_renderer=False)
+    return env
+
+
+def _start(env: Any, world: LiberoWorld, case: Case) -> None:
+    _make_current(env)
+    env.seed(case.policy_seed)
+    env.reset()
+    env.set_init_state(world.initial_state(case.init_state_index))
+
+
+def _make_current(env: Any) -> None:
+    context = env.sim._render_context_offscreen
+    if context is not None:  # the package draws into whatever context is current
+        context.gl_ctx.make_current()
+
+
+def _steps(world: LiberoWorld, plain: Any, seeing: Any, case: Case, steps: int) -> tuple[float, float, float]:
+    world.reset(case.init_state_index)
+    for env in (plain, seeing):
+        _start(env, world, case)
+    times: tuple[list[float], ...] = ([], [], [])
+    for action in np.random.default_rng(0).uniform(-1.0, 1.0, (WARM_UP + steps, ACTION_DIM)):
+        _make_current(seeing)
+        for env, seconds in zip((world, plain, seeing), times, strict=True):
+            seconds.append(1000.0 * _seconds(lambda env=env, action=action: env.step(action)))  # type: ignore[misc]
+    for env in (plain, seeing):
+        if not np.array_equal(env.sim.data.qpos, world.data.qpos):
+            raise SimulatorError(f"{world.scene}: our steps and the package's parted.")
+    lean, package, images = (median(seconds[WARM_UP:]) for seconds in times)
+    return lean, package, images
+
+
+def _play(env: Any, world: LiberoWorld, case: Case, pair: Pair) -> None:
+    """Both rollouts, as the package plays them: its camera event alters no state, so none is needed."""
+    for actions in _rollouts(pair):
+        _start(env, world, case)
+        for action in actions:
+            env.step(action)
+
+
+def _rollouts(pair: Pair) -> list[np.ndarray[Any, Any]]:
+    settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
+    arms = [pair.base] if pair.dynamic is None else [pair.base, pair.dynamic]
+    return [np.concatenate([settle, arm.actions]) for arm in arms]
+
+
+def _seconds(act: Callable[[], object]) -> float:
+    begin = time.process_time()
+    act()
+    return time.process_time() - begin

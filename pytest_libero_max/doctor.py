@@ -1,0 +1,95 @@
+"""What a machine has and lacks for each substrate, with the commands that help."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+from pytest_libero_max.errors import LiberoMaxError, SubstrateError
+from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds.registry import SubstrateOptions
+from pytest_libero_max.worlds.versions import PICTURES, version_notes
+
+Level = Literal["ok", "note", "missing"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        level: ``missing`` where something cannot be done without it, ``note`` where it is worth knowing.
+        text: What was found, or what to do.
+    """
+
+    level: Level
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.level:<8}{self.text}"
+
+
+def examine(options: SubstrateOptions | None = None) -> list[Finding]:
+    """Look at packages, rendering and genuine installations. Nothing of LIBERO is imported.
+
+    Args:
+        options: Where to look for installations; by default where ``import libero`` would.
+    """
+    options = options or SubstrateOptions()
+    findings = [*_packages(), *_rendering()]
+    for root in options.installations or (None,):
+        findings += _installation(root, options.assets)
+    return findings
+
+
+def _packages() -> Iterator[Finding]:
+    found: dict[str, str] = {}
+    for package in ("mujoco", "robosuite", "numpy", "numba", "scipy", "opencv-python-headless"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            yield Finding("missing", f"{package}: reinstall with `pip install pytest-libero-max`")
+    if found:
+        yield Finding("ok", ", ".join(f"{name} {number}" for name, number in found.items()))
+    if {"mujoco", "robosuite"} <= found.keys():
+        notes = [*version_notes(found["mujoco"], found["robosuite"]), PICTURES]
+        yield from (Finding("note", text) for text in notes)
+
+
+def _rendering() -> Iterator[Finding]:
+    try:
+        backend = gl.prepare()
+        if backend in gl.OFFSCREEN:
+            yield Finding("ok", f"images with {gl.VARIABLE}={backend}")
+            return
+        gl.require()
+    except LiberoMaxError as error:
+        yield Finding("missing", f"images: {error}")
+
+
+def _installation(root: Path | None, assets: Path | None) -> Iterator[Finding]:
+    # Not at the top: a plain `libero-max` command has no use for it.
+    from pytest_libero_max.worlds.libero.installation import (
+        INSTALL,
+        REQUIREMENTS_INSTALL,
+        find_installation,
+        missing_requirements,
+    )
+
+    try:
+        found = find_installation(root, assets=assets)
+    except SubstrateError as error:
+        yield Finding("missing", str(error))
+        return
+    yield Finding("ok", f"{found} in {found.root}")
+    folders = f"its assets in {found.assets}, tasks in {found.bddl}, initial states in {found.states}"
+    yield Finding("ok", folders)
+    missing = missing_requirements()
+    if "bddl" in missing:
+        yield Finding("missing", f"module bddl: `{INSTALL}`")
+    others = [name for name in missing if name != "bddl"]
+    if others:
+        yield Finding("missing", f"modules {', '.join(others)}: `{REQUIREMENTS_INSTALL}`")

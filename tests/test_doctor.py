@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.doctor import examine
+from pytest_libero_max.worlds.libero import installation
+from pytest_libero_max.worlds.registry import SubstrateOptions
+from pytest_libero_max.worlds.versions import version_notes
+from tests.worlds.libero.test_installation import checkout
+
+
+def test_a_complete_installation_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "importable", lambda name: True)
+    texts = [str(finding) for finding in examine(SubstrateOptions((checkout(tmp_path),)))]
+    assert any(text.startswith("ok") and "LIBERO unknown" in text for text in texts)
+    assert not [text for text in texts if text.startswith("missing") and "images" not in text]
+
+
+def test_missing_modules_come_with_their_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "importable", lambda name: False)
+    texts = [str(finding) for finding in examine(SubstrateOptions((checkout(tmp_path),)))]
+    assert "missing module bddl: `pip install --no-deps hf-libero==0.1.4 bddl==1.0.1`" in texts
+    assert any("easydict" in text and "`pip install easydict future" in text for text in texts)
+
+
+def test_the_command_fails_where_something_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["doctor", "--libero", str(tmp_path)]) == 1
+    shown = capsys.readouterr()
+    assert "holds no LIBERO" in shown.out
+    assert "findings are missing" in shown.err
+
+
+@pytest.mark.parametrize(
+    ("mujoco", "robosuite", "words"),
+    [
+        ("3.2.6", "1.4.1", ["warm start"]),
+        ("3.3.6", "1.4.0", []),
+        ("3.3.7", "1.4.1", []),
+        ("3.4.0", "1.4.0", ["contacts of boxes"]),
+        ("3.8.1", "1.5.0", ["contacts of boxes", "robosuite 1.5.0"]),
+    ],
+)
+def test_known_differences_of_versions_are_named(mujoco: str, robosuite: str, words: list[str]) -> None:
+    notes = version_notes(mujoco, robosuite)
+    assert len(notes) == len(words)
+    for note, word in zip(notes, words, strict=True):
+        assert word in note
