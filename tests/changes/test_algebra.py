@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.changes import Change, Nothing, change_from_dict
+from pytest_libero_max.cases import Event
+from pytest_libero_max.changes import Change, MoveObject, Nothing, ShiftCamera, change_from_dict
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.tiny import TinyWorld
 from tests.changes.world_comparison import (
@@ -33,19 +34,20 @@ MAY_WRITE = {
 }
 PARKING = {"model.geom_contype", "model.geom_conaffinity", "model.geom_group", "parked"}
 POSE = {"qpos", "qvel", "physics", "model.body_pos"}
+Actions = list[tuple[float, ...]]
 WITHOUT_POSE = ("set_lighting", "shift_camera", "set_visual_theme", "set_sensor_corruption")
 
 
-def events():
+def events() -> st.SearchStrategy[Event]:
     return strategies.events(ENTITIES)
 
 
-def actions():
+def actions() -> st.SearchStrategy[Actions]:
     return strategies.action_sequences(max_size=4)
 
 
 @given(strategies.changes(ENTITIES), actions())
-def test_only_the_declared_factors_change(change: Change, steps: list):
+def test_only_the_declared_factors_change(change: Change, steps: Actions) -> None:
     WORLD.reset(0)
     play(WORLD, steps)
     before = full_state(WORLD)
@@ -60,7 +62,7 @@ def test_only_the_declared_factors_change(change: Change, steps: list):
 
 
 @given(strategies.changes(ENTITIES, operations=WITHOUT_POSE), actions())
-def test_changes_of_what_is_seen_leave_the_physical_future_as_it_was(change: Change, steps: list):
+def test_changes_of_what_is_seen_leave_the_physical_future_as_it_was(change: Change, steps: Actions) -> None:
     WORLD.reset(0)
     play(WORLD, steps)
     undisturbed = WORLD.snapshot()
@@ -74,7 +76,8 @@ def test_changes_of_what_is_seen_leave_the_physical_future_as_it_was(change: Cha
 
 
 @given(strategies.changes(ENTITIES, operations=["shift_camera"]))
-def test_a_camera_shift_touches_no_other_camera(change: Change):
+def test_a_camera_shift_touches_no_other_camera(change: Change) -> None:
+    assert isinstance(change, ShiftCamera)
     WORLD.reset(0)
     shifted = WORLD.model.camera(change.camera).id
     others = [camera for camera in range(WORLD.model.ncam) if camera != shifted]
@@ -85,7 +88,7 @@ def test_a_camera_shift_touches_no_other_camera(change: Change):
 
 
 @given(events(), actions())
-def test_an_event_moves_only_what_it_names(event, steps: list):
+def test_an_event_moves_only_what_it_names(event: Event, steps: Actions) -> None:
     WORLD.reset(0)
     change = set_up(WORLD, event)
     play(WORLD, steps)
@@ -106,7 +109,7 @@ def test_an_event_moves_only_what_it_names(event, steps: list):
 
 
 @given(events(), actions())
-def test_evidence_is_what_was_measured_and_plain_json(event, steps: list):
+def test_evidence_is_what_was_measured_and_plain_json(event: Event, steps: Actions) -> None:
     WORLD.reset(0)
     change = set_up(WORLD, event)
     play(WORLD, steps)
@@ -121,7 +124,7 @@ def test_evidence_is_what_was_measured_and_plain_json(event, steps: list):
 
 
 @given(events(), actions())
-def test_an_event_persists(event, steps: list):
+def test_an_event_persists(event: Event, steps: Actions) -> None:
     WORLD.reset(0)
     change = set_up(WORLD, event)
     change.apply(WORLD)
@@ -133,7 +136,7 @@ def test_an_event_persists(event, steps: list):
 
 
 @given(events())
-def test_an_insertion_happens_once(event):
+def test_an_insertion_happens_once(event: Event) -> None:
     assume(event.setup)
     WORLD.reset(0)
     change = set_up(WORLD, event)
@@ -145,7 +148,9 @@ def test_an_insertion_happens_once(event):
 
 
 @given(events(), actions(), actions())
-def test_the_same_event_from_the_same_state_gives_the_same_world(event, prefix: list, rest: list):
+def test_the_same_event_from_the_same_state_gives_the_same_world(
+    event: Event, prefix: Actions, rest: list
+) -> None:
     WORLD.reset(0)
     change = set_up(WORLD, event)
     play(WORLD, prefix)
@@ -166,7 +171,7 @@ def test_the_same_event_from_the_same_state_gives_the_same_world(event, prefix: 
 
 
 @given(events(), actions())
-def test_no_trace_of_an_event_survives_a_reset(event, steps: list):
+def test_no_trace_of_an_event_survives_a_reset(event: Event, steps: Actions) -> None:
     WORLD.reset(1)
     fresh = full_state(WORLD)
     change = set_up(WORLD, event)
@@ -178,7 +183,7 @@ def test_no_trace_of_an_event_survives_a_reset(event, steps: list):
 
 
 @given(events(), actions())
-def test_strength_zero_alters_nothing(event, steps: list):
+def test_strength_zero_alters_nothing(event: Event, steps: Actions) -> None:
     WORLD.reset(0)
     change = set_up(WORLD, event)
     play(WORLD, steps)
@@ -189,14 +194,14 @@ def test_strength_zero_alters_nothing(event, steps: list):
 
 
 @given(events())
-def test_strength_one_is_the_change_itself(event):
+def test_strength_one_is_the_change_itself(event: Event) -> None:
     change = change_from_dict(event.change)
     assert change.scaled(1.0) == change
     assert change.scaled(1) == change
 
 
 @given(strategies.changes(ENTITIES), strategies.strengths())
-def test_a_scaled_change_is_a_change_that_a_manifest_can_hold(change: Change, strength: float):
+def test_a_scaled_change_is_a_change_that_a_manifest_can_hold(change: Change, strength: float) -> None:
     assume(change.operation != "remove_object" or strength in (0.0, 1.0))
     scaled = change.scaled(strength)
     assert change_from_dict(scaled.to_dict()) == scaled
@@ -206,7 +211,8 @@ def test_a_scaled_change_is_a_change_that_a_manifest_can_hold(change: Change, st
 
 
 @given(strategies.changes(ENTITIES, operations=["move_object"]), strategies.strengths())
-def test_a_scaled_move_goes_that_share_of_the_way(change: Change, strength: float):
+def test_a_scaled_move_goes_that_share_of_the_way(change: Change, strength: float) -> None:
+    assert isinstance(change, MoveObject)
     WORLD.reset(0)
     before = WORLD.position(change.object)
     change.scaled(strength).apply(WORLD)
@@ -216,7 +222,7 @@ def test_a_scaled_move_goes_that_share_of_the_way(change: Change, strength: floa
 
 @given(st.data(), actions())
 @settings(max_examples=50)
-def test_what_was_taken_out_stays_put_and_comes_back_as_it_was(data: st.DataObject, steps: list):
+def test_what_was_taken_out_stays_put_and_comes_back_as_it_was(data: st.DataObject, steps: Actions) -> None:
     event = data.draw(strategies.events(ENTITIES, names=["distractor_burst", "obstacle_insertion"]))
     WORLD.reset(0)
     play(WORLD, steps)

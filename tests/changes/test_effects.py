@@ -1,12 +1,15 @@
 """What each operation does to a world, in numbers."""
 
 import math
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pytest_libero_max.changes import (
     Brightness,
+    Change,
     InsertDistractors,
     InsertObstacle,
     MoveObject,
@@ -20,26 +23,27 @@ from pytest_libero_max.changes import (
     ShiftCamera,
 )
 from pytest_libero_max.errors import ChangeError, EntityError
+from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.tiny import TinyWorld
 
 OFFWORLD_M = (-2.0, 0.0, -5.0)
 
 
 @pytest.fixture(scope="module")
-def shared_world():
+def shared_world() -> Iterator[TinyWorld]:
     world = TinyWorld()
     yield world
     world.close()
 
 
 @pytest.fixture
-def world(shared_world):
+def world(shared_world: TinyWorld) -> TinyWorld:
     shared_world.reset(0)
     return shared_world
 
 
 @pytest.mark.parametrize(("scale", "brightness"), [(0.2, 0.75), (1.8, 1.25), (1.0, 1.25)])
-def test_lighting_scales_every_lamp_and_the_pixels(world, scale, brightness):
+def test_lighting_scales_every_lamp_and_the_pixels(world: TinyWorld, scale: float, brightness: float) -> None:
     fields = ("light_ambient", "light_diffuse", "light_specular")
     before = {field: getattr(world.model, field).copy() for field in fields}
     evidence = SetLighting(scale).apply(world)
@@ -51,7 +55,7 @@ def test_lighting_scales_every_lamp_and_the_pixels(world, scale, brightness):
     assert evidence.after["filters"] == [{"filter": "Brightness", "since_step": 0, "factor": brightness}]
 
 
-def test_a_camera_is_moved_turned_and_refocused(world):
+def test_a_camera_is_moved_turned_and_refocused(world: TinyWorld) -> None:
     camera = world.model.camera("agentview").id
     position, quaternion = world.model.cam_pos[camera].copy(), world.model.cam_quat[camera].copy()
     axis = _forward(quaternion)
@@ -66,27 +70,29 @@ def test_a_camera_is_moved_turned_and_refocused(world):
     assert evidence.after["camera_fovy_deg"] == 57.0
 
 
-def _forward(quaternion):
+def _forward(quaternion: Array) -> Array:
     w, x, y, z = quaternion
     return -np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
 
 
 @pytest.mark.parametrize("delta", [-41.0, 110.0])
-def test_a_field_of_view_out_of_range_is_refused_before_anything_changes(world, delta):
+def test_a_field_of_view_out_of_range_is_refused_before_anything_changes(
+    world: TinyWorld, delta: float
+) -> None:
     fresh = world.digest()
     with pytest.raises(ChangeError, match=r"field of view of .* within 5 to 150"):
         ShiftCamera("agentview", (0.1, 0.0, 0.0), 10.0, delta).apply(world)
     assert world.digest() == fresh
 
 
-def test_an_unknown_camera_is_named_with_the_closest(world):
+def test_an_unknown_camera_is_named_with_the_closest(world: TinyWorld) -> None:
     with pytest.raises(
         ChangeError, match=r"'agentvew', but the scene has no such camera. Did you mean 'agentview'"
     ):
         ShiftCamera("agentvew", (0.0, 0.0, 0.0), 1.0, 0.0).apply(world)
 
 
-def test_a_theme_sends_every_colour_through_the_transform_and_keeps_opacity(world):
+def test_a_theme_sends_every_colour_through_the_transform_and_keeps_opacity(world: TinyWorld) -> None:
     before = {field: getattr(world.model, field).copy() for field in ("geom_rgba", "mat_rgba")}
     SetVisualTheme((2, 0, 1), (0.70, 1.15, 1.30)).apply(world)
     for field, old in before.items():
@@ -96,14 +102,14 @@ def test_a_theme_sends_every_colour_through_the_transform_and_keeps_opacity(worl
         assert np.array_equal(new[:, 3], old[:, 3])
 
 
-def test_half_a_theme_is_half_way(world):
+def test_half_a_theme_is_half_way(world: TinyWorld) -> None:
     old = world.model.geom_rgba.copy()
     SetVisualTheme((2, 0, 1), (0.70, 1.15, 1.30)).scaled(0.5).apply(world)
     full = np.clip(old[:, [2, 0, 1]] * [0.70, 1.15, 1.30], 0, 1)
     assert np.allclose(world.model.geom_rgba[:, :3], (old[:, :3] + full) / 2, atol=1e-6)
 
 
-def test_corruption_starts_at_the_step_of_the_event(world):
+def test_corruption_starts_at_the_step_of_the_event(world: TinyWorld) -> None:
     for _ in range(3):
         world.step([0.0] * 7)
     SetSensorCorruption(24.0, 0.08, 7).apply(world)
@@ -111,7 +117,7 @@ def test_corruption_starts_at_the_step_of_the_event(world):
 
 
 @pytest.mark.parametrize("entity", ["box_1", "cabinet_1"])
-def test_a_move_keeps_orientation_and_stops(world, entity):
+def test_a_move_keeps_orientation_and_stops(world: TinyWorld, entity: str) -> None:
     for _ in range(3):
         world.step([0.0] * 7)
     position, quaternion = world.pose(entity)
@@ -126,12 +132,12 @@ def test_a_move_keeps_orientation_and_stops(world, entity):
         assert not world.data.qvel[first : first + 6].any()
 
 
-def test_a_surface_cannot_be_moved(world):
+def test_a_surface_cannot_be_moved(world: TinyWorld) -> None:
     with pytest.raises(ChangeError, match=r"'main_table' is the surface"):
         MoveObject("main_table", (0.1, 0.0, 0.0)).apply(world)
 
 
-def test_a_fixture_cannot_be_taken_out(world):
+def test_a_fixture_cannot_be_taken_out(world: TinyWorld) -> None:
     with pytest.raises(ChangeError, match=r"'cabinet_1' is a fixture, but only objects"):
         RemoveObject("cabinet_1", OFFWORLD_M).apply(world)
 
@@ -145,17 +151,17 @@ def test_a_fixture_cannot_be_taken_out(world):
         InsertObstacle("plate_1", "box_2", (0.1, 0.0, 0.0), True),
     ],
 )
-def test_an_unknown_entity_is_named_with_the_closest(world, change):
+def test_an_unknown_entity_is_named_with_the_closest(world: TinyWorld, change: Change) -> None:
     with pytest.raises(EntityError, match=r"'box_2'.*Did you mean 'box_1'"):
         change.apply(world)
 
 
-def test_what_is_in_the_scene_cannot_come_back(world):
+def test_what_is_in_the_scene_cannot_come_back(world: TinyWorld) -> None:
     with pytest.raises(ChangeError, match=r"'clutter_1' is in the scene already.*remove_object"):
         InsertObstacle("clutter_1", "box_1", (0.14, 0.0, 0.0), True).apply(world)
 
 
-def test_what_was_taken_out_cannot_be_moved_removed_or_be_an_anchor(world):
+def test_what_was_taken_out_cannot_be_moved_removed_or_be_an_anchor(world: TinyWorld) -> None:
     RemoveObject("clutter_1", OFFWORLD_M).apply(world)
     RemoveObject("clutter_2", OFFWORLD_M).apply(world)
     for change in (
@@ -167,7 +173,7 @@ def test_what_was_taken_out_cannot_be_moved_removed_or_be_an_anchor(world):
             change.apply(world)
 
 
-def test_insertion_is_relative_to_where_the_anchor_is_now(world):
+def test_insertion_is_relative_to_where_the_anchor_is_now(world: TinyWorld) -> None:
     height = world.position("clutter_3")[2]
     orientation = world.pose("clutter_3")[1]
     RemoveObject("clutter_3", OFFWORLD_M).apply(world)
@@ -180,14 +186,14 @@ def test_insertion_is_relative_to_where_the_anchor_is_now(world):
     assert evidence.after["taken_out"] == []
 
 
-def test_insertion_may_take_its_height_from_the_anchor(world):
+def test_insertion_may_take_its_height_from_the_anchor(world: TinyWorld) -> None:
     RemoveObject("clutter_3", OFFWORLD_M).apply(world)
     anchor = world.position("box_1")
     InsertObstacle("clutter_3", "box_1", (0.14, 0.0, 0.2), False).apply(world)
     assert np.array_equal(world.position("clutter_3"), anchor + np.array([0.14, 0.0, 0.2]))
 
 
-def test_a_burst_brings_all_or_none(world):
+def test_a_burst_brings_all_or_none(world: TinyWorld) -> None:
     RemoveObject("clutter_1", OFFWORLD_M).apply(world)
     missing = world.digest()
     burst = InsertDistractors(
@@ -213,31 +219,31 @@ def test_a_burst_brings_all_or_none(world):
         InsertDistractors((Placement("clutter_1", "box_1", (0.14, 0.0, 0.0), True),), 1),
     ],
 )
-def test_what_is_all_or_nothing_cannot_be_halved(change):
+def test_what_is_all_or_nothing_cannot_be_halved(change: Change) -> None:
     assert change.scaled(1) == change
     assert change.scaled(0) == Nothing()
     with pytest.raises(ChangeError, match="all or nothing"):
         change.scaled(0.5)
 
 
-def test_the_scaled_camera_shift_is_linear():
+def test_the_scaled_camera_shift_is_linear() -> None:
     change = ShiftCamera("agentview", (0.06, 0.0, 0.02), 18.0, 12.0, "fixed_global_viewpoint")
     assert change.scaled(0.5) == ShiftCamera(
         "agentview", (0.03, 0.0, 0.01), 9.0, 6.0, "fixed_global_viewpoint"
     )
 
 
-def test_the_scaled_light_is_linear_around_one():
+def test_the_scaled_light_is_linear_around_one() -> None:
     half = SetLighting(0.2).scaled(0.5)
     assert half == SetLighting(0.6, 0.875)
     assert SetLighting(1.8).scaled(0.25).pixel_brightness == 1.0625
 
 
-def test_the_scaled_corruption_keeps_its_seed():
+def test_the_scaled_corruption_keeps_its_seed() -> None:
     assert SetSensorCorruption(24.0, 0.08, 7).scaled(0.25) == SetSensorCorruption(6.0, 0.02, 7)
 
 
-def test_the_scaled_move_keeps_its_direction():
+def test_the_scaled_move_keeps_its_direction() -> None:
     move = MoveObject("box_1", (0.0, 0.12, 0.0), "main_table", 0.12, (0.0, 1.0), "candidate")
     assert move.scaled(0.5) == MoveObject(
         "box_1", (0.0, 0.06, 0.0), "main_table", 0.06, (0.0, 1.0), "candidate"
@@ -245,12 +251,12 @@ def test_the_scaled_move_keeps_its_direction():
 
 
 @pytest.mark.parametrize("strength", [-0.1, 1.1, math.nan, "half", True])
-def test_a_strength_out_of_range_is_refused(strength):
+def test_a_strength_out_of_range_is_refused(strength: Any) -> None:
     with pytest.raises(ChangeError, match="strength of set_lighting="):
         SetLighting(0.2).scaled(strength)
 
 
-def test_events_are_seen(world):
+def test_events_are_seen(world: TinyWorld) -> None:
     for change in (
         SetLighting(0.2),
         ShiftCamera("agentview", (0.06, 0.0, 0.02), 18.0, 12.0),
@@ -266,7 +272,7 @@ def test_events_are_seen(world):
         assert np.abs(after - before).mean() > 0.1, change.operation
 
 
-def test_a_shift_of_one_camera_leaves_the_picture_of_the_other(world):
+def test_a_shift_of_one_camera_leaves_the_picture_of_the_other(world: TinyWorld) -> None:
     before = world.observe(size=64)
     ShiftCamera("agentview", (0.06, 0.0, 0.02), 18.0, 12.0).apply(world)
     after = world.observe(size=64)

@@ -1,8 +1,11 @@
 """The events of the smoke track in the scenes they are meant for."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
+from pytest_libero_max.cases import Case
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.tracks import load_track
 from pytest_libero_max.worlds.contract import CAMERAS
@@ -30,14 +33,16 @@ one_of_each = pytest.mark.parametrize(
 
 
 @pytest.fixture(scope="module")
-def substrate():
+def substrate() -> Iterator[EmbeddedSubstrate]:
     substrate = EmbeddedSubstrate()
     yield substrate
     substrate.close()
 
 
 @one_of_each
-def test_an_event_touches_what_it_declares_and_a_reset_undoes_it(substrate, case):
+def test_an_event_touches_what_it_declares_and_a_reset_undoes_it(
+    substrate: EmbeddedSubstrate, case: Case
+) -> None:
     world = substrate.world(case)
     world.reset(case.init_state_index)
     fresh = full_state(world)
@@ -62,7 +67,7 @@ def test_an_event_touches_what_it_declares_and_a_reset_undoes_it(substrate, case
 
 
 @one_of_each
-def test_an_event_is_seen_by_every_camera_it_concerns(substrate, case):
+def test_an_event_is_seen_by_every_camera_it_concerns(substrate: EmbeddedSubstrate, case: Case) -> None:
     world = substrate.world(case)
     world.reset(case.init_state_index)
     change = set_up(world, case.event)
@@ -85,7 +90,9 @@ def test_an_event_is_seen_by_every_camera_it_concerns(substrate, case):
     [case for case in SMOKE if case.event.name == "distractor_burst"][:1],
     ids=lambda case: case.item_id,
 )
-def test_what_was_taken_out_waits_unmoved_and_comes_back_upright(substrate, case):
+def test_what_was_taken_out_waits_unmoved_and_comes_back_upright(
+    substrate: EmbeddedSubstrate, case: Case
+) -> None:
     world = substrate.world(case)
     world.reset(case.init_state_index)
     names = [raw["object"] for raw in case.event.setup]

@@ -9,22 +9,24 @@ GREY = np.full((64, 64, 3), 128, dtype=np.uint8)
 GREY.flags.writeable = False
 
 
-def corruptions():
+def corruptions() -> st.SearchStrategy[SensorCorruption]:
     return st.builds(SensorCorruption, st.floats(0.0, 60.0), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
 
 
 def global_stream() -> bytes:
-    return np.random.get_state()[1].tobytes()  # noqa: NPY002 - it is the one that must not move
+    state = np.random.get_state(legacy=True)  # noqa: NPY002 - it is the one that must not move
+    assert isinstance(state, tuple)
+    return state[1].tobytes()
 
 
 @pytest.mark.parametrize(("factor", "expected"), [(0.75, [0, 75, 191]), (1.25, [0, 125, 255])])
-def test_brightness_multiplies_and_clips(factor, expected):
+def test_brightness_multiplies_and_clips(factor: float, expected: list[int]) -> None:
     image = np.array([[[0, 100, 255]]], dtype=np.uint8)
     assert Brightness(factor)(image, "agentview", 0).tolist() == [[expected]]
 
 
 @given(corruptions(), st.sampled_from(["agentview", "robot0_eye_in_hand"]), st.integers(0, 600))
-def test_corruption_is_a_pure_function(corruption, camera, step):
+def test_corruption_is_a_pure_function(corruption: SensorCorruption, camera: str, step: int) -> None:
     state = global_stream()
     first = corruption(GREY, camera, step)
     corruption(GREY, "another", step + 1)
@@ -36,7 +38,9 @@ def test_corruption_is_a_pure_function(corruption, camera, step):
 
 
 @given(corruptions(), st.floats(0.0, 1.0), st.floats(0.0, 60.0))
-def test_the_rectangle_does_not_depend_on_the_noise(corruption, fraction, other_noise):
+def test_the_rectangle_does_not_depend_on_the_noise(
+    corruption: SensorCorruption, fraction: float, other_noise: float
+) -> None:
     bright = np.full((64, 64, 3), 255, dtype=np.uint8)
     quiet = SensorCorruption(0.0, fraction, corruption.seed)(bright, "agentview", 3)
     noisy = SensorCorruption(other_noise, fraction, corruption.seed)(bright, "agentview", 3)
@@ -44,14 +48,14 @@ def test_the_rectangle_does_not_depend_on_the_noise(corruption, fraction, other_
 
 
 @pytest.mark.parametrize("other", [("robot0_eye_in_hand", 5, 1), ("agentview", 6, 1), ("agentview", 5, 2)])
-def test_camera_step_and_seed_each_give_another_pattern(other):
+def test_camera_step_and_seed_each_give_another_pattern(other: tuple[str, int, int]) -> None:
     camera, step, seed = other
     one = SensorCorruption(24.0, 0.08, 1)(GREY, "agentview", 5)
     assert not np.array_equal(one, SensorCorruption(24.0, 0.08, seed)(GREY, camera, step))
 
 
 @pytest.mark.parametrize(("noise", "fraction", "side"), [(24.0, 0.08, 72), (36.0, 0.16, 102)])
-def test_noise_and_occlusion_have_the_stated_size(noise, fraction, side):
+def test_noise_and_occlusion_have_the_stated_size(noise: float, fraction: float, side: int) -> None:
     image = np.full((256, 256, 3), 128, dtype=np.uint8)
     corrupted = SensorCorruption(noise, fraction, 195)(image, "agentview", 0)
     # With noise this strong a black pixel by chance is possible in one channel, hardly in all three.
@@ -64,7 +68,7 @@ def test_noise_and_occlusion_have_the_stated_size(noise, fraction, side):
     assert abs(noisy.std() - noise) < 0.05 * noise
 
 
-def test_the_random_stream_is_frozen():
+def test_the_random_stream_is_frozen() -> None:
     corrupted = SensorCorruption(24.0, 0.08, 2342431568)(GREY, "agentview", 4)
     assert corrupted[0, :4, 0].tolist() == [119, 121, 120, 133]
     rows, columns = np.nonzero((corrupted == 0).all(axis=-1))

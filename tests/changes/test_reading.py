@@ -37,6 +37,45 @@ VALID = {
     "insert_distractors": {"distractor_count": 1, "placements": [PLACEMENT]},
     "insert_obstacle": {**PLACEMENT, "placement_rule": "target_support_approach_ring"},
     "nothing": {},
+    "orbit_camera": {
+        "camera": "agentview",
+        "pivot_m": [0.0, 0.0, 0.8],
+        "elevation_degrees": 15.0,
+        "azimuth_degrees": -40.0,
+        "distance_scale": 1.2,
+        "yaw_degrees": 4.0,
+        "pitch_degrees": -6.0,
+    },
+    "place_camera": {
+        "camera": "agentview",
+        "position_m": [0.5, 0.2, 1.6],
+        "quaternion_wxyz": [0.6, 0.0, 0.8, 0.0],
+        "blend": 0.5,
+    },
+    "offset_arm": {"delta_joint_rad": [0.1, 0.0, -0.1, 0.2, 0.0, 0.1, 0.0], "keep_clear": True},
+    "set_lamps": {
+        "levels": [0.02, 0.16, 0.01],
+        "diffuse_factor": [1.2, 0.8, 1.0],
+        "specular": 2.0,
+        "azimuth_degrees": 30.0,
+        "tilt_degrees": -10.0,
+        "cast_shadows": True,
+        "blend": 0.5,
+    },
+    "set_texture": {"material": "room_table", "texture": "surface_cork"},
+    "cover_entity": {"entity": "plate_1", "rgb": [1.0, 0.5, 0.0], "texture": "surface_cork"},
+    "corrupt_picture": {"camera": "agentview", "kind": "fog", "level": 3, "seed": 5, "blend": 0.5},
+    "set_glare": {"strength": 0.8, "across": 0.5, "up": 0.7, "radius": 0.3},
+    "put_object": {
+        "object": "milk_1",
+        "onto": "main_table",
+        "offset_xy_m": [0.1, 0.0],
+        "relative_to": "plate_1",
+        "yaw_degrees": 20.0,
+    },
+    "turn_object": {"object": "milk_1", "yaw_degrees": 45.0},
+    "set_instruction": {"instruction": "grab the milk", "style": "synonyms"},
+    "set_task": {"instruction": "take the milk", "goal": [["on", "milk_1", "plate_1"]]},
 }
 
 
@@ -53,11 +92,28 @@ def test_an_unknown_field_is_refused(operation):
         change_from_dict({"operation": operation, **VALID[operation], "extra": 1})
 
 
+OPTIONAL = {
+    "orbit_camera": {
+        "elevation_degrees",
+        "azimuth_degrees",
+        "distance_scale",
+        "yaw_degrees",
+        "pitch_degrees",
+    },
+    "place_camera": {"blend"},
+    "offset_arm": {"keep_clear"},
+    "set_lamps": set(VALID["set_lamps"]),
+    "cover_entity": {"texture"},
+    "corrupt_picture": {"blend"},
+    "put_object": {"relative_to", "yaw_degrees"},
+    "set_instruction": {"style"},
+}
 REQUIRED = [
     (operation, field)
     for operation, fields in VALID.items()
     for field in fields
     if field not in ("calibration", "direction_xy", "distance_m", "support_entity", "placement_rule")
+    and field not in OPTIONAL.get(operation, ())
 ]
 
 
@@ -128,6 +184,14 @@ def test_a_wrong_value_is_named(operation, field, wrong):
             [{**PLACEMENT, "operation": "insert_obstacle"}],
             "a placement is not a change",
         ),
+        ("place_camera", "quaternion_wxyz", [1.0, 1.0, 0.0, 0.0], "must have unit length"),
+        ("orbit_camera", "distance_scale", 0.0, "distance_scale=0.0, but must be a finite number from 0.05"),
+        ("corrupt_picture", "kind", "frog", "kind='frog' is not a corruption. Did you mean 'fog'"),
+        ("corrupt_picture", "level", 11, "level=11, but must be an integer from 1 to 10"),
+        ("cover_entity", "rgb", [1.0, 0.5, 1.5], r"rgb\[2\]=1.5, but must be a finite number from 0 to 1"),
+        ("offset_arm", "delta_joint_rad", [0.1] * 6, "must be a list of 7 items"),
+        ("set_task", "goal", [], "must be a non-empty list of predicates"),
+        ("set_task", "goal", [["on"]], r"goal\[0\]=\['on'\], but must be a predicate and one or two names"),
         ("insert_obstacle", "preserve_initial_z", 1, "preserve_initial_z=1, but must be true or false"),
     ],
 )

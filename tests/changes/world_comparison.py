@@ -47,7 +47,7 @@ def differing(before: dict[str, Any], after: dict[str, Any]) -> set[str]:
 
 def same(one: Any, other: Any) -> bool:
     if isinstance(one, np.ndarray):
-        return one.shape == other.shape and one.tobytes() == other.tobytes()
+        return isinstance(other, np.ndarray) and one.shape == other.shape and one.tobytes() == other.tobytes()
     return bool(one == other)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import Case, load_manifest
+from pytest_libero_max.cases import Case, Json, load_manifest
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.eligibility import eligible_events
 from pytest_libero_max.construction.events import resolve_event
@@ -19,6 +19,8 @@ OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", REPOSITORY.parent / "share
 MANIFEST = OFFICIAL / "libero_max_pro_model_comparison_800.json"
 CATALOG = OFFICIAL / "pro_task_catalog.json"
 
+Tasks = dict[tuple[str, str, int], TaskMetadata]
+
 pytestmark = pytest.mark.skipif(
     not (MANIFEST.is_file() and CATALOG.is_file()),
     reason="the released manifests are not here; set LIBERO_MAX_OFFICIAL to their folder",
@@ -26,12 +28,13 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def catalog() -> list[dict]:
-    return json.loads(CATALOG.read_text())["tasks"]
+def catalog() -> list[Json]:
+    rows: list[Json] = json.loads(CATALOG.read_text())["tasks"]
+    return rows
 
 
 @pytest.fixture(scope="module")
-def tasks(catalog: list[dict]) -> dict[tuple[str, str, int], TaskMetadata]:
+def tasks(catalog: list[Json]) -> Tasks:
     keys = ((row["pro_category"], row["task_suite_name"], row["task_index"]) for row in catalog)
     return dict(zip(keys, map(metadata_from_catalog, catalog), strict=True))
 
@@ -40,13 +43,13 @@ def spelled(value: object) -> str:
     return json.dumps(value, sort_keys=True)  # tells -0.0 from 0.0 and 1 from 1.0
 
 
-def regenerated(case: Case, tasks: dict) -> dict:
+def regenerated(case: Case, tasks: Tasks) -> Json:
     identity = Identity("pro", case.suite, case.task_index, case.init_state_index, case.source_category)
     task = tasks[case.source_category, case.suite, case.task_index]
     return scenario_record(identity, resolve_event(case.event.name, case.event.variant, task, identity))
 
 
-def test_every_released_scenario_is_regenerated(tasks):
+def test_every_released_scenario_is_regenerated(tasks: Tasks) -> None:
     manifest = load_manifest(MANIFEST)
     assert len(manifest) == 800
     differing = [
@@ -57,23 +60,23 @@ def test_every_released_scenario_is_regenerated(tasks):
     assert differing == []
 
 
-def test_every_released_case_id_is_regenerated():
+def test_every_released_case_id_is_regenerated() -> None:
     for case in load_manifest(MANIFEST):
         identity = Identity("pro", case.suite, case.task_index, case.init_state_index, case.source_category)
         assert identity.case_id(case.event.name, case.event.variant) == case.case_id
 
 
-def test_every_released_change_survives_reading_and_writing():
+def test_every_released_change_survives_reading_and_writing() -> None:
     for case in load_manifest(MANIFEST):
         for raw in (case.event.change, *case.event.setup):
             assert spelled(change_from_dict(raw).to_dict()) == spelled(raw)
 
 
-def test_the_manifest_keeps_its_bytes():
+def test_the_manifest_keeps_its_bytes() -> None:
     assert load_manifest(MANIFEST).to_json() == MANIFEST.read_text()
 
 
-def test_derived_metadata_equals_the_catalogue(catalog):
+def test_derived_metadata_equals_the_catalogue(catalog: list[Json]) -> None:
     for row in catalog:
         task = metadata_from_catalog(row)
         assert list(task.goal_entities) == row["goal_entity_order"]
@@ -88,7 +91,7 @@ def test_derived_metadata_equals_the_catalogue(catalog):
             assert task.support(name) == placement["support_entity"]
 
 
-def test_the_embedded_task_table_says_what_the_catalogue_says(tasks):
+def test_the_embedded_task_table_says_what_the_catalogue_says(tasks: Tasks) -> None:
     for suite in ("libero_spatial", "libero_object"):
         for index in range(10):
             ours, theirs = task_metadata(suite, index), tasks["semantic", suite, index]

@@ -54,28 +54,28 @@ def insertion(x: float, y: float) -> Case:
     ],
     ids=["camera", "move", "insertion"],
 )
-def test_a_sensible_case_passes(case):
+def test_a_sensible_case_passes(case: Case) -> None:
     assert found(case) == ""
 
 
-def test_an_overlap_is_found():
+def test_an_overlap_is_found() -> None:
     assert "clutter_1 is -" in found(insertion(0.03, 0.0))
     assert "mm from box_1" in found(insertion(0.03, 0.0))
 
 
-def test_a_near_miss_is_found():
+def test_a_near_miss_is_found() -> None:
     gap = np.nextafter(0.03 + 0.02, 1.0)  # the half widths of the two boxes
     assert "mm from box_1" in found(insertion(gap + 0.005, 0.0))
     assert "mm from box_1" not in found(insertion(gap + 0.012, 0.0))
 
 
-def test_an_object_that_falls_off_the_table_is_found():
+def test_an_object_that_falls_off_the_table_is_found() -> None:
     reasons = found(move(0.6, 0.0))
     assert "of it down, after the event" in reasons
     assert "box_1 has lost its support main_table" in reasons
 
 
-def test_an_event_that_solves_the_task_is_found():
+def test_an_event_that_solves_the_task_is_found() -> None:
     WORLD.reset(0)
     plate, box = WORLD.position("plate_1"), WORLD.position("box_1")
     way = plate - box + [0.0, 0.0, 0.04]
@@ -83,12 +83,12 @@ def test_an_event_that_solves_the_task_is_found():
     assert "the event solves the task" in found(case_of("target_relocation", change))
 
 
-def test_an_entity_out_of_reach_is_found():
+def test_an_entity_out_of_reach_is_found() -> None:
     case = case_of("camera_shift", ShiftCamera("agentview", (0.0, 0.0, 0.0), 1.0, 0.0), distance_m=0.001)
     assert found(case) == "the hand does not come within 0.001 m of box_1"
 
 
-def test_what_also_happens_without_the_event_is_not_its_fault(monkeypatch):
+def test_what_also_happens_without_the_event_is_not_its_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     sliding = TinyWorld()
     original = sliding.reset
 

@@ -2,7 +2,7 @@ from collections import Counter
 
 import pytest
 
-from pytest_libero_max.cases import EVENTS
+from pytest_libero_max.cases import EVENTS, Manifest
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.events import resolve_event
 from pytest_libero_max.construction.identity import Identity
@@ -15,17 +15,17 @@ from pytest_libero_max.errors import ManifestError
 
 
 @pytest.fixture(scope="module")
-def smoke():
+def smoke() -> Manifest:
     return load_track("smoke")
 
 
-def test_every_event_and_variant_occurs_twice(smoke):
+def test_every_event_and_variant_occurs_twice(smoke: Manifest) -> None:
     assert len(smoke) == 32
     cells = Counter((case.event.name, case.event.variant) for case in smoke)
     assert cells == {(event, variant): 2 for event in EVENTS for variant in (0, 1)}
 
 
-def test_each_suite_hosts_every_event_it_can(smoke):
+def test_each_suite_hosts_every_event_it_can(smoke: Manifest) -> None:
     for event in EVENTS:
         suites = sorted(case.suite for case in smoke if case.event.name == event)
         if event == "distractor_burst":
@@ -34,7 +34,7 @@ def test_each_suite_hosts_every_event_it_can(smoke):
             assert suites == ["libero_object"] * 2 + ["libero_spatial"] * 2
 
 
-def test_tasks_and_initial_states_are_spread(smoke):
+def test_tasks_and_initial_states_are_spread(smoke: Manifest) -> None:
     tasks = Counter((case.suite, case.task_index) for case in smoke)
     assert len(tasks) >= 18
     assert max(tasks.values()) <= 3
@@ -42,14 +42,14 @@ def test_tasks_and_initial_states_are_spread(smoke):
     assert set(inits) == set(range(10))
 
 
-def test_cases_are_sorted_and_of_unmodified_tasks(smoke):
+def test_cases_are_sorted_and_of_unmodified_tasks(smoke: Manifest) -> None:
     ids = [case.case_id for case in smoke]
     assert ids == sorted(ids)
     assert {case.source for case in smoke} == {"libero"}
     assert {case.policy_seed for case in smoke} == {195}
 
 
-def test_every_case_follows_from_its_identity(smoke):
+def test_every_case_follows_from_its_identity(smoke: Manifest) -> None:
     for case in smoke:
         identity = Identity("libero", case.suite, case.task_index, case.init_state_index)
         task = task_metadata(case.suite, case.task_index)
@@ -57,22 +57,22 @@ def test_every_case_follows_from_its_identity(smoke):
         assert case_record(identity, event, task.name) == case.record
 
 
-def test_every_change_can_be_built(smoke):
+def test_every_change_can_be_built(smoke: Manifest) -> None:
     for case in smoke:
         for raw in (case.event.change, *case.event.setup):
             assert change_from_dict(raw).to_dict() == raw
 
 
-def test_rebuilding_gives_the_same_bytes():
+def test_rebuilding_gives_the_same_bytes() -> None:
     rebuilt = build_smoke(read_ledger(FOLDER))
     assert rebuilt.to_json() == track_path("smoke").read_text(encoding="utf-8")
 
 
-def test_the_checksums_are_those_of_the_files():
+def test_the_checksums_are_those_of_the_files() -> None:
     assert (FOLDER / CHECKSUMS).read_text(encoding="utf-8") == checksums_of(FOLDER)
 
 
-def test_a_rejected_configuration_is_replaced_within_its_cell(smoke):
+def test_a_rejected_configuration_is_replaced_within_its_cell(smoke: Manifest) -> None:
     ledger = read_ledger(FOLDER)
     first = smoke.cases[0]
     replaced = build_smoke({*ledger, first.case_id})
@@ -81,7 +81,7 @@ def test_a_rejected_configuration_is_replaced_within_its_cell(smoke):
     assert cells == Counter((case.event.name, case.event.variant, case.suite) for case in smoke)
 
 
-def test_a_cell_without_configurations_is_an_error():
+def test_a_cell_without_configurations_is_an_error() -> None:
     everything = {
         Identity("libero", "libero_spatial", index, init).case_id("camera_shift", 0)
         for index in range(10)
@@ -91,7 +91,7 @@ def test_a_cell_without_configurations_is_an_error():
         build_smoke(everything)
 
 
-def test_every_case_passes_the_preflight(smoke):
+def test_every_case_passes_the_preflight(smoke: Manifest) -> None:
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
     substrate = EmbeddedSubstrate()

@@ -1,11 +1,12 @@
 from collections import Counter
+from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.cases import EVENTS
+from pytest_libero_max.cases import EVENTS, Manifest
 from pytest_libero_max.construction.subset import stratified
 from pytest_libero_max.construction.tracks import load_track
 from pytest_libero_max.errors import OptionError
@@ -19,7 +20,9 @@ SMOKE = load_track("smoke").cases
 
 
 @given(strategies.manifests(ENTITIES), st.integers(1, 8), st.randoms())
-def test_a_subset_does_not_depend_on_the_order_of_the_cases(manifest, limit, random):
+def test_a_subset_does_not_depend_on_the_order_of_the_cases(
+    manifest: Manifest, limit: int, random: Random
+) -> None:
     shuffled = list(manifest.cases)
     random.shuffle(shuffled)
     chosen, again = stratified(manifest.cases, limit), stratified(shuffled, limit)
@@ -29,12 +32,12 @@ def test_a_subset_does_not_depend_on_the_order_of_the_cases(manifest, limit, ran
 
 
 @given(st.integers(1, 31))
-def test_a_larger_limit_only_adds_cases(limit):
+def test_a_larger_limit_only_adds_cases(limit: int) -> None:
     assert set(stratified(SMOKE, limit)) < set(stratified(SMOKE, limit + 1))
 
 
 @given(st.integers(1, 32))
-def test_counts_differ_by_one_at_most(limit):
+def test_counts_differ_by_one_at_most(limit: int) -> None:
     chosen = stratified(SMOKE, limit)
     events = Counter(dict.fromkeys(EVENTS, 0))
     events.update(case.event.name for case in chosen)
@@ -43,7 +46,7 @@ def test_counts_differ_by_one_at_most(limit):
     assert max(cells.values()) <= -(-limit // 16)
 
 
-def test_eight_cases_are_the_eight_events_half_of_each_variant():
+def test_eight_cases_are_the_eight_events_half_of_each_variant() -> None:
     chosen = stratified(SMOKE, 8)
     assert {case.event.name for case in chosen} == set(EVENTS)
     assert Counter(case.event.variant for case in chosen) == {0: 4, 1: 4}
@@ -51,12 +54,12 @@ def test_eight_cases_are_the_eight_events_half_of_each_variant():
     assert abs(suites["libero_spatial"] - suites["libero_object"]) <= 2
 
 
-def test_all_are_enough():
+def test_all_are_enough() -> None:
     assert stratified(SMOKE, 32) == SMOKE
     assert stratified(SMOKE, 1000) == SMOKE
 
 
 @pytest.mark.parametrize("limit", [0, -3])
-def test_a_limit_below_one_is_refused(limit):
+def test_a_limit_below_one_is_refused(limit: int) -> None:
     with pytest.raises(OptionError, match=f"limit={limit}, but must be at least 1"):
         stratified(SMOKE, limit)

@@ -75,17 +75,13 @@ class _Candidate:
     scene: Json = field(default_factory=dict)
 
 
+@cache
 def plus_suite(suite: str) -> tuple[Variant, ...]:
     """Every variation of a suite, in the order of its registry.
 
     Raises:
         SubstrateError: The suite does not exist.
     """
-    return _plus_suite(suite)
-
-
-@cache
-def _plus_suite(suite: str) -> tuple[Variant, ...]:
     variants: list[Variant] = []
     for category in CATEGORIES:
         chosen = [

@@ -29,7 +29,7 @@ def write_plus_sheet(
     substrate: EmbeddedSubstrate,
     *,
     picks: Sequence[tuple[str, int]] = (("libero_spatial", 0), ("libero_object", 3)),
-    size: int = 160,
+    size: int = 144,
 ) -> None:
     """Each category of LIBERO-Plus at levels 1, 3 and 5, on each of some tasks, into one PNG.
 
@@ -51,9 +51,14 @@ def write_pro_sheet(
     path: Path,
     substrate: EmbeddedSubstrate,
     *,
-    picks: Sequence[tuple[str, int]] = (("libero_spatial", 0), ("libero_object", 3)),
+    picks: Sequence[tuple[str, int]] = (
+        ("libero_spatial", 0),
+        ("libero_object", 3),
+        ("libero_goal", 8),
+        ("libero_10", 9),
+    ),
     columns: int = 5,
-    size: int = 160,
+    size: int = 144,
 ) -> None:
     """Each category of LIBERO-PRO on each of some tasks, into one PNG; arguments as above."""
     chosen = [pro_suite(category, suite)[index] for suite, index in picks for category in PRO_CATEGORIES]
