@@ -1,5 +1,8 @@
 import copy
 import json
+from pathlib import Path
+from random import Random
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -9,6 +12,8 @@ from pytest_libero_max import strategies
 from pytest_libero_max.cases import (
     EVENTS,
     Case,
+    Json,
+    Manifest,
     canonical_json,
     load_manifest,
     parse_case,
@@ -28,13 +33,13 @@ ENTITIES = {
 }
 
 
-def record(event: str = "camera_shift", variant: int = 1, init: int = 4) -> dict:
+def record(event: str = "camera_shift", variant: int = 1, init: int = 4) -> Json:
     identity = Identity("libero", "libero_spatial", 3, init)
     task = task_metadata("libero_spatial", 3)
     return case_record(identity, resolve_event(event, variant, task, identity), task.name)
 
 
-def document(*cases: dict) -> dict:
+def document(*cases: Json) -> Json:
     return {
         "benchmark_id": "mine",
         "benchmark_version": "1.0.0",
@@ -43,7 +48,7 @@ def document(*cases: dict) -> dict:
     }
 
 
-def altered(path: str, value: object) -> dict:
+def altered(path: str, value: object) -> Json:
     """The document with one field of its case set, or removed where value is ``...``."""
     changed = copy.deepcopy(document())
     at = changed if path.startswith("/") else changed["cases"][0]
@@ -57,7 +62,7 @@ def altered(path: str, value: object) -> dict:
     return changed
 
 
-def test_a_case_says_what_its_record_says():
+def test_a_case_says_what_its_record_says() -> None:
     case = parse_case(record())
     assert case.case_id == "libero-spatial-t03-i04-camera_shift-d1-p195"
     assert case.item_id == "libero-spatial-t03-i04-camera_shift-v1"
@@ -72,7 +77,7 @@ def test_a_case_says_what_its_record_says():
     }
 
 
-def test_the_eight_events_have_four_families():
+def test_the_eight_events_have_four_families() -> None:
     assert len(EVENTS) == 8
     assert {kind.family for kind in EVENTS.values()} == {
         "geometry",
@@ -83,14 +88,14 @@ def test_the_eight_events_have_four_families():
 
 
 @given(strategies.cases(ENTITIES))
-def test_a_case_survives_its_record(case: Case):
+def test_a_case_survives_its_record(case: Case) -> None:
     again = parse_case(json.loads(canonical_json(case.record)))
     assert again == case
     assert again.digest == case.digest
 
 
 @given(strategies.manifests(ENTITIES))
-def test_a_manifest_survives_its_file(tmp_path_factory, manifest):
+def test_a_manifest_survives_its_file(tmp_path_factory: pytest.TempPathFactory, manifest: Manifest) -> None:
     path = tmp_path_factory.mktemp("manifest") / "manifest.json"
     path.write_text(manifest.to_json())
     loaded = load_manifest(path)
@@ -100,7 +105,7 @@ def test_a_manifest_survives_its_file(tmp_path_factory, manifest):
 
 
 @given(strategies.manifests(ENTITIES), st.randoms())
-def test_the_digest_of_a_manifest_is_that_of_its_cases_in_order(manifest, random):
+def test_the_digest_of_a_manifest_is_that_of_its_cases_in_order(manifest: Manifest, random: Random) -> None:
     document = json.loads(manifest.to_json())
     shuffled = list(document["cases"])
     random.shuffle(shuffled)
@@ -139,23 +144,23 @@ CORRUPT = [
 
 
 @pytest.mark.parametrize(("path", "value", "message"), CORRUPT, ids=[path for path, _, _ in CORRUPT])
-def test_a_corrupt_manifest_says_what_is_wrong(path, value, message):
+def test_a_corrupt_manifest_says_what_is_wrong(path: str, value: object, message: str) -> None:
     with pytest.raises(ManifestError, match=message):
         parse_manifest(altered(path, value))
 
 
-def test_an_error_names_the_case():
+def test_an_error_names_the_case() -> None:
     with pytest.raises(ManifestError, match="case 'libero-spatial-t03-i04-camera_shift-d1-p195'"):
         parse_manifest(altered("scenario.seed", -1))
 
 
-def test_a_case_id_occurs_once():
+def test_a_case_id_occurs_once() -> None:
     other = {**record(init=5), "case_id": record()["case_id"]}
     with pytest.raises(ManifestError, match="occurs 2 times; ids must be unique"):
         parse_manifest(document(record(), other))
 
 
-def test_a_configuration_occurs_once():
+def test_a_configuration_occurs_once() -> None:
     other = {**record(), "case_id": "another name for it"}
     with pytest.raises(ManifestError, match="2 cases describe the same configuration"):
         parse_manifest(document(record(), other))
@@ -171,7 +176,7 @@ def test_a_configuration_occurs_once():
         (b"\xff\xfe", "Cannot read manifest"),
     ],
 )
-def test_a_damaged_file_is_named(tmp_path, content, message):
+def test_a_damaged_file_is_named(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "broken.json"
     path.write_bytes(content)
     with pytest.raises(ManifestError, match=message) as error:
@@ -179,7 +184,7 @@ def test_a_damaged_file_is_named(tmp_path, content, message):
     assert "broken.json" in str(error.value)
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ManifestError, match=r"Cannot read manifest .*nowhere\.json"):
         load_manifest(tmp_path / "nowhere.json")
 
@@ -191,7 +196,10 @@ JSON = st.recursive(
 )
 
 
-def places(value: object, path: tuple = ()) -> list:
+Route = tuple[str | int, ...]
+
+
+def places(value: object, path: Route = ()) -> list[Route]:
     """The path of every value inside a document."""
     inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [path, *(place for key, item in inside for place in places(item, (*path, key)))]
@@ -199,10 +207,10 @@ def places(value: object, path: tuple = ()) -> list:
 
 @given(st.sampled_from(places(document())), JSON)
 @settings(max_examples=500)
-def test_whatever_stands_in_a_manifest_it_is_read_or_refused(path, value):
+def test_whatever_stands_in_a_manifest_it_is_read_or_refused(path: Route, value: object) -> None:
     changed = {"top": document()}
     *parents, last = ("top", *path)
-    at = changed
+    at: Any = changed
     for key in parents:
         at = at[key]
     at[last] = value
@@ -217,19 +225,19 @@ def test_whatever_stands_in_a_manifest_it_is_read_or_refused(path, value):
 
 
 @pytest.mark.parametrize("draw", [True, 1.0, "1", None, [1]])
-def test_a_variant_is_the_number_zero_or_one(draw):
+def test_a_variant_is_the_number_zero_or_one(draw: object) -> None:
     with pytest.raises(ManifestError, match="but an event has the variants 0 and 1"):
         parse_manifest(altered("scenario.randomization.draw_id", draw))
 
 
-def test_a_document_nested_too_deep_is_refused(tmp_path):
+def test_a_document_nested_too_deep_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "deep.json"
     path.write_text("[" * 100_000)
     with pytest.raises(ManifestError, match=r"deep\.json: not a JSON document"):
         load_manifest(path)
 
 
-def test_changes_are_checked_before_anything_is_played():
+def test_changes_are_checked_before_anything_is_played() -> None:
     check_changes([parse_case(record())])
     bad = parse_manifest(altered("scenario.change.yaw_degrees", "left"))
     with pytest.raises(

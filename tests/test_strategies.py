@@ -9,10 +9,17 @@ from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
 from pytest_libero_max.cases import Case, Event, Manifest, parse_manifest
-from pytest_libero_max.changes import Change, change_from_dict
+from pytest_libero_max.changes import Change, MoveObject, change_from_dict
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.policies.contract import Episode, Policy, Query, RemembersPolicy, query_seed
-from pytest_libero_max.worlds.contract import Entity
+from pytest_libero_max.policies.contract import (
+    Episode,
+    Policy,
+    PolicySpec,
+    Query,
+    RemembersPolicy,
+    query_seed,
+)
+from pytest_libero_max.worlds.contract import Entity, Observation
 
 ENTITIES = {
     name: Entity(name, "thing", "object", f"{name}_main", support="main_table")
@@ -25,36 +32,37 @@ def query(step: int, index: int = 0) -> Query:
     return Query(index, step, "do it", query_seed(195, index))
 
 
-def observation(x: float) -> dict:
+def observation(x: float) -> Observation:
     return {"robot0_eef_pos": np.array([x, 0.0, 0.0])}
 
 
 @given(strategies.strengths())
-def test_strengths_stay_within_their_range(strength: float):
+def test_strengths_stay_within_their_range(strength: float) -> None:
     assert 0.0 <= strength <= 1.0
 
 
 @given(strategies.changes(ENTITIES))
-def test_changes_are_changes_that_a_manifest_can_hold(change: Change):
+def test_changes_are_changes_that_a_manifest_can_hold(change: Change) -> None:
     assert isinstance(change, Change)
     assert change_from_dict(change.to_dict()) == change
 
 
 @given(st.data())
-def test_changes_can_be_narrowed_to_operations(data: st.DataObject):
+def test_changes_can_be_narrowed_to_operations(data: st.DataObject) -> None:
     change = data.draw(strategies.changes(ENTITIES, operations=["move_object"]))
     assert change.operation == "move_object"
+    assert isinstance(change, MoveObject)
     assert change.object in ENTITIES
     assert change.object != "main_table"
 
 
-def test_an_operation_that_needs_a_setup_is_refused():
+def test_an_operation_that_needs_a_setup_is_refused() -> None:
     with pytest.raises(OptionError, match=r"'insert_obstacle' cannot be applied right after a reset"):
         strategies.changes(ENTITIES, operations=["insert_obstacle"])
 
 
 @given(strategies.events(ENTITIES))
-def test_events_take_out_exactly_what_they_bring_back(event: Event):
+def test_events_take_out_exactly_what_they_bring_back(event: Event) -> None:
     removed = [step["object"] for step in event.setup]
     change = change_from_dict(event.change)
     if event.name in ("distractor_burst", "obstacle_insertion"):
@@ -65,26 +73,28 @@ def test_events_take_out_exactly_what_they_bring_back(event: Event):
 
 
 @given(strategies.cases(ENTITIES))
-def test_cases_stand_for_unmodified_tasks(case: Case):
+def test_cases_stand_for_unmodified_tasks(case: Case) -> None:
     assert case.source == "libero"
     assert case.record["scenario"]["change"] == case.event.change
 
 
 @given(strategies.manifests(ENTITIES))
 @settings(max_examples=30)
-def test_manifests_pass_the_check_of_manifests(manifest: Manifest):
+def test_manifests_pass_the_check_of_manifests(manifest: Manifest) -> None:
     assert parse_manifest(json.loads(manifest.to_json())) == manifest
 
 
 @given(strategies.action_sequences(max_size=4))
-def test_actions_have_seven_finite_components(actions: list):
+def test_actions_have_seven_finite_components(actions: list[tuple[float, ...]]) -> None:
     array = np.array(actions)
     assert array.shape == (len(actions), 7)
     assert np.abs(array).max() <= 1.5
 
 
 @given(strategies.scripted_policies(), st.integers(0, 100), st.floats(-1, 1))
-def test_scripted_policies_keep_the_contract_and_repeat_themselves(policy, step: int, x: float):
+def test_scripted_policies_keep_the_contract_and_repeat_themselves(
+    policy: strategies.ScriptedPolicy, step: int, x: float
+) -> None:
     assert isinstance(policy, Policy)
     policy.reset(EPISODE)
     first = policy.predict(observation(x), query(step))
@@ -96,7 +106,7 @@ def test_scripted_policies_keep_the_contract_and_repeat_themselves(policy, step:
 
 
 @given(strategies.scripted_policies(memory=True))
-def test_a_remembering_policy_continues_from_its_snapshot(policy):
+def test_a_remembering_policy_continues_from_its_snapshot(policy: strategies.ScriptedPolicy) -> None:
     assert isinstance(policy, RemembersPolicy)
     policy.reset(EPISODE)
     policy.predict(observation(0.1), query(0))
@@ -107,8 +117,8 @@ def test_a_remembering_policy_continues_from_its_snapshot(policy):
     assert np.array_equal(second, policy.predict(observation(0.2), query(1, 1)))
 
 
-def test_memory_reaches_the_actions():
-    spec = strategies.PolicySpec("scripted", 1, 1, ())
+def test_memory_reaches_the_actions() -> None:
+    spec = PolicySpec("scripted", 1, 1, ())
     policy = strategies.RememberingPolicy(spec, [[0.0] * 7], 1)
     policy.reset(EPISODE)
     policy.predict(observation(0.1), query(0))
@@ -117,7 +127,7 @@ def test_memory_reaches_the_actions():
     assert not np.array_equal(remembering, policy.predict(observation(0.2), query(1, 1)))
 
 
-def test_only_this_module_needs_hypothesis():
+def test_only_this_module_needs_hypothesis() -> None:
     code = (
         "import sys, pytest_libero_max.changes, pytest_libero_max.construction.events\n"
         "sys.exit('hypothesis' in sys.modules or 'mujoco' in sys.modules)"
