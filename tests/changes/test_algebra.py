@@ -149,7 +149,7 @@ def test_an_insertion_happens_once(event: Event) -> None:
 
 @given(events(), actions(), actions())
 def test_the_same_event_from_the_same_state_gives_the_same_world(
-    event: Event, prefix: Actions, rest: list
+    event: Event, prefix: Actions, rest: Actions
 ) -> None:
     WORLD.reset(0)
     change = set_up(WORLD, event)
