@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import OptionError, ReportError
+from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.plan import Run
 from pytest_libero_max.report.store import PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, error_of, plan, record_of
@@ -21,7 +22,8 @@ def test_what_is_appended_is_read_back(tmp_path: Path, run: Run) -> None:
     records = [record_of(pair, True, index % 2 == 0) for index, pair in enumerate(run.planned[:5])]
     error = error_of(run.planned[5])
     store = PairStore(tmp_path, run)
-    for pair in (*records[:3], error, *records[3:]):
+    pairs: list[PairRecord | PairError] = [*records[:3], error, *records[3:]]
+    for pair in pairs:
         store.append(pair)
     store.close()
     stored = read_pairs(tmp_path)

@@ -51,7 +51,7 @@ def test_fixed_weights_keep_the_composition_of_sources() -> None:
     interval = cluster_bootstrap(values, tasks, pools=SOURCES)
     assert interval is not None
     assert interval.estimate == pytest.approx(-0.7)
-    assert (interval.lower, interval.upper) == (pytest.approx(-0.7), pytest.approx(-0.7))
+    assert (interval.lower, interval.upper) == pytest.approx((-0.7, -0.7))
 
 
 def test_the_order_of_cases_and_the_chunks_never_show(monkeypatch: pytest.MonkeyPatch) -> None:

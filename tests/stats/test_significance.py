@@ -57,5 +57,5 @@ def test_holm_only_ever_raises_and_keeps_the_order(values: list[float | None]) -
         len(values) - len(pairs)
     )
     assert all(q is not None and p <= q <= 0 for p, q in pairs)
-    ordered = [q for _, q in sorted(pairs)]
+    ordered = [q for _, q in sorted((p, q) for p, q in pairs if q is not None)]
     assert ordered == sorted(ordered)
