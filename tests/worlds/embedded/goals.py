@@ -41,7 +41,7 @@ def reach(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData) -> None:
     done: dict[str, int] = {}
     for fact in scene.task.goal:
         if fact.place is not None:
-            put(scene, data, fact, done.setdefault(fact.place, 0))
+            put(scene, data, fact.subject, fact.place, done.setdefault(fact.place, 0))
             done[fact.place] += 1
             mujoco.mj_forward(model, data)
 
@@ -52,15 +52,15 @@ def opened(scene: Scene) -> list[Fact]:
     return [
         Fact("open", fact.place)
         for fact in scene.task.goal
-        if fact.predicate == "in" and scene.regions[fact.place].joints and fact.place not in closed
+        if fact.predicate == "in" and fact.place is not None
+        if scene.regions[fact.place].joints and fact.place not in closed
     ]
 
 
-def put(scene: Scene, data: mujoco.MjData, fact: Fact, number: int) -> None:
-    """Put an object where a fact wants it; ``number`` counts the objects that are there already."""
-    kind = category(category_of(fact.subject))
-    joint = data.joint(f"{fact.subject}_joint0")
-    place = fact.place
+def put(scene: Scene, data: mujoco.MjData, subject: str, place: str, number: int) -> None:
+    """Put an object where the goal wants it; ``number`` counts the objects that are there already."""
+    kind = category(category_of(subject))
+    joint = data.joint(f"{subject}_joint0")
     joint.qpos[3:] = kind.upright
     if place in scene.task.places:
         joint.qpos[:3] = *data.site(place).xpos[:2], joint.qpos[2]

@@ -116,17 +116,17 @@ def drive(
     GRASPS,
     ids=[f"{name}{side:+.3f}@{height:.3f}" for name, side, height in GRASPS],
 )
-def test_is_lifted_carried_and_held(name, side, height):
+def test_is_lifted_carried_and_held(name: str, side: float, height: float) -> None:
     carry(grasp_model(name), side, height)
 
 
-def test_every_part_to_grasp_is_tried():
+def test_every_part_to_grasp_is_tried() -> None:
     kinds = {name: category(name) for name in CATEGORIES if not category(name).fixture}
     assert sorted((name, grip.name) for name, kind in kinds.items() for grip in kind.root.grips) == PARTS
 
 
 @pytest.mark.parametrize(("name", "part"), PARTS, ids=[f"{name}-{part}" for name, part in PARTS])
-def test_is_lifted_carried_and_held_by_its_part(name, part):
+def test_is_lifted_carried_and_held_by_its_part(name: str, part: str) -> None:
     kind = category(name)
     (grip,) = (grip for grip in kind.root.grips if grip.name == part)
     across = np.cross(grip.along, grip.out)

@@ -23,7 +23,7 @@ FINGER_HALF = 0.009
 
 
 @pytest.mark.parametrize(("suite", "index"), ALL, ids=IDS)
-def test_every_part_is_inside_the_solids_of_its_body_or_between_them(suite, index):
+def test_every_part_is_inside_the_solids_of_its_body_or_between_them(suite: str, index: int) -> None:
     scene, model, data = at_start(suite, index)
     for name, holding in holdings(scene).items():
         assert name.startswith(f"{holding.entity}_")
@@ -43,7 +43,7 @@ def inside(model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: np.ndar
 
 
 @pytest.mark.parametrize(("suite", "index", "name"), MOVING, ids=[name for _, _, name in MOVING])
-def test_the_motion_of_a_part_is_that_of_its_joint(suite, index, name):
+def test_the_motion_of_a_part_is_that_of_its_joint(suite: str, index: int, name: str) -> None:
     scene, model, data = at_start(suite, index)
     holding = holdings(scene)[name]
     before, motion = holding.world(data)[0], holding.motion(data)
@@ -53,7 +53,7 @@ def test_the_motion_of_a_part_is_that_of_its_joint(suite, index, name):
 
 
 @pytest.mark.parametrize(("suite", "index", "name"), MOVING, ids=[name for _, _, name in MOVING])
-def test_two_fingers_reach_around_the_part(suite, index, name):
+def test_two_fingers_reach_around_the_part(suite: str, index: int, name: str) -> None:
     scene, model, data = at_start(suite, index)
     holding = holdings(scene)[name]
     position, along, out = holding.world(data)
@@ -69,7 +69,7 @@ def free(model: mujoco.MjModel, data: mujoco.MjData, point: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize(("suite", "index", "name"), MOVING, ids=[name for _, _, name in MOVING])
-def test_a_small_force_moves_it_and_it_stays_where_it_was_left(suite, index, name):
+def test_a_small_force_moves_it_and_it_stays_where_it_was_left(suite: str, index: int, name: str) -> None:
     scene, model, data = at_start(suite, index)
     joint = model.joint(holdings(scene)[name].joint)
     data.qpos[joint.qposadr[0]] = 0.0
@@ -89,7 +89,7 @@ def test_a_small_force_moves_it_and_it_stays_where_it_was_left(suite, index, nam
     assert data.qpos[place] == pytest.approx(rest, abs=1e-4)
 
 
-def test_grips_of_objects_are_given_in_the_turned_frame_of_their_bodies():
+def test_grips_of_objects_are_given_in_the_turned_frame_of_their_bodies() -> None:
     scene, _, data = at_start("libero_goal", 9)
     neck = holdings(scene)["wine_bottle_1_neck"]
     position, along, _ = neck.world(data)

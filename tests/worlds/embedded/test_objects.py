@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.objects import CATEGORIES, category
 
@@ -59,7 +60,7 @@ JOINTS_OF_10 = {
 }
 
 
-def first_scene_with(name: str):
+def first_scene_with(name: str) -> tuple[Entity, mujoco.MjModel, mujoco.MjData]:
     for suite, index in ALL:
         scene, model, data = at_start(suite, index)
         for entity in scene.entities.values():
@@ -78,16 +79,17 @@ def joints_of(name: str, model: mujoco.MjModel) -> list[str]:
     return [joint for joint in names if joint.startswith(f"{name}_1_")]
 
 
-def designed_axes(data: mujoco.MjData, body: str, name: str) -> np.ndarray:
+def designed_axes(data: mujoco.MjData, body: str, name: str) -> Array:
     """(3, 3): in the world, the axes in which a category is designed."""
-    return data.body(body).xmat.reshape(3, 3) @ rotations.matrix(rotations.inverse(category(name).upright))
+    axes: Array = data.body(body).xmat.reshape(3, 3)
+    return axes @ rotations.matrix(rotations.inverse(category(name).upright))
 
 
 def geoms_of(model: mujoco.MjModel, body: str) -> list[int]:
     return [int(g) for g in np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body(body).id)]
 
 
-def extent(model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int], yaw_free: np.ndarray) -> np.ndarray:
+def extent(model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int], yaw_free: Array) -> Array:
     """(3,) m, size of the box around geoms, in the axes of ``yaw_free``."""
     points = []
     for g in geoms:
@@ -100,15 +102,16 @@ def extent(model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int], yaw_fre
             local = signs * model.geom_size[g]
         points.append(local @ data.geom_xmat[g].reshape(3, 3).T + data.geom_xpos[g])
     cloud = np.concatenate(points) @ yaw_free
-    return cloud.max(axis=0) - cloud.min(axis=0)
+    size: Array = cloud.max(axis=0) - cloud.min(axis=0)
+    return size
 
 
-def test_the_table_covers_every_category():
+def test_the_table_covers_every_category() -> None:
     assert sorted(LIBERO) == list(CATEGORIES)
 
 
 @pytest.mark.parametrize("name", sorted(LIBERO))
-def test_mass_and_size_are_those_of_libero(name):
+def test_mass_and_size_are_those_of_libero(name: str) -> None:
     mass, size = LIBERO[name]
     entity, model, data = first_scene_with(name)
     root = model.body(entity.body).id
@@ -121,7 +124,7 @@ def test_mass_and_size_are_those_of_libero(name):
 
 
 @pytest.mark.parametrize("name", sorted(set(LIBERO) - {"flat_stove"}))
-def test_what_is_seen_is_where_it_is_felt(name):
+def test_what_is_seen_is_where_it_is_felt(name: str) -> None:
     entity, model, data = first_scene_with(name)
     geoms = geoms_of(model, entity.body)
     axes = designed_axes(data, entity.body, name)
@@ -130,7 +133,7 @@ def test_what_is_seen_is_where_it_is_felt(name):
     assert seen == pytest.approx(solid, abs=0.008)
 
 
-def test_collision_and_looks_are_in_the_groups_that_robosuite_expects():
+def test_collision_and_looks_are_in_the_groups_that_robosuite_expects() -> None:
     for suite, index in ALL[::5]:
         _, model, _ = at_start(suite, index)
         colliding = model.geom_contype > 0
@@ -138,7 +141,7 @@ def test_collision_and_looks_are_in_the_groups_that_robosuite_expects():
         assert (model.geom_group[~colliding] == 1).all()
 
 
-def test_drawers_and_knob_move_as_in_libero():
+def test_drawers_and_knob_move_as_in_libero() -> None:
     _, model, _ = at_start("libero_spatial", 0)
     for name, (limits, axis, damping) in JOINTS.items():
         joint = model.joint(name)
@@ -147,7 +150,7 @@ def test_drawers_and_knob_move_as_in_libero():
         assert model.dof_damping[joint.dofadr[0]] == damping
 
 
-def test_drawers_and_door_of_libero_10_move_as_in_libero():
+def test_drawers_and_door_of_libero_10_move_as_in_libero() -> None:
     for name, (index, limits, axis, damping) in JOINTS_OF_10.items():
         _, model, _ = at_start("libero_10", index)
         joint = model.joint(name)
@@ -157,11 +160,12 @@ def test_drawers_and_door_of_libero_10_move_as_in_libero():
 
 
 @pytest.mark.parametrize("name", [*(name for name in JOINTS if "level" in name), *JOINTS_OF_10])
-def test_a_drawer_or_door_moves_through_its_whole_range_without_touching_anything(name):
+def test_a_drawer_or_door_moves_through_its_whole_range_without_touching_anything(name: str) -> None:
     scene = ("libero_10", JOINTS_OF_10[name][0]) if name in JOINTS_OF_10 else ("libero_spatial", 0)
     _, model, data = at_start(*scene)
     drawer = model.joint(name).bodyid[0]
-    for position in np.linspace(*model.joint(name).range, 18):
+    low, high = model.joint(name).range
+    for position in np.linspace(low, high, 18):
         data.joint(name).qpos[0] = position
         mujoco.mj_forward(model, data)
         bodies = model.geom_bodyid[data.contact.geom[: data.ncon]]
@@ -170,7 +174,7 @@ def test_a_drawer_or_door_moves_through_its_whole_range_without_touching_anythin
         assert drawer not in bodies[own]
 
 
-def test_the_knob_turns_freely():
+def test_the_knob_turns_freely() -> None:
     _, model, data = at_start("libero_spatial", 0)
     knob = model.body("flat_stove_1_button").id
     for angle in np.linspace(0, 2.1, 8):
@@ -180,6 +184,6 @@ def test_the_knob_turns_freely():
         assert knob not in bodies
 
 
-def test_an_unknown_category_names_the_closest():
+def test_an_unknown_category_names_the_closest() -> None:
     with pytest.raises(SubstrateError, match="Did you mean 'plate'"):
         category("plat")

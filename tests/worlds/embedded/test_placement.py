@@ -29,7 +29,7 @@ print(hashlib.sha256(initial_state(scene, model, mujoco.MjData(model), 3).tobyte
 
 
 @every_scene
-def test_every_start_is_finite_rounded_and_its_own(suite, index):
+def test_every_start_is_finite_rounded_and_its_own(suite: str, index: int) -> None:
     starts = [at_start(suite, index, init)[2].qpos.copy() for init in range(INITIAL_STATES)]
     for qpos in starts:
         assert np.isfinite(qpos).all()
@@ -39,7 +39,7 @@ def test_every_start_is_finite_rounded_and_its_own(suite, index):
 
 
 @every_scene
-def test_every_start_is_at_rest(suite, index):
+def test_every_start_is_at_rest(suite: str, index: int) -> None:
     for init in range(INITIAL_STATES):
         _, model, data = at_start(suite, index, init)
         before = data.xpos.copy()
@@ -50,7 +50,7 @@ def test_every_start_is_at_rest(suite, index):
 
 
 @every_scene
-def test_everything_touches_what_it_is_declared_to_rest_on_and_nothing_else(suite, index):
+def test_everything_touches_what_it_is_declared_to_rest_on_and_nothing_else(suite: str, index: int) -> None:
     for init in range(INITIAL_STATES):
         scene, model, data = at_start(suite, index, init)
         for name in scene.task.objects:
@@ -65,11 +65,15 @@ def test_everything_touches_what_it_is_declared_to_rest_on_and_nothing_else(suit
 
 
 @every_scene
-def test_objects_stand_upright_in_their_regions(suite, index):
+def test_objects_stand_upright_in_their_regions(suite: str, index: int) -> None:
     for init in range(INITIAL_STATES):
         scene, _, data = at_start(suite, index, init)
         for fact in scene.task.start:
-            if fact.subject in scene.task.objects and fact.place in scene.task.places:
+            if (
+                fact.subject in scene.task.objects
+                and fact.place is not None
+                and fact.place in scene.task.places
+            ):
                 x0, y0, x1, y1 = scene.task.places[fact.place].box
                 x, y, _ = data.body(scene.entities[fact.subject].body).xpos
                 # LIBERO shrinks a region by a nominal radius; of a smaller region the middle may leave it.
@@ -80,7 +84,7 @@ def test_objects_stand_upright_in_their_regions(suite, index):
 
 
 @every_scene
-def test_what_the_task_says_about_its_start_holds(suite, index):
+def test_what_the_task_says_about_its_start_holds(suite: str, index: int) -> None:
     for init in range(INITIAL_STATES):
         scene, model, data = at_start(suite, index, init)
         for fact in scene.task.start:
@@ -89,7 +93,7 @@ def test_what_the_task_says_about_its_start_holds(suite, index):
                 assert resolve(fact, scene.entities, scene.regions).holds(model, data), (init, fact)
 
 
-def test_an_initial_state_does_not_depend_on_what_was_asked_before():
+def test_an_initial_state_does_not_depend_on_what_was_asked_before() -> None:
     scene, model = compiled("libero_spatial", 4)
     data = mujoco.MjData(model)
     forwards = [initial_state(scene, model, data, init).tobytes() for init in (0, 1, 2)]
@@ -98,7 +102,7 @@ def test_an_initial_state_does_not_depend_on_what_was_asked_before():
     assert forwards == backwards[::-1]
 
 
-def test_laying_out_leaves_the_model_as_it_was():
+def test_laying_out_leaves_the_model_as_it_was() -> None:
     scene = build_scene("libero_spatial", 3)
     model = mujoco.MjModel.from_xml_string(scene.mjcf)
     margin, friction = model.geom_margin.copy(), model.geom_friction.copy()
@@ -107,7 +111,7 @@ def test_laying_out_leaves_the_model_as_it_was():
     assert (model.geom_friction == friction).all()
 
 
-def test_other_processes_with_other_hash_seeds_find_the_same_bytes():
+def test_other_processes_with_other_hash_seeds_find_the_same_bytes() -> None:
     digests = {
         subprocess.run(
             [sys.executable, "-c", PRINT_DIGEST],
@@ -122,7 +126,7 @@ def test_other_processes_with_other_hash_seeds_find_the_same_bytes():
 
 
 @pytest.mark.parametrize("init", [-1, 10, 1000])
-def test_initial_states_that_do_not_exist_are_refused(init):
+def test_initial_states_that_do_not_exist_are_refused(init: int) -> None:
     scene, model = compiled("libero_object", 0)
     with pytest.raises(
         SubstrateError, match=f"init={init} is not an initial state of libero_object/0: use 0 to 9"

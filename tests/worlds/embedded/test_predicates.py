@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import pytest
 
@@ -26,13 +28,15 @@ BOXES = """
 TOUCHING = 0.61999
 """Height at which the cube rests on the stand, m."""
 
+Boxes = Callable[[float, float, float], tuple[mujoco.MjModel, mujoco.MjData]]
+
 
 @pytest.fixture
-def boxes():
+def boxes() -> Boxes:
     model = mujoco.MjModel.from_xml_string(BOXES)
     data = mujoco.MjData(model)
 
-    def put(x: float, y: float, z: float):
+    def put(x: float, y: float, z: float) -> tuple[mujoco.MjModel, mujoco.MjData]:
         data.joint("cube").qpos[:3] = x, y, z
         mujoco.mj_forward(model, data)
         return model, data
@@ -40,7 +44,7 @@ def boxes():
     return put
 
 
-def test_touching_is_symmetric_and_ends_with_the_contact(boxes):
+def test_touching_is_symmetric_and_ends_with_the_contact(boxes: Boxes) -> None:
     assert touching(*boxes(0, 0, TOUCHING), "cube", "stand")
     assert touching(*boxes(0, 0, TOUCHING), "stand", "cube")
     assert not touching(*boxes(0, 0, 0.63), "cube", "stand")
@@ -50,17 +54,19 @@ def test_touching_is_symmetric_and_ends_with_the_contact(boxes):
     ("x", "z", "expected"),
     [(0.0, TOUCHING, True), (0.029, TOUCHING, True), (0.031, TOUCHING, False), (0.0, 0.63, False)],
 )
-def test_on_object_needs_contact_and_less_than_three_centimetres(boxes, x, z, expected):
+def test_on_object_needs_contact_and_less_than_three_centimetres(
+    boxes: Boxes, x: float, z: float, expected: bool
+) -> None:
     assert OnObject("cube", "stand").holds(*boxes(x, 0, z)) is expected
 
 
-def test_on_object_needs_the_support_to_be_below(boxes):
+def test_on_object_needs_the_support_to_be_below(boxes: Boxes) -> None:
     model, data = boxes(0, 0, 0.3801)  # the cube touches the stand from underneath
     assert touching(model, data, "cube", "stand")
     assert not OnObject("cube", "stand").holds(model, data)
 
 
-def test_on_site_asks_for_contact_only_where_a_fixture_is_named(boxes):
+def test_on_site_asks_for_contact_only_where_a_fixture_is_named(boxes: Boxes) -> None:
     floating = boxes(0, 0, 0.66)
     assert OnSite("cube", "top").holds(*floating)
     assert not OnSite("cube", "top", "stand").holds(*floating)
@@ -68,12 +74,12 @@ def test_on_site_asks_for_contact_only_where_a_fixture_is_named(boxes):
 
 
 @pytest.mark.parametrize(("z", "expected"), [(0.604, False), (0.606, True), (0.709, True), (0.711, False)])
-def test_on_site_has_a_height_of_its_own(boxes, z, expected):
+def test_on_site_has_a_height_of_its_own(boxes: Boxes, z: float, expected: bool) -> None:
     # The site is 1 cm thick to either side of 0.6: from 5 mm under its top to 10 cm above its top.
     assert OnSite("cube", "top").holds(*boxes(0, 0, z)) is expected
 
 
-def test_on_site_turns_the_offset_by_the_sites_own_rotation(boxes):
+def test_on_site_turns_the_offset_by_the_sites_own_rotation(boxes: Boxes) -> None:
     # LIBERO multiplies by R, where R transposed would bring the offset into the site's frame: at 30 degrees
     # a point on the site's long axis ends up at 60 degrees, outside the narrow side.
     assert not OnSite("cube", "top").holds(*boxes(0.0779, 0.045, 0.62))
@@ -93,7 +99,9 @@ def test_on_site_turns_the_offset_by_the_sites_own_rotation(boxes):
         (1.0, 0, 0.389, False),
     ],
 )
-def test_in_uses_the_turned_box_and_a_centimetre_more_below(boxes, x, y, z, expected):
+def test_in_uses_the_turned_box_and_a_centimetre_more_below(
+    boxes: Boxes, x: float, y: float, z: float, expected: bool
+) -> None:
     assert In("cube", "inside").holds(*boxes(x, y, z)) is expected
 
 
@@ -110,13 +118,15 @@ def test_in_uses_the_turned_box_and_a_centimetre_more_below(boxes, x, y, z, expe
         (Joints(("lid",), high=0.0, every=True), -0.001, 0.0, True),
     ],
 )
-def test_joints_compare_with_their_thresholds(boxes, predicate, lid, flap, expected):
+def test_joints_compare_with_their_thresholds(
+    boxes: Boxes, predicate: Joints, lid: float, flap: float, expected: bool
+) -> None:
     model, data = boxes(0, 0, 1)
     data.joint("lid").qpos[0], data.joint("flap").qpos[0] = lid, flap
     assert predicate.holds(model, data) is expected
 
 
-def test_a_goal_is_a_conjunction(boxes):
+def test_a_goal_is_a_conjunction(boxes: Boxes) -> None:
     state = boxes(0, 0, TOUCHING)
     on, into = OnObject("cube", "stand"), In("cube", "inside")
     assert all_hold((on,), *state)
@@ -124,14 +134,14 @@ def test_a_goal_is_a_conjunction(boxes):
 
 
 @pytest.mark.parametrize(("suite", "index"), ALL, ids=IDS)
-def test_a_goal_does_not_hold_at_any_start(suite, index):
+def test_a_goal_does_not_hold_at_any_start(suite: str, index: int) -> None:
     for init in range(10):
         scene, model, data = at_start(suite, index, init)
         assert not all_hold(scene.goal, model, data)
 
 
 @pytest.mark.parametrize(("suite", "index"), ALL, ids=IDS)
-def test_a_goal_holds_once_the_task_was_done_by_hand(suite, index):
+def test_a_goal_holds_once_the_task_was_done_by_hand(suite: str, index: int) -> None:
     scene, model, data = at_start(suite, index)
     reach(scene, model, data)
     control_steps(model, data, 20)

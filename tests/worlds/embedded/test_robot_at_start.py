@@ -11,7 +11,7 @@ from .scenes import ALL, IDS
 
 
 @pytest.mark.parametrize(("suite", "index"), ALL, ids=IDS)
-def test_the_robot_starts_clear_of_everything(suite, index):
+def test_the_robot_starts_clear_of_everything(suite: str, index: int) -> None:
     world = EmbeddedWorld(build_scene(suite, index))
     try:
         for name in world.entities:

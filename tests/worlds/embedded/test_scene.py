@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from typing import Literal
 
 import mujoco
 import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.embedded.predicates import In, Joints, OnObject, OnSite
+from pytest_libero_max.worlds.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
 from pytest_libero_max.worlds.embedded.scene import build_scene, resolve
 from pytest_libero_max.worlds.embedded.tasks import Fact
 from pytest_libero_max.worlds.embedded.textures import upload
@@ -15,11 +16,13 @@ from pytest_libero_max.worlds.rendering import Renderer
 
 from .scenes import ALL, IDS, at_start, compiled
 
+PredicateName = Literal["on", "in", "open", "close", "turnon", "turnoff"]
+
 every_scene = pytest.mark.parametrize(("suite", "index"), ALL, ids=IDS)
 
 
 @every_scene
-def test_every_name_of_the_scene_exists_in_the_model(suite, index):
+def test_every_name_of_the_scene_exists_in_the_model(suite: str, index: int) -> None:
     scene, model = compiled(suite, index)
     for entity in scene.entities.values():
         assert model.body(entity.body).id > 0
@@ -41,7 +44,7 @@ def triangles(model: mujoco.MjModel) -> int:
     return int(model.mesh_facenum[shown].sum())
 
 
-def test_no_scene_has_more_than_twice_the_median_of_triangles_or_of_colliding_shapes():
+def test_no_scene_has_more_than_twice_the_median_of_triangles_or_of_colliding_shapes() -> None:
     models = [compiled(suite, index)[1] for suite, index in ALL]
     for counts in (
         [triangles(model) for model in models],
@@ -51,14 +54,14 @@ def test_no_scene_has_more_than_twice_the_median_of_triangles_or_of_colliding_sh
 
 
 @every_scene
-def test_a_scene_is_light_and_casts_no_shadows(suite, index):
+def test_a_scene_is_light_and_casts_no_shadows(suite: str, index: int) -> None:
     _, model = compiled(suite, index)
     assert triangles(model) < 6000
     assert not model.light_castshadow.any()
     assert not model.mat_reflectance.any()
 
 
-def test_joints_come_in_liberos_order():
+def test_joints_come_in_liberos_order() -> None:
     _, spatial = compiled("libero_spatial", 7)
     assert [spatial.joint(n).name for n in range(spatial.njnt)] == [
         "akita_black_bowl_1_joint0",
@@ -156,7 +159,7 @@ every_room = pytest.mark.parametrize("room", ROOMS, ids=[f"{suite}/{index}" for 
 
 
 @every_room
-def test_cameras_stand_where_libero_has_them(room):
+def test_cameras_stand_where_libero_has_them(room: tuple[str, int]) -> None:
     _, model = compiled(*room)
     names = {model.camera(n).name for n in range(model.ncam)}
     extra = {"paperview"} if room[0] == "libero_10" else set()
@@ -166,7 +169,7 @@ def test_cameras_stand_where_libero_has_them(room):
 
 
 @every_room
-def test_robot_surface_and_regions_are_where_libero_has_them(room):
+def test_robot_surface_and_regions_are_where_libero_has_them(room: tuple[str, int]) -> None:
     mount, base, _, height, (name, position) = ROOMS[room]
     scene, model, data = at_start(*room)
     assert (scene.mount, scene.robot_base_pos) == (mount, base)
@@ -192,7 +195,7 @@ FIXTURES = {
 
 
 @pytest.mark.parametrize(("suite", "index"), FIXTURES, ids=[f"{s}/{i}" for s, i in FIXTURES])
-def test_fixtures_stand_in_the_middle_of_their_regions(suite, index):
+def test_fixtures_stand_in_the_middle_of_their_regions(suite: str, index: int) -> None:
     scene, _, data = at_start(suite, index)
     for name, position in FIXTURES[suite, index].items():
         body = data.body(scene.entities[name].body)
@@ -201,18 +204,18 @@ def test_fixtures_stand_in_the_middle_of_their_regions(suite, index):
         assert body.xmat[0] == pytest.approx(-1.0 if turned else 1.0)
 
 
-def test_the_same_task_gives_the_same_bytes():
+def test_the_same_task_gives_the_same_bytes() -> None:
     first, second = build_scene("libero_spatial", 4), build_scene("libero_spatial", 4)
     assert first.mjcf == second.mjcf
     assert all((first.textures[name] == second.textures[name]).all() for name in first.textures)
 
 
-def test_the_document_needs_no_file():
+def test_the_document_needs_no_file() -> None:
     root = ET.fromstring(build_scene("libero_object", 0).mjcf)
     assert not [element.tag for element in root.iter() if element.get("file")]
 
 
-def test_entities_say_what_they_rest_on():
+def test_entities_say_what_they_rest_on() -> None:
     supports = {
         index: build_scene("libero_spatial", index).entities["akita_black_bowl_1"].support
         for index in (0, 3, 4, 5, 7, 9)
@@ -227,11 +230,11 @@ def test_entities_say_what_they_rest_on():
     }
 
 
-def test_names_become_predicates():
+def test_names_become_predicates() -> None:
     scene = build_scene("libero_spatial", 0)
 
-    def of(*fact: str):
-        return resolve(Fact(*fact), scene.entities, scene.regions)
+    def of(predicate: PredicateName, subject: str, place: str | None = None) -> Predicate:
+        return resolve(Fact(predicate, subject, place), scene.entities, scene.regions)
 
     bowl = "akita_black_bowl_1_main"
     top = ("wooden_cabinet_1_top_level",)
@@ -258,7 +261,7 @@ def test_names_become_predicates():
     )
 
 
-def test_a_predicate_about_nothing_is_refused():
+def test_a_predicate_about_nothing_is_refused() -> None:
     scene = build_scene("libero_spatial", 0)
     with pytest.raises(SubstrateError, match="Did you mean 'plate_1'"):
         resolve(Fact("on", "akita_black_bowl_1", "plate_2"), scene.entities, scene.regions)
@@ -272,7 +275,7 @@ def test_a_predicate_about_nothing_is_refused():
     ("suite", "index"),
     [("libero_spatial", 0), ("libero_object", 0), ("libero_goal", 0), *(("libero_10", n) for n in range(10))],
 )
-def test_the_main_camera_sees_every_object(suite, index):
+def test_the_main_camera_sees_every_object(suite: str, index: int) -> None:
     scene, model, data = at_start(suite, index)
     upload(model, scene.textures)
     renderer = Renderer(model, data)
