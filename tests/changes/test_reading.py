@@ -1,9 +1,11 @@
 """Changes from manifests: every field checked, nothing invented."""
 
 import copy
+from typing import Any
 
 import pytest
 
+from pytest_libero_max.cases import Json
 from pytest_libero_max.changes import OPERATIONS, change_from_dict
 from pytest_libero_max.errors import ChangeError
 
@@ -14,7 +16,7 @@ PLACEMENT = {
     "preserve_initial_z": True,
     "support_entity": "floor",
 }
-VALID = {
+VALID: dict[str, Json] = {
     "set_lighting": {"scale": 0.2},
     "shift_camera": {
         "camera": "agentview",
@@ -80,14 +82,14 @@ VALID = {
 
 
 @pytest.mark.parametrize("operation", OPERATIONS)
-def test_a_change_is_written_as_it_was_read(operation):
+def test_a_change_is_written_as_it_was_read(operation: str) -> None:
     raw = {"operation": operation, **VALID[operation]}
     kept = copy.deepcopy(raw)
     assert change_from_dict(raw).to_dict() == raw == kept
 
 
 @pytest.mark.parametrize("operation", OPERATIONS)
-def test_an_unknown_field_is_refused(operation):
+def test_an_unknown_field_is_refused(operation: str) -> None:
     with pytest.raises(ChangeError, match=f"{operation} has the unknown field 'extra'"):
         change_from_dict({"operation": operation, **VALID[operation], "extra": 1})
 
@@ -118,7 +120,7 @@ REQUIRED = [
 
 
 @pytest.mark.parametrize(("operation", "field"), REQUIRED)
-def test_a_missing_field_is_named(operation, field):
+def test_a_missing_field_is_named(operation: str, field: str) -> None:
     raw = {"operation": operation, **VALID[operation]}
     del raw[field]
     with pytest.raises(ChangeError, match=f"{operation} lacks {field}"):
@@ -138,7 +140,7 @@ WRONG = {"list": [], "dict": {}, "nan": float("nan"), "empty": "", "huge": 10**4
         if (field, wrong) != ("seed", "huge")  # a seed may be as long as it likes
     ],
 )
-def test_a_wrong_value_is_named(operation, field, wrong):
+def test_a_wrong_value_is_named(operation: str, field: str, wrong: str) -> None:
     with pytest.raises(ChangeError, match=f"{operation}\\.{field}"):
         change_from_dict({"operation": operation, **VALID[operation], field: WRONG[wrong]})
 
@@ -195,23 +197,23 @@ def test_a_wrong_value_is_named(operation, field, wrong):
         ("insert_obstacle", "preserve_initial_z", 1, "preserve_initial_z=1, but must be true or false"),
     ],
 )
-def test_a_broken_rule_is_explained(operation, field, wrong, message):
+def test_a_broken_rule_is_explained(operation: str, field: str, wrong: object, message: str) -> None:
     with pytest.raises(ChangeError, match=message):
         change_from_dict({"operation": operation, **VALID[operation], field: wrong})
 
 
 @pytest.mark.parametrize("raw", [None, [], "shift_camera"])
-def test_what_is_no_object_is_refused(raw):
+def test_what_is_no_object_is_refused(raw: Any) -> None:
     with pytest.raises(ChangeError, match="must be an object with an operation"):
         change_from_dict(raw)
 
 
 @pytest.mark.parametrize("operation", [None, 3, ["set_lighting"], "set_lightning"])
-def test_an_unknown_operation_is_refused(operation):
+def test_an_unknown_operation_is_refused(operation: object) -> None:
     with pytest.raises(ChangeError, match="is not a change"):
         change_from_dict({"operation": operation})
 
 
-def test_the_closest_operation_is_suggested():
+def test_the_closest_operation_is_suggested() -> None:
     with pytest.raises(ChangeError, match="Did you mean 'set_lighting'"):
         change_from_dict({"operation": "set_lightning"})

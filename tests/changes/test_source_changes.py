@@ -1,11 +1,13 @@
 """The changes that only source variations use, in an embedded scene."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from pytest_libero_max.changes import (
+    Change,
     CorruptPicture,
     CoverEntity,
     OffsetArm,
@@ -20,7 +22,7 @@ from pytest_libero_max.changes import (
     TurnObject,
 )
 from pytest_libero_max.errors import ChangeError, EntityError, SubstrateError
-from pytest_libero_max.worlds.contract import NOOP_ACTION
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Array
 from pytest_libero_max.worlds.embedded.remodel import Remodel, remodelled
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
@@ -32,7 +34,7 @@ BOWL, PLATE = "akita_black_bowl_1", "plate_1"
 ARM = (0.1, -0.1, 0.05, 0.1, 0.0, -0.1, 0.2)
 PHYSICS = {"qpos", "qvel", "physics", "controller"}
 
-CHANGES = {
+CHANGES: dict[str, tuple[Change, set[str]]] = {
     "orbit": (
         OrbitCamera("agentview", PIVOT, 10.0, 30.0, 1.2, 5.0, -4.0),
         {"model.cam_pos", "model.cam_quat"},
@@ -69,7 +71,7 @@ each = pytest.mark.parametrize("name", CHANGES)
 
 
 @pytest.fixture(scope="module")
-def world():
+def world() -> Iterator[EmbeddedWorld]:
     plan = Remodel(surfaces=("cork",))
     base = EmbeddedWorld(build_scene("libero_spatial", 0))
     world = EmbeddedWorld(remodelled(build_scene("libero_spatial", 0), plan), plan, base.start)
@@ -79,7 +81,7 @@ def world():
 
 
 @each
-def test_it_writes_nothing_but_its_factors_and_a_reset_undoes_it(world, name):
+def test_it_writes_nothing_but_its_factors_and_a_reset_undoes_it(world: EmbeddedWorld, name: str) -> None:
     change, may_write = CHANGES[name]
     world.reset(1)
     fresh, words = full_state(world), world.language
@@ -97,7 +99,9 @@ def test_it_writes_nothing_but_its_factors_and_a_reset_undoes_it(world, name):
 
 
 @each
-def test_at_strength_nought_it_changes_nothing_and_at_one_it_is_itself(world, name):
+def test_at_strength_nought_it_changes_nothing_and_at_one_it_is_itself(
+    world: EmbeddedWorld, name: str
+) -> None:
     change, _ = CHANGES[name]
     world.reset(0)
     fresh = world.digest()
@@ -107,7 +111,7 @@ def test_at_strength_nought_it_changes_nothing_and_at_one_it_is_itself(world, na
 
 
 @each
-def test_a_snapshot_holds_it(world, name):
+def test_a_snapshot_holds_it(world: EmbeddedWorld, name: str) -> None:
     change, _ = CHANGES[name]
     world.reset(0)
     change.apply(world)
@@ -118,7 +122,7 @@ def test_a_snapshot_holds_it(world, name):
     assert (world.digest(), world.language, world.goal) == (digest, words, goal)
 
 
-def test_an_orbit_keeps_the_distance_and_looks_at_the_same_point(world):
+def test_an_orbit_keeps_the_distance_and_looks_at_the_same_point(world: EmbeddedWorld) -> None:
     world.reset(0)
     index = world.model.camera("agentview").id
     before, looked = world.model.cam_pos[index].copy(), axis(world, index)
@@ -128,7 +132,7 @@ def test_an_orbit_keeps_the_distance_and_looks_at_the_same_point(world):
     assert axis(world, index) == pytest.approx([-looked[1], looked[0], looked[2]])
 
 
-def test_elevation_raises_and_a_longer_distance_is_longer(world):
+def test_elevation_raises_and_a_longer_distance_is_longer(world: EmbeddedWorld) -> None:
     world.reset(0)
     index = world.model.camera("agentview").id
     before = world.model.cam_pos[index].copy()
@@ -141,7 +145,7 @@ def test_elevation_raises_and_a_longer_distance_is_longer(world):
     assert away == pytest.approx(1.5 * np.linalg.norm(raised - PIVOT))
 
 
-def test_a_placed_camera_has_its_aim_in_the_middle_and_stands_upright(world):
+def test_a_placed_camera_has_its_aim_in_the_middle_and_stands_upright(world: EmbeddedWorld) -> None:
     world.reset(0)
     position, aim = np.array([0.5, 0.3, 1.5]), np.array([0.0, 0.1, 0.9])
     PlaceCamera.looking_at("agentview", tuple(position), tuple(aim)).apply(world)
@@ -152,12 +156,13 @@ def test_a_placed_camera_has_its_aim_in_the_middle_and_stands_upright(world):
     assert right[2] == pytest.approx(0.0, abs=1e-6)
 
 
-def axis(world, index):
+def axis(world: EmbeddedWorld, index: int) -> Array:
     """What a camera turns its back on."""
-    return world.data.cam_xmat[index].reshape(3, 3)[:, 2].copy()
+    backwards: Array = world.data.cam_xmat[index].reshape(3, 3)[:, 2].copy()
+    return backwards
 
 
-def test_the_arm_starts_where_it_was_told_and_is_held_there(world):
+def test_the_arm_starts_where_it_was_told_and_is_held_there(world: EmbeddedWorld) -> None:
     world.reset(0)
     joints = world.observe(cameras=())["robot0_joint_pos"].copy()
     hand = world.end_effector()
@@ -169,7 +174,7 @@ def test_the_arm_starts_where_it_was_told_and_is_held_there(world):
     assert np.linalg.norm(world.end_effector() - moved) < 0.01
 
 
-def test_an_arm_that_would_touch_something_goes_the_other_way(world):
+def test_an_arm_that_would_touch_something_goes_the_other_way(world: EmbeddedWorld) -> None:
     down = (0.0, 0.9, 0.0, 0.3, 0.0, 0.0, 0.0)  # into the table
     world.reset(0)
     joints = world.observe(cameras=())["robot0_joint_pos"].copy()
@@ -181,13 +186,13 @@ def test_an_arm_that_would_touch_something_goes_the_other_way(world):
     assert any("gripper0" in world.contacts(name) for name in world.entities)
 
 
-def test_a_joint_beyond_its_limit_is_refused(world):
+def test_a_joint_beyond_its_limit_is_refused(world: EmbeddedWorld) -> None:
     world.reset(0)
     with pytest.raises(SubstrateError, match="within the joints' limits"):
         OffsetArm((0.0, 0.0, 0.0, 2.9, 0.0, 0.0, 0.0)).apply(world)
 
 
-def test_the_tiny_world_has_no_arm_to_pose_and_one_goal_only():
+def test_the_tiny_world_has_no_arm_to_pose_and_one_goal_only() -> None:
     world = TinyWorld()
     with pytest.raises(SubstrateError, match="no arm with seven joints"):
         OffsetArm(ARM).apply(world)
@@ -197,7 +202,7 @@ def test_the_tiny_world_has_no_arm_to_pose_and_one_goal_only():
     assert world.language == "go"
 
 
-def test_what_is_put_rests_where_it_was_put(world):
+def test_what_is_put_rests_where_it_was_put(world: EmbeddedWorld) -> None:
     world.reset(0)
     PutObject(BOWL, "cookies_1", (0.0, 0.0), "cookies_1", 30.0).apply(world)
     start = world.position(BOWL)
@@ -207,7 +212,7 @@ def test_what_is_put_rests_where_it_was_put(world):
     assert "cookies_1" in world.contacts(BOWL)
 
 
-def test_a_put_beside_its_carrier_is_refused(world):
+def test_a_put_beside_its_carrier_is_refused(world: EmbeddedWorld) -> None:
     world.reset(0)
     with pytest.raises(ChangeError, match=f"{BOWL!r} does not meet 'cookies_1'"):
         PutObject(BOWL, "cookies_1", (0.3, 0.0), "cookies_1").apply(world)
@@ -229,13 +234,15 @@ def test_a_put_beside_its_carrier_is_refused(world):
     ],
     ids=lambda value: getattr(value, "operation", None),
 )
-def test_what_the_scene_lacks_is_named(world, change, error, message):
+def test_what_the_scene_lacks_is_named(
+    world: EmbeddedWorld, change: Change, error: type[Exception], message: str
+) -> None:
     world.reset(0)
     with pytest.raises(error, match=message):
         change.apply(world)
 
 
-def test_a_new_task_is_done_when_its_own_goal_holds(world):
+def test_a_new_task_is_done_when_its_own_goal_holds(world: EmbeddedWorld) -> None:
     world.reset(0)
     ramekin = "glazed_rim_porcelain_ramekin_1"
     SetTask("put the ramekin on the plate", (("on", ramekin, PLATE),)).apply(world)
@@ -250,14 +257,14 @@ def test_a_new_task_is_done_when_its_own_goal_holds(world):
     assert world.succeeded()
 
 
-def test_lamps_cannot_be_turned_below_the_horizon(world):
+def test_lamps_cannot_be_turned_below_the_horizon(world: EmbeddedWorld) -> None:
     world.reset(0)
     SetLamps(tilt_degrees=90.0).apply(world)
     assert (world.model.light_dir[:, 2] <= -math.cos(math.radians(80.0)) + 1e-6).all()
 
 
 @pytest.mark.parametrize("name", ["orbit", "lamps", "texture", "cover", "picture", "glare"])
-def test_it_is_seen(world, name):
+def test_it_is_seen(world: EmbeddedWorld, name: str) -> None:
     world.reset(0)
     before = world.observe(("agentview",), 64)["agentview_image"].astype(int)
     CHANGES[name][0].apply(world)
@@ -265,7 +272,7 @@ def test_it_is_seen(world, name):
     assert np.abs(after - before).mean() > 0.1
 
 
-def test_a_lamp_that_casts_shadows_darkens_parts_of_the_picture_until_reset(world):
+def test_a_lamp_that_casts_shadows_darkens_parts_of_the_picture_until_reset(world: EmbeddedWorld) -> None:
     world.reset(0)
     before = world.observe(("agentview",), 128)["agentview_image"].astype(int)
     SetLamps(cast_shadows=True, tilt_degrees=10.0).apply(world)

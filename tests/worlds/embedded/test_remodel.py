@@ -16,7 +16,7 @@ BASE = build_scene("libero_spatial", 0)
 RELATIVES = sorted(name for name, style in STYLES.items() if style.original in CATEGORIES)
 
 
-def test_a_plan_is_read_from_json_and_has_a_name_of_its_own():
+def test_a_plan_is_read_from_json_and_has_a_name_of_its_own() -> None:
     plan = Remodel.from_dict({"extras": [["milk_1", "milk"]], "surfaces": ["cork"]})
     assert plan == Remodel(extras=(("milk_1", "milk"),), surfaces=("cork",))
     assert plan.key != Remodel(surfaces=("cork",)).key != Remodel().key == ""
@@ -24,7 +24,7 @@ def test_a_plan_is_read_from_json_and_has_a_name_of_its_own():
         Remodel.from_dict({"extra": []})
 
 
-def test_nothing_else_changes_when_something_is_added():
+def test_nothing_else_changes_when_something_is_added() -> None:
     scene = remodelled(BASE, Remodel(extras=(("milk_1", "milk"),), surfaces=("cork",)))
     before, after = (mujoco.MjModel.from_xml_string(s.mjcf) for s in (BASE, scene))
     assert after.nq == before.nq + 7
@@ -37,7 +37,7 @@ def test_nothing_else_changes_when_something_is_added():
         assert np.array_equal(before.body(body).pos, after.body(name).pos)
 
 
-def test_what_is_recast_takes_over_name_place_regions_and_goal():
+def test_what_is_recast_takes_over_name_place_regions_and_goal() -> None:
     plan = Remodel(
         recast=(("plate_1", "yellow_plate_1", "yellow_plate"), ("flat_stove_1", "s_1", "yellow_stove"))
     )
@@ -64,7 +64,7 @@ def test_what_is_recast_takes_over_name_place_regions_and_goal():
         (Remodel(extras=(("cup_1", "cup"),)), "category='cup'"),
     ],
 )
-def test_what_cannot_be_built_is_named(plan, message):
+def test_what_cannot_be_built_is_named(plan: Remodel, message: str) -> None:
     with pytest.raises(SubstrateError, match=message):
         remodelled(BASE, plan)
 
@@ -74,7 +74,7 @@ def half_sizes(link: Link) -> list[float]:
 
 
 @pytest.mark.parametrize("name", [*RELATIVES, *(SMALL + name for name in CATEGORIES)])
-def test_relatives_compile_and_keep_the_shape_of_their_originals(name):
+def test_relatives_compile_and_keep_the_shape_of_their_originals(name: str) -> None:
     kind = category(name)
     original = category(STYLES[name].original if name in STYLES else name.removeprefix(SMALL))
     assert kind.name == name
@@ -89,14 +89,14 @@ def test_relatives_compile_and_keep_the_shape_of_their_originals(name):
 
 
 @pytest.mark.parametrize("name", ["akita_black_bowl", "milk", "butter"])
-def test_a_small_object_is_small_in_every_direction(name):
+def test_a_small_object_is_small_in_every_direction(name: str) -> None:
     small, original = category(SMALL + name), category(name)
     assert half_sizes(small.root) == pytest.approx([0.7 * part for part in half_sizes(original.root)])
     assert small.root.mass == pytest.approx(0.343 * original.root.mass)
     assert small.origin_height == pytest.approx(0.7 * original.origin_height)
 
 
-def test_a_small_fixture_keeps_the_way_its_drawers_go():
+def test_a_small_fixture_keeps_the_way_its_drawers_go() -> None:
     small, original = category(SMALL + "wooden_cabinet"), category("wooden_cabinet")
     widths = [[s.half[0] for link in links(k.root) for s in link.solids] for k in (small, original)]
     depths = [[s.half[1] for link in links(k.root) for s in link.solids] for k in (small, original)]
@@ -105,7 +105,7 @@ def test_a_small_fixture_keeps_the_way_its_drawers_go():
 
 
 @pytest.mark.parametrize("name", [name for name in RELATIVES if STYLES[name].colour is not None])
-def test_a_coloured_relative_is_of_that_colour(name):
+def test_a_coloured_relative_is_of_that_colour(name: str) -> None:
     colour = np.asarray(STYLES[name].colour)
     pictures = [draw() for draw in category(name).textures.values()]
     for picture in pictures:
@@ -114,16 +114,17 @@ def test_a_coloured_relative_is_of_that_colour(name):
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_a_surface_is_a_picture_that_tiles_and_is_drawn_the_same_every_time(name):
+def test_a_surface_is_a_picture_that_tiles_and_is_drawn_the_same_every_time(name: str) -> None:
     picture = SURFACES[name]()
-    assert (picture.shape, picture.dtype) == ((256, 256, 3), np.uint8)
+    assert picture.shape == (256, 256, 3)
+    assert picture.dtype == np.uint8
     assert np.array_equal(picture, SURFACES[name]())
     steps = np.abs(np.diff(picture.astype(float), axis=0)).mean(axis=(1, 2))
     seam = np.abs(picture[0].astype(float) - picture[-1]).mean()
     assert seam <= steps.max() + 12.0
 
 
-def test_surfaces_differ():
+def test_surfaces_differ() -> None:
     means = np.array([SURFACES[name]().reshape(-1, 3).mean(axis=0) for name in SURFACES])
     spreads = np.array([SURFACES[name]().reshape(-1, 3).std(axis=0) for name in SURFACES])
     looks = np.hstack([means, spreads])
