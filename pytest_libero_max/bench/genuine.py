@@ -107,8 +107,12 @@ def _with_pairs(
     times: GenuineTimes, world: LiberoWorld, seeing: Any, case: Case, repeats: int
 ) -> GenuineTimes:
     world.reset(case.init_state_index)
+    for _ in range(SETTLE_STEPS):
+        world.step(NOOP_ACTION)  # LIBERO's objects start in the air
     policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
     pair = measure_pair(case, world, policy)
+    if pair.dynamic is None:
+        raise SimulatorError(f"{case.item_id}: the event never fired, so there is no pair to measure.")
     final = world.data.qpos.copy()
     forks, plains = [], []
     for _ in range(repeats):
@@ -173,8 +177,8 @@ def _play(env: Any, world: LiberoWorld, case: Case, pair: Pair) -> None:
 
 def _rollouts(pair: Pair) -> list[np.ndarray[Any, Any]]:
     settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
-    arms = [pair.base] if pair.dynamic is None else [pair.base, pair.dynamic]
-    return [np.concatenate([settle, arm.actions]) for arm in arms]
+    arms = (pair.base, pair.dynamic)
+    return [np.concatenate([settle, arm.actions]) for arm in arms if arm is not None]
 
 
 def _seconds(act: Callable[[], object]) -> float:

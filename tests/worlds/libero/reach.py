@@ -18,9 +18,11 @@ class Reach:
 
     def reset(self, episode: Episode) -> None:
         self.world: Any = episode.world
+        subject = self.world.goal[0][1]  # an entity, or a region of one
+        self.target = max((name for name in self.world.entities if subject.startswith(name)), key=len)
 
     def predict(self, observation: Mapping[str, NDArray[Any]], query: Query) -> NDArray[np.float64]:
-        target = self.world.position(self.world.goal[0][1])
+        target = self.world.position(self.target)
         delta = np.clip((target - observation["robot0_eef_pos"]) / 0.05, -1.0, 1.0)
         seen = float(observation["agentview_image"].mean()) + float(
             observation["robot0_eye_in_hand_image"].mean()
