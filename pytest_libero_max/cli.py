@@ -112,7 +112,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     power.set_defaults(run=_power)
 
-    gallery = commands.add_parser("gallery", help="Draw the embedded scenes and what each event does to one")
+    catalogue = commands.add_parser("catalogue", help="Count the source variations of the embedded scenes")
+    catalogue.set_defaults(run=_catalogue)
+
+    gallery = commands.add_parser("gallery", help="Draw the embedded scenes, their variations and the events")
     gallery.add_argument("folder", type=Path, metavar="FOLDER")
     gallery.set_defaults(run=_gallery)
 
@@ -226,15 +229,25 @@ def _power(options: argparse.Namespace) -> None:
     print("\n".join(power_lines(expected, options.change)))
 
 
+def _catalogue(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.catalogue import count_lines
+
+    print("\n".join(count_lines()))
+
+
 def _gallery(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.catalogue import variant_of
+    from pytest_libero_max.construction.catalogue.sheets import write_plus_sheet, write_pro_sheet
     from pytest_libero_max.construction.pictures import write_event_sheet
     from pytest_libero_max.worlds.embedded.gallery import write_contact_sheet
-    from pytest_libero_max.worlds.registry import open_substrate
+    from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
     write_contact_sheet(options.folder / "scenes.png")
-    substrate = open_substrate("embedded")
+    substrate = EmbeddedSubstrate(variant_of)
     try:
         write_event_sheet(options.folder / "events.jpg", substrate)
+        write_plus_sheet(options.folder / "plus.png", substrate)
+        write_pro_sheet(options.folder / "pro.png", substrate)
     finally:
         substrate.close()
 

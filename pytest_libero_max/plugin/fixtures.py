@@ -50,7 +50,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
 @pytest.fixture(scope="session")
 def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     """What builds the worlds; every scene is built once a worker."""
-    from pytest_libero_max.worlds.registry import open_substrate
+    from pytest_libero_max.construction.catalogue import open_substrate
 
     substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
     yield substrate

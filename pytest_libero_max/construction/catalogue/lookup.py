@@ -24,6 +24,7 @@ from pytest_libero_max.errors import ManifestError, SubstrateError, did_you_mean
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Substrate
+    from pytest_libero_max.worlds.registry import SubstrateOptions
 
 Counts = Mapping[tuple[str, str, "int | None"], int]
 """Variations by category, suite and difficulty."""
@@ -156,7 +157,7 @@ def count_lines() -> list[str]:
     return lines
 
 
-def open_substrate(name: str) -> Substrate:
+def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
     """The substrate called ``name``; the embedded one with these catalogues.
 
     Raises:
@@ -165,7 +166,7 @@ def open_substrate(name: str) -> Substrate:
     from pytest_libero_max.worlds.registry import open_substrate as open_by_name
 
     if name != "embedded":
-        return open_by_name(name)
+        return open_by_name(name, options)
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
     return EmbeddedSubstrate(variant_of)
