@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, cast
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Array, Goal, SourceVariant
+from pytest_libero_max.worlds.embedded.grips import Holding, holdings
 from pytest_libero_max.worlds.embedded.placement import initial_state
 from pytest_libero_max.worlds.embedded.predicates import Predicate, all_hold
 from pytest_libero_max.worlds.embedded.remodel import Remodel, remodelled, waiting_place
-from pytest_libero_max.worlds.embedded.scene import Scene, build_scene, resolve
+from pytest_libero_max.worlds.embedded.scene import Scene, build_scene, joints_of, resolve
 from pytest_libero_max.worlds.embedded.tasks import Fact
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
@@ -78,6 +79,21 @@ class EmbeddedWorld(RobosuiteWorld):
         assigned = self._assigned[1]
         return self._task.task.goal if assigned is None else _facts(assigned)
 
+    def holds(self, fact: Fact) -> bool:
+        """Whether a predicate holds now, by the rules of the goal."""
+        return self._verdict(fact).holds(self._model, self._data)
+
+    def joints(self, name: str) -> tuple[str, ...]:
+        """The joints of a fixture, or those that a region of it moves with; none for other places."""
+        if name in self._task.regions or self._entities[name].kind == "fixture":
+            return joints_of(name, self._task.entities, self._task.regions)
+        return ()
+
+    @cached_property
+    def holdings(self) -> Mapping[str, Holding]:
+        """The parts that are made to be held, by name: for policies that are privileged."""
+        return holdings(self._task)
+
     def reset(self, init: int) -> None:
         super().reset(init)
         for number, (name, _) in enumerate(self._plan.extras):
@@ -103,7 +119,10 @@ class EmbeddedWorld(RobosuiteWorld):
         self._resolved(goal)
 
     def _resolved(self, goal: Goal) -> tuple[Predicate, ...]:
-        return tuple(resolve(fact, self._task.entities, self._task.regions) for fact in _facts(goal))
+        return tuple(self._verdict(fact) for fact in _facts(goal))
+
+    def _verdict(self, fact: Fact) -> Predicate:
+        return resolve(fact, self._task.entities, self._task.regions)
 
     def _initial_qpos(self, init: int) -> Array:
         if init not in self._starts:
