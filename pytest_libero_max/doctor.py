@@ -74,8 +74,11 @@ def _installation(root: Path | None, assets: Path | None) -> Iterator[Finding]:
     # Not at the top: a plain `libero-max` command has no use for it.
     from pytest_libero_max.worlds.libero.installation import (
         INSTALL,
+        NOISE_INSTALL,
+        NOISE_REQUIREMENTS,
         REQUIREMENTS_INSTALL,
         find_installation,
+        importable,
         missing_requirements,
     )
 
@@ -93,3 +96,11 @@ def _installation(root: Path | None, assets: Path | None) -> Iterator[Finding]:
     others = [name for name in missing if name != "bddl"]
     if others:
         yield Finding("missing", f"modules {', '.join(others)}: `{REQUIREMENTS_INSTALL}`")
+    if found.flavour == "LIBERO-Plus":
+        absent = [name for name in NOISE_REQUIREMENTS if not importable(name)]
+        if absent:
+            yield Finding(
+                "note",
+                f"modules {', '.join(absent)}, for its sensor noise alone: `{NOISE_INSTALL}` and Debian's "
+                "libmagickwand-dev",
+            )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.errors import OptionError, did_you_mean
-from pytest_libero_max.worlds.registry import SEMANTICS, SUBSTRATES, SubstrateOptions
+from pytest_libero_max.worlds.registry import INSTRUCTIONS, SEMANTICS, SUBSTRATES, SubstrateOptions
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.gates import Gate
@@ -137,6 +137,13 @@ OPTIONS = (
         "published",
     ),
     Option(
+        "instruction",
+        "WHICH",
+        "Prompts of the libero substrate as published, where LIBERO-Plus's name the variation, or clean",
+        _one_of(*INSTRUCTIONS),
+        "published",
+    ),
+    Option(
         "prefix",
         "MODE",
         "How Dynamic reaches the event: fork (from a snapshot taken in Base) or "
@@ -197,6 +204,7 @@ class Settings:
     libero: tuple[Path, ...]
     libero_assets: Path | None
     semantics: Literal["published", "corrected"]
+    instruction: Literal["published", "clean"]
     prefix: Literal["fork", "replay"]
     horizon: int | None
     query_interval: int | None
@@ -217,7 +225,7 @@ class Settings:
     @property
     def substrate_options(self) -> SubstrateOptions:
         """What the libero substrate is told."""
-        return SubstrateOptions(self.libero, self.libero_assets, self.semantics)
+        return SubstrateOptions(self.libero, self.libero_assets, self.semantics, self.instruction)
 
     @property
     def case_set(self) -> str:
@@ -262,7 +270,7 @@ def resolve(config: pytest.Config) -> Settings:
     values["libero"] = tuple(_path(config, folder) for folder in values["libero"])
     if values["libero_assets"] is not None:
         values["libero_assets"] = _path(config, values["libero_assets"])
-    for name in ("libero", "libero-assets", "semantics"):
+    for name in ("libero", "libero-assets", "semantics", "instruction"):
         key = f"libero_max_{name.replace('-', '_')}"
         if config.getoption(key) is not None and values["substrate"] != "libero":
             raise pytest.UsageError(

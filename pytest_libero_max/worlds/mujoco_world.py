@@ -406,6 +406,11 @@ class MujocoWorld(ABC):
         self._data.qvel[dofs] = 0.0
         self._data.qacc_warmstart[dofs] = 0.0  # the solver must not start from forces felt elsewhere
 
+    def _drawn(self, camera: str, size: int) -> Image:
+        """An image as it comes from the renderer, which exists by now."""
+        assert self._renderer is not None
+        return self._renderer.render(camera, size)
+
     def _new_renderer(self) -> Renderer:
         from pytest_libero_max.worlds.rendering import Renderer
 
@@ -414,7 +419,7 @@ class MujocoWorld(ABC):
     def _image(self, camera: str, size: int) -> Image:
         if self._renderer is None:
             self._renderer = self._new_renderer()
-        image = self._renderer.render(camera, size)
+        image = self._drawn(camera, size)
         for filter, since in self._filters:
             image.flags.writeable = False
             filtered = filter(image, camera, self._steps - since)

@@ -17,6 +17,9 @@ SUBSTRATES = ("embedded", "libero", "tiny")
 SEMANTICS = ("published", "corrected")
 """``published`` keeps the defects of the authors' event code, since published numbers contain them."""
 
+INSTRUCTIONS = ("published", "clean")
+"""``published`` prompts of LIBERO-Plus have the name of the variation in them; ``clean`` ones do not."""
+
 
 @dataclass(frozen=True)
 class SubstrateOptions:
@@ -26,11 +29,13 @@ class SubstrateOptions:
         installations: Folders of LIBERO, LIBERO-Plus or LIBERO-PRO; none: what ``import libero`` finds.
         assets: Models and textures for those that have none of their own.
         semantics: One of :data:`SEMANTICS`.
+        instruction: One of :data:`INSTRUCTIONS`.
     """
 
     installations: tuple[Path, ...] = ()
     assets: Path | None = None
     semantics: Literal["published", "corrected"] = "published"
+    instruction: Literal["published", "clean"] = "published"
 
 
 def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
@@ -47,7 +52,7 @@ def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substr
         from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 
         options = options or SubstrateOptions()
-        return LiberoSubstrate(_installations(options), options.semantics)
+        return LiberoSubstrate(_installations(options), options.semantics, options.instruction)
     if name == "tiny":
         from pytest_libero_max.worlds.tiny import TinySubstrate
 
@@ -65,7 +70,12 @@ def describe_substrate(name: str, options: SubstrateOptions | None = None) -> di
         return {"name": name}
     options = options or SubstrateOptions()
     installations = [str(found) for found in _installations(options)]
-    return {"name": name, "installations": installations, "semantics": options.semantics}
+    return {
+        "name": name,
+        "installations": installations,
+        "semantics": options.semantics,
+        "instruction_source": options.instruction,
+    }
 
 
 def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:

@@ -53,7 +53,7 @@ def build(installation: Installation, bddl: Path | str, seed: int) -> Built:
     Raises:
         SubstrateError: The scene cannot be built or laid out.
     """
-    with imported(installation), _own_randomness(), _no_debugger():
+    with imported(installation), own_randomness(), _no_debugger():
         wrappers = importlib.import_module("libero.libero.envs.env_wrapper")
         randomization_error = importlib.import_module("robosuite.utils.errors").RandomizationError
         try:
@@ -88,7 +88,7 @@ def _retried(action: Callable[[], Any], randomization_error: type[Exception]) ->
 
 
 @contextlib.contextmanager
-def _own_randomness() -> Iterator[None]:
+def own_randomness() -> Iterator[None]:
     """Leave the global generators as they were."""
     numpy_state, python_state = np.random.get_state(), random.getstate()  # noqa: NPY002 - the package's own
     try:

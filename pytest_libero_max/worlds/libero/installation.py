@@ -29,6 +29,11 @@ REQUIREMENTS = ("bddl", "easydict", "future", "yaml", "matplotlib", "cloudpickle
 
 REQUIREMENTS_INSTALL = "pip install easydict future pyyaml matplotlib cloudpickle gymnasium networkx"
 
+NOISE_REQUIREMENTS = ("skimage", "wand")
+"""What LIBERO-Plus's sensor noise needs besides; Wand also needs ImageMagick's libraries."""
+
+NOISE_INSTALL = "pip install scikit-image wand"
+
 _HUB_FOLDER = "datasets--lerobot--libero-assets"
 
 
@@ -153,10 +158,9 @@ def importable(name: str) -> bool:
 
 
 def _importable() -> Path:
-    try:
-        spec = importlib.util.find_spec("libero")
-    except ValueError:  # a module without a spec, put there by somebody
-        spec = None
+    # Not importlib.util.find_spec: it answers with what has been imported already, which may be another.
+    specs = (finder.find_spec("libero", None) for finder in sys.meta_path if hasattr(finder, "find_spec"))
+    spec = next((found for found in specs if found is not None), None)
     for folder in (spec.submodule_search_locations or ()) if spec else ():
         if (Path(folder) / "libero" / "__init__.py").exists():
             return Path(folder).resolve().parent

@@ -35,7 +35,10 @@ from pytest_libero_max.worlds.libero.installation import (
 )
 
 _CONFIG_VARIABLE = "LIBERO_CONFIG_PATH"
-_OPTIONAL = {"gym": "gymnasium", "wand": "", "wand.api": "", "wand.image": ""}
+_OPTIONAL = {
+    "gym": "gymnasium",
+    **dict.fromkeys(("wand", "wand.api", "wand.image", "skimage", "skimage.filters"), ""),
+}
 """Modules that are imported but not needed here, and what may stand in for them."""
 
 _REGISTRIES = (

@@ -5,16 +5,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Semantics
 from pytest_libero_max.worlds.libero.environment import build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
+from pytest_libero_max.worlds.libero.plus import PlusTask, noise_of, plus_task
 from pytest_libero_max.worlds.libero.pro import ProVariation
 from pytest_libero_max.worlds.libero.states import read_states
-from pytest_libero_max.worlds.libero.tasks import task_of
+from pytest_libero_max.worlds.libero.tasks import Task, task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld
 from pytest_libero_max.worlds.versions import version_notes
 
@@ -27,6 +28,7 @@ KEPT_WORLDS = 8
 
 _PLAYED_BY: Mapping[str, tuple[Flavour, ...]] = {
     "libero": ("hf-libero", "LIBERO", "LIBERO-PRO", "LIBERO-Plus"),
+    "plus": ("LIBERO-Plus",),
 }
 """Which installations can play the cases of a source, the preferred first. LIBERO-Plus comes last for plain
 tasks: it rounds the camera's pose to four decimals."""
@@ -40,6 +42,8 @@ class LiberoSubstrate:
     Args:
         installations: Which; by default whatever ``import libero`` would find.
         semantics: See :class:`.world.LiberoWorld`.
+        instruction: Which prompt a policy gets where a case fixes none: ``published``, the authors', which
+            for most of LIBERO-Plus's tasks has the name of the variation in it; or ``clean``, without.
 
     Raises:
         SubstrateError: There is no installation, or there are two of one kind.
@@ -48,7 +52,10 @@ class LiberoSubstrate:
     name = NAME
 
     def __init__(
-        self, installations: Sequence[Installation] = (), semantics: Semantics = "published"
+        self,
+        installations: Sequence[Installation] = (),
+        semantics: Semantics = "published",
+        instruction: Literal["published", "clean"] = "published",
     ) -> None:
         self.installations = tuple(installations) or (find_installation(),)
         flavours = [found.flavour for found in self.installations]
@@ -59,7 +66,8 @@ class LiberoSubstrate:
         for note in version_notes(version("mujoco"), version("robosuite")):
             warnings.warn(note, stacklevel=2)
         self.semantics = semantics
-        self._worlds: dict[tuple[Flavour, str, int, int], LiberoWorld] = {}
+        self.instruction = instruction
+        self._worlds: dict[str, LiberoWorld] = {}
 
     def installation_for(self, source: str) -> Installation:
         """The installation that plays cases of a source.
@@ -78,9 +86,8 @@ class LiberoSubstrate:
 
     def world(self, case: Case) -> LiberoWorld:
         if case.source == "plus":
-            raise SubstrateError(
-                f"case {case.case_id!r} is of source 'plus' ({case.source_category}), which the genuine "
-                "substrate does not play yet. Choose another track or substrate."
+            return self.plus_world(
+                case.suite, case.task_index, case.policy_seed, case.record.get("task_name")
             )
         variation = ProVariation(case.source_category) if case.source == "pro" else None
         return self.task_world(case.suite, case.task_index, case.policy_seed).varied(variation)
@@ -92,18 +99,36 @@ class LiberoSubstrate:
             SubstrateError: The installation cannot build it.
         """
         installation = self.installation_for("libero")
-        key = (installation.flavour, suite, index, seed)
-        if key in self._worlds:
-            self._worlds[key] = self._worlds.pop(key)  # the last one used is the last one to go
-        else:
-            task = task_of(installation, suite, index)
-            built = build(installation, task.bddl, seed)
-            scene = f"{NAME}/{suite}/{index}?seed={seed}"
-            states = read_states(task.states)
-            self._worlds[key] = LiberoWorld(scene, task.language, built, states, self.semantics)
+        return self._world(installation, task_of(installation, suite, index), seed)
+
+    def plus_world(self, suite: str, index: int, seed: int, name: str | None = None) -> LiberoWorld:
+        """The world of a task of LIBERO-Plus's registry; see :func:`.plus.plus_task`.
+
+        Raises:
+            SubstrateError: LIBERO-Plus is not installed, or cannot build it.
+        """
+        installation = self.installation_for("plus")
+        return self._world(installation, plus_task(installation, suite, index, name), seed)
+
+    def _world(self, installation: Installation, task: Task, seed: int) -> LiberoWorld:
+        source = "-plus" if isinstance(task, PlusTask) else ""
+        scene = f"{NAME}{source}/{task.suite}/{task.index}?seed={seed}"
+        if scene in self._worlds:
+            self._worlds[scene] = self._worlds.pop(scene)  # the last one used is the last one to go
+            return self._worlds[scene]
+        built = build(installation, task.bddl, seed)
+        world = LiberoWorld(
+            scene,
+            task.language if self.instruction == "published" else task.clean_language,
+            built,
+            read_states(task.states),
+            self.semantics,
+            noise=noise_of(built, scene),
+        )
+        self._worlds[scene] = world
         while len(self._worlds) > KEPT_WORLDS:
             self._worlds.pop(next(iter(self._worlds))).close()
-        return self._worlds[key]
+        return world
 
     def fingerprint(self) -> Mapping[str, str]:
         """Versions of what computes a result, the GL backend, and what the installation is made of."""
@@ -115,6 +140,7 @@ class LiberoSubstrate:
         return {
             "substrate": NAME,
             "semantics": self.semantics,
+            "instruction_source": self.instruction,
             **installations,
             **packages,
             "gl": gl.prepare(),

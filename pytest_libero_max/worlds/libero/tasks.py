@@ -37,12 +37,21 @@ class Task:
 
     @property
     def language(self) -> str:
-        """The instruction that the benchmark makes of the name."""
-        words = self.name
-        if words[:1].isupper():  # LIBERO-100 puts the scene before the sentence
-            words = words.partition("SCENE")[2]
-            words = words.lstrip("0123456789").removeprefix("_")
-        return " ".join(words.split("_"))
+        """The authors' prompt: what the benchmark makes of the name."""
+        return sentence(self.name)
+
+    @property
+    def clean_language(self) -> str:
+        """The prompt without what does not belong into one."""
+        return self.language
+
+
+def sentence(name: str) -> str:
+    """The instruction that the benchmark makes of a task's name."""
+    words = name
+    if words[:1].isupper():  # LIBERO-100 puts the scene before the sentence
+        words = words.partition("SCENE")[2].lstrip("0123456789").removeprefix("_")
+    return " ".join(words.split("_"))
 
 
 def task_of(installation: Installation, suite: str, index: int) -> Task:
@@ -51,19 +60,28 @@ def task_of(installation: Installation, suite: str, index: int) -> Task:
     Raises:
         SubstrateError: There is no such suite or task, or its files are missing.
     """
-    table = _task_map(installation.package)
-    if suite not in table:
-        raise SubstrateError(f"suite={suite!r} is not one of {installation}. {did_you_mean(suite, table)}")
-    names = table[suite]
-    if not 0 <= index < len(names):
-        raise SubstrateError(f"task_index={index} of {suite}, but {installation} has 0 to {len(names) - 1}.")
-    name = names[index]
+    name = task_name(installation, suite, index)
     bddl = installation.bddl / suite / f"{name}.bddl"
     states = installation.states / suite / f"{name}.pruned_init"
     for path in (bddl, states):
         if not path.is_file():
             raise SubstrateError(f"{installation} lacks {str(path)!r}. Restore it from the package.")
     return Task(suite, index, name, bddl, states)
+
+
+def task_name(installation: Installation, suite: str, index: int) -> str:
+    """A task's name by its place in the registry.
+
+    Raises:
+        SubstrateError: There is no such suite or task.
+    """
+    table = _task_map(installation.package)
+    if suite not in table:
+        raise SubstrateError(f"suite={suite!r} is not one of {installation}. {did_you_mean(suite, table)}")
+    names = table[suite]
+    if not 0 <= index < len(names):
+        raise SubstrateError(f"task_index={index} of {suite}, but {installation} has 0 to {len(names) - 1}.")
+    return names[index]
 
 
 @cache

@@ -16,7 +16,7 @@ the world as it is, as after the package's forced update.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,7 @@ class LiberoWorld(RobosuiteWorld):
             after an event shifts the sampling of observations. ``corrected``: none of it.
         reference_textures: Draw all textures as the authors' MuJoCo does. MuJoCo from 3.3.3 on draws those
             that are tagged as sRGB darker.
+        noise: What the package's wrapper does to what a step returns: image, camera, steps since reset.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class LiberoWorld(RobosuiteWorld):
         states: Array,
         semantics: Semantics = "published",
         reference_textures: bool = True,
+        noise: Callable[[Image, str, int], Image] | None = None,
     ) -> None:
         env = built.env
         super().__init__(scene, language, env, entities_of(env))
@@ -88,6 +90,7 @@ class LiberoWorld(RobosuiteWorld):
         self._stale = True
         self._asked = False
         self._variation: ProVariation | None = None
+        self._noise = noise
         self._view: mujoco.MjData | None = None
         if reference_textures and hasattr(self._model, "tex_colorspace"):
             self._model.tex_colorspace[:] = _LINEAR
@@ -312,6 +315,11 @@ class LiberoWorld(RobosuiteWorld):
         mujoco.mj_kinematics(self._model, self._view)
         mujoco.mj_camlight(self._model, self._view)
         return super()._image(camera, size)
+
+    def _drawn(self, camera: str, size: int) -> Image:
+        image = super()._drawn(camera, size)
+        # A look out of turn is taken from the environment inside the wrapper, which adds the noise.
+        return image if self._noise is None or self._fresh else self._noise(image, camera, self._steps)
 
     def close(self) -> None:
         super().close()
