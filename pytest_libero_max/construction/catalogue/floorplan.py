@@ -29,13 +29,22 @@ _AREA = (-0.45, 0.36, -0.45, 0.45)
 
 _EDGE_M = 0.06
 
+_ROUND = {
+    "akita_black_bowl",
+    "alphabet_soup",
+    "glazed_rim_porcelain_ramekin",
+    "plate",
+    "tomato_sauce",
+    "wine_bottle",
+}
+
 # Half the width of agentview's picture at unit distance, less a margin.
 _HALF_VIEW = 0.94 * math.tan(math.radians(22.5))
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """A rectangle on the table or floor.
+    """A rectangle or a disc on the table or floor.
 
     Attributes:
         x: Of its middle, m, world.
@@ -44,6 +53,7 @@ class Footprint:
         half_y: Half its side along its own y axis, m.
         yaw: Turn about the vertical, rad.
         slack: How far it may be off in an initial state, m.
+        round: Whether it is the disc that fits into the rectangle.
     """
 
     x: float
@@ -52,16 +62,23 @@ class Footprint:
     half_y: float
     yaw: float = 0.0
     slack: float = 0.0
+    round: bool = False
 
     def moved(self, dx: float, dy: float) -> Footprint:
         return replace(self, x=self.x + dx, y=self.y + dy)
 
     def gap(self, other: Footprint) -> float:
-        """Least distance between two rectangles less what both may be off, m; negative where they overlap.
+        """Least distance between the two less what both may be off, m; negative where they overlap.
 
-        Where they are farther apart than their corners suggest, it is a little less than the distance.
+        Between rectangles that are corner to corner it is a little less than that.
         """
-        return max(_separation(self, other), _separation(other, self)) - self.slack - other.slack
+        if self.round or other.round:
+            disc, body = (self, other) if self.round else (other, self)
+            radius = disc.half_x + (body.half_x if body.round else 0.0)
+            apart = _distance(body, disc.x, disc.y) - radius
+        else:
+            apart = max(_separation(self, other), _separation(other, self))
+        return apart - self.slack - other.slack
 
     def corners(self) -> list[tuple[float, float]]:
         c, s = math.cos(self.yaw), math.sin(self.yaw)
@@ -73,6 +90,16 @@ class Footprint:
             )
             for a, b in signs
         ]
+
+
+def _distance(body: Footprint, x: float, y: float) -> float:
+    """From a point to the middle of a disc, or to the edge of a rectangle, negative within it."""
+    dx, dy = x - body.x, y - body.y
+    if body.round:
+        return math.hypot(dx, dy)
+    c, s = math.cos(body.yaw), math.sin(body.yaw)
+    u, v = abs(c * dx + s * dy) - body.half_x, abs(c * dy - s * dx) - body.half_y
+    return math.hypot(max(u, 0.0), max(v, 0.0)) if max(u, v) > 0.0 else max(u, v)
 
 
 def _separation(one: Footprint, other: Footprint) -> float:
@@ -117,11 +144,11 @@ def _points(link: Link, origin: Array, turn: Array, opened: frozenset[str]) -> I
 
 def footprint_at(name: str, x: float, y: float, yaw: float = 0.0, slack: float = 0.0) -> Footprint:
     """The footprint of a category whose origin is at (x, y)."""
-    return _placed(extent(name), x, y, yaw, slack)
+    return _placed(extent(name), x, y, yaw, slack, name in _ROUND)
 
 
 def _placed(
-    span: tuple[float, float, float, float], x: float, y: float, yaw: float, slack: float
+    span: tuple[float, float, float, float], x: float, y: float, yaw: float, slack: float, disc: bool
 ) -> Footprint:
     low_x, high_x, low_y, high_y = span
     c, s = math.cos(yaw), math.sin(yaw)
@@ -133,6 +160,7 @@ def _placed(
         (high_y - low_y) / 2,
         yaw,
         slack,
+        disc,
     )
 
 
@@ -220,10 +248,44 @@ def floorplan(suite: str, index: int) -> Floorplan:
             half = (place.box[2] - place.box[0]) / 2
             slack = 0.0 if kind.fixture else abs(half - kind.spread_margin)
             span = extent(category_of(fact.subject), frozenset(opened.get(fact.subject, ())))
-            standing[fact.subject] = _placed(span, x, y, place.yaw, slack)
+            if kind.turn is not None and not kind.fixture:
+                # It starts at any angle, so it takes all the room that it takes at one of them.
+                reach = max(math.hypot(a, b) for a in span[:2] for b in span[2:])
+                standing[fact.subject] = Footprint(x, y, reach, reach, slack=slack, round=True)
+                continue
+            disc = category_of(fact.subject) in _ROUND
+            standing[fact.subject] = _placed(span, x, y, place.yaw, slack, disc)
         else:
             carried[fact.subject] = owner_of(task, fact.place)
     return Floorplan(task, ARENAS[task.arena], standing, carried)
+
+
+def spot_of(task: Task, name: str) -> tuple[float, float]:
+    """Where the middle of an instance is at the start, on whatever it rests, m, world."""
+    plan = floorplan(task.suite, task.index)
+    if name not in plan.carried:
+        return start_of(task, name)
+    carrier = plan.carried[name]
+    x, y = spot_of(task, carrier)
+    region = next(fact.place or "" for fact in task.start if fact.subject == name and fact.place)
+    if region == carrier:
+        return x, y
+    offset = _site(category(category_of(carrier)).root, np.zeros(3), region.removeprefix(f"{carrier}_"))
+    put = next(fact.place for fact in task.start if fact.subject == carrier and fact.place in task.places)
+    yaw = task.places[put or ""].yaw
+    c, s = math.cos(yaw), math.sin(yaw)
+    return x + c * offset[0] - s * offset[1], y + s * offset[0] + c * offset[1]
+
+
+def _site(link: Link, origin: Array, name: str) -> Array:
+    """Where a region is in the frame of its instance, with every drawer shut."""
+    at = origin + np.asarray(link.pos)
+    for site in link.sites:
+        if site.name == name:
+            found: Array = at + np.asarray(site.pos)
+            return found
+    inside = [_site(child, at, name) for child in link.links]
+    return next((place for place in inside if place.size), np.empty(0))
 
 
 def owner_of(task: Task, name: str) -> str:

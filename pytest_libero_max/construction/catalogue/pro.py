@@ -299,6 +299,9 @@ _COVER = {
 }
 """What is like the work surface, by room."""
 
+_RESHAPED = {("libero_spatial", 5): "bigger_akita_black_bowl"}
+"""Where the small relative will not do: a small bowl sinks into the ramekin up to its rim."""
+
 _LEVELS = (0.020, 0.16, 0.010)
 _BRIGHTNESS, _NOISE_STD = 0.68, 12.0
 _GLARE = SetGlare(0.85, 0.72, 0.74, 0.30)
@@ -400,10 +403,11 @@ def _occlusion(task: Task) -> Parts:
 def _shape(task: Task) -> Parts:
     name = _row(task).target
     plan = floorplan(task.suite, task.index)
+    kind = _RESHAPED.get((task.suite, task.index), SMALL + category_of(name))
     changes: tuple[Json, ...] = ()
     if not category(category_of(name)).fixture:
         changes = (_settled(plan.carried.get(name, plan.arena.surface), name),)
-    return "small", {"recast": [[name, name, SMALL + category_of(name)]]}, changes
+    return "resized", {"recast": [[name, name, kind]]}, changes
 
 
 def _pose(task: Task) -> Parts:

@@ -8,7 +8,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from pytest_libero_max.cases import Json
 from pytest_libero_max.changes.poses import MoveObject
 from pytest_libero_max.changes.putting import PutObject, TurnObject
-from pytest_libero_max.construction.catalogue.floorplan import Floorplan, Footprint, extent, floorplan
+from pytest_libero_max.construction.catalogue.floorplan import (
+    Floorplan,
+    Footprint,
+    extent,
+    floorplan,
+    spot_of,
+)
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.tasks import Task, category_of
@@ -59,15 +65,12 @@ def exchanged(task: Task, takes_place_of: Mapping[str, str]) -> tuple[Json, ...]
 
 
 def _put(plan: Floorplan, name: str, other: str) -> Json:
-    onto = plan.carried.get(other, plan.arena.surface)
-    return PutObject(
-        name, onto, (0.0, 0.0), other if other not in plan.carried else _spot(plan, other)
-    ).to_dict()
-
-
-def _spot(plan: Floorplan, rider: str) -> str:
-    """What a rider's place is told by: what carries it, whose middle it lies on."""
-    return plan.carried[rider]
+    """What rests on something hands its place over to what comes down there."""
+    if other not in plan.carried:
+        return PutObject(name, plan.arena.surface, (0.0, 0.0), other).to_dict()
+    carrier = plan.carried[other]
+    (x, y), (x0, y0) = spot_of(plan.task, other), spot_of(plan.task, carrier)
+    return PutObject(name, carrier, (round(x - x0, 6), round(y - y0, 6)), carrier).to_dict()
 
 
 def _nudged(
@@ -79,15 +82,15 @@ def _nudged(
 ) -> tuple[float, float]:
     """The shift, or the least departure from it, that keeps clear of everything but what moves later."""
     ignoring = {name, *waiting}
-    for away in _NUDGES_M:
-        for angle in _ANGLES_DEG:
-            dx = round(shift[0] + away * math.cos(math.radians(angle)), 6)
-            dy = round(shift[1] + away * math.sin(math.radians(angle)), 6)
-            footprint = now[name].moved(dx, dy)
-            if _clear(footprint, now, ignoring):
-                return dx, dy
-            if not away:
-                break
+    x, y = plan.centre(name)
+    for must_be_reachable in (True, False):
+        for away in _NUDGES_M:
+            for angle in _ANGLES_DEG if away else (0.0,):
+                dx = round(shift[0] + away * math.cos(math.radians(angle)), 6)
+                dy = round(shift[1] + away * math.sin(math.radians(angle)), 6)
+                within = plan.reachable(x + dx, y + dy) or not must_be_reachable
+                if within and _clear(now[name].moved(dx, dy), now, ignoring):
+                    return dx, dy
     raise ManifestError(f"{plan.task.name}: there is no room for {name} in its new place.")
 
 
@@ -102,9 +105,14 @@ def started_elsewhere(task: Task, target: str) -> tuple[Json, ...]:
     carrier = plan.carrier(target)
     x, y = plan.centre(carrier)
     others = {key: other for key, other in plan.standing.items() if key != carrier}
+    start = plan.standing[carrier]
+    if target == carrier and target in task.objects and not start.round:
+        # Turned, it takes at most the room that it takes at any angle.
+        reach = max(math.hypot(a - x, b - y) for a, b in start.corners())
+        start = Footprint(x, y, reach, reach, slack=start.slack, round=True)
     for must_be_seen in (not category(category_of(carrier)).fixture, False):
         for dx, dy in _shifts():
-            footprint = plan.standing[carrier].moved(dx, dy)
+            footprint = start.moved(dx, dy)
             seen = plan.in_view(footprint) or not must_be_seen
             if seen and plan.reachable(x + dx, y + dy) and _clear(footprint, others, ()):
                 moves = _moves((carrier, *plan.riders(carrier)), dx, dy)

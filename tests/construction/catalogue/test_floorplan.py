@@ -5,7 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max.construction.catalogue.counts import SUITES
-from pytest_libero_max.construction.catalogue.floorplan import Footprint, extent, floorplan, footprint_at
+from pytest_libero_max.construction.catalogue.floorplan import (
+    Footprint,
+    extent,
+    floorplan,
+    footprint_at,
+    spot_of,
+)
+from pytest_libero_max.worlds.embedded.tasks import task
 
 TASKS = [(suite, index) for suite in SUITES for index in range(10)]
 rectangles = st.builds(
@@ -39,6 +46,27 @@ def test_the_gap_between_squares_side_by_side():
     assert one.gap(Footprint(0.5, 0.0, 0.1, 0.1)) == pytest.approx(0.3)
     assert one.gap(Footprint(0.5, 0.0, 0.1, 0.1, slack=0.05)) == pytest.approx(0.25)
     assert one.gap(Footprint(0.0, 0.5, 0.1, 0.1, math.pi / 2)) == pytest.approx(0.3)
+
+
+def test_the_gap_between_discs_and_squares():
+    disc = Footprint(0.0, 0.0, 0.1, 0.1, round=True)
+    assert disc.gap(Footprint(0.5, 0.0, 0.1, 0.1, round=True)) == pytest.approx(0.3)
+    assert disc.gap(Footprint(0.3, 0.3, 0.1, 0.1)) == pytest.approx(math.hypot(0.2, 0.2) - 0.1)
+    assert Footprint(0.3, 0.3, 0.1, 0.1, 1.0).gap(disc) == disc.gap(Footprint(0.3, 0.3, 0.1, 0.1, 1.0))
+    assert disc.gap(Footprint(0.0, 0.0, 0.3, 0.2)) == pytest.approx(-0.3)
+
+
+def test_what_starts_at_any_angle_takes_the_room_of_all_of_them():
+    book = floorplan("libero_10", 5).standing["black_book_1"]
+    assert book.round
+    assert book.half_x == pytest.approx(math.hypot(0.0148, 0.0673), abs=0.002)
+
+
+def test_a_rider_is_where_its_region_is():
+    x, y = spot_of(task("libero_spatial", 7), "akita_black_bowl_1")
+    assert (x, y) == pytest.approx((-0.26, -0.14), abs=0.01)
+    assert spot_of(task("libero_spatial", 3), "akita_black_bowl_1") == pytest.approx((0.07, 0.03))
+    assert spot_of(task("libero_spatial", 3), "plate_1") == pytest.approx((0.06, 0.20))
 
 
 def test_extents_are_those_of_the_things():
