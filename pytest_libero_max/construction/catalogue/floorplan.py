@@ -21,8 +21,8 @@ from pytest_libero_max.worlds.embedded.objects.base import Link
 from pytest_libero_max.worlds.embedded.tasks import Task, category_of
 from pytest_libero_max.worlds.embedded.tasks import task as task_of
 
-MAX_REACH_M = 0.78
-"""Horizontal distance from the robot's base within which what it has to handle must stand."""
+MIN_REACH_M, MAX_REACH_M = 0.38, 0.78
+"""Horizontal distances from the robot's base between which what it has to handle must stand."""
 
 _AREA = (-0.45, 0.36, -0.45, 0.45)
 """Range of x and y in which objects are put, m, world."""
@@ -220,8 +220,9 @@ class Floorplan:
         return True
 
     def reachable(self, x: float, y: float) -> bool:
+        """Whether the robot gets there with its tool pointing down."""
         base = self.arena.robot_base_pos
-        return math.hypot(x - base[0], y - base[1]) <= MAX_REACH_M
+        return MIN_REACH_M <= math.hypot(x - base[0], y - base[1]) <= MAX_REACH_M
 
 
 @cache
