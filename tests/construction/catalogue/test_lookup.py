@@ -1,6 +1,8 @@
+from __future__ import annotations
+
 import pytest
 
-from pytest_libero_max.cases import Case, parse_case
+from pytest_libero_max.cases import Case, Json, parse_case
 from pytest_libero_max.construction.catalogue import catalogue, open_substrate, variant_metadata, variant_of
 from pytest_libero_max.construction.catalogue.variant import Variant, share, some
 from pytest_libero_max.construction.eligibility import eligible
@@ -27,7 +29,7 @@ PLUS, PRO = catalogue("plus"), catalogue("pro")
 
 
 @pytest.mark.parametrize("variant", [*PLUS[::997], *PRO[::41]], ids=lambda variant: variant.key)
-def test_a_case_names_its_variation(variant):
+def test_a_case_names_its_variation(variant: Variant) -> None:
     assert variant_of(case_of(variant)) is variant
 
 
@@ -44,17 +46,17 @@ def test_a_case_names_its_variation(variant):
         ({"substrate_category": "Sensor Nose"}, "Sensor Nose"),
     ],
 )
-def test_a_case_of_another_catalogue_is_refused(record, message):
+def test_a_case_of_another_catalogue_is_refused(record: Json, message: str) -> None:
     with pytest.raises(SubstrateError, match=message):
         variant_of(case_of(PLUS[0], **record))
 
 
-def test_another_source_has_no_catalogue():
+def test_another_source_has_no_catalogue() -> None:
     with pytest.raises(ManifestError, match="source='plas'"):
         catalogue("plas")
 
 
-def test_draws_are_shares_that_depend_on_their_parts_alone():
+def test_draws_are_shares_that_depend_on_their_parts_alone() -> None:
     assert share("a", 1) == share("a", 1) != share("a", 2)
     numbers = [share("spread", n) for n in range(2000)]
     assert 0.0 < min(numbers) < 0.01 < 0.99 < max(numbers) < 1.0
@@ -64,14 +66,14 @@ def test_draws_are_shares_that_depend_on_their_parts_alone():
     assert len(kept) == 20
 
 
-def test_confounders_may_burst_in_and_occluders_may_not():
+def test_confounders_may_burst_in_and_occluders_may_not() -> None:
     added = next(v for v in PLUS if v.suite == "libero_spatial" and v.kind == "add" and v.difficulty == 5)
     assert eligible("distractor_burst", variant_metadata(added))
     hidden = next(v for v in PRO if v.category == "view_occlusion")
     assert "black_book_occluder_1" not in variant_metadata(hidden).distractors
 
 
-def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replays():
+def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replays() -> None:
     substrate = open_substrate("embedded")
     spec = PolicySpec("scripted", 8, 8, (), image_size=32)
     policy = ScriptedPolicy(spec, [(0.2, 0.3, -0.9, 0.0, 0.1, 0.0, -1.0)] * 3, 8)
@@ -91,7 +93,7 @@ def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replay
         substrate.close()
 
 
-def test_other_substrates_open_as_ever():
+def test_other_substrates_open_as_ever() -> None:
     assert open_substrate("tiny").name == "tiny"
     with pytest.raises(SubstrateError, match="substrate='embeded'"):
         open_substrate("embeded")

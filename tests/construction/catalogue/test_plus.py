@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import math
 from collections import Counter
 
@@ -7,19 +9,20 @@ import pytest
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.catalogue import catalogue, count_lines, digest_of
 from pytest_libero_max.construction.catalogue.counts import CATEGORIES, DIFFICULTY, KINDS, SUITES, VARIANTS
-from pytest_libero_max.construction.catalogue.floorplan import floorplan, footprint_at
+from pytest_libero_max.construction.catalogue.floorplan import Footprint, floorplan, footprint_at
 from pytest_libero_max.construction.catalogue.layouts import SHIFT_M_PER_LEVEL, target_of
 from pytest_libero_max.construction.catalogue.plus import plus_suite, start_offset
+from pytest_libero_max.construction.catalogue.variant import Variant
 from pytest_libero_max.worlds.embedded.tasks import task
 
 PLUS = catalogue("plus")
 
 
-def of(category, suite=None):
+def of(category: str, suite: str | None = None) -> list[Variant]:
     return [v for v in PLUS if v.category == category and suite in (None, v.suite)]
 
 
-def test_there_are_10030_of_them():
+def test_there_are_10030_of_them() -> None:
     assert len(PLUS) == 10_030
     assert Counter(v.suite for v in PLUS) == {
         "libero_spatial": 2402,
@@ -32,19 +35,19 @@ def test_there_are_10030_of_them():
 
 @pytest.mark.parametrize("category", CATEGORIES)
 @pytest.mark.parametrize("suite", SUITES)
-def test_difficulties_are_as_many_as_in_the_original(category, suite):
+def test_difficulties_are_as_many_as_in_the_original(category: str, suite: str) -> None:
     counts = Counter(v.difficulty for v in of(category, suite))
     assert tuple(counts[level] for level in (1, 2, 3, 4, 5, None)) == DIFFICULTY[category][suite]
 
 
 @pytest.mark.parametrize("suite", SUITES)
-def test_kinds_are_as_many_as_in_the_original_for_every_task(suite):
+def test_kinds_are_as_many_as_in_the_original_for_every_task(suite: str) -> None:
     for base in range(10):
         counts = Counter(v.kind for v in plus_suite(suite) if v.base_index == base)
         assert tuple(counts[kind] for kind in KINDS) == VARIANTS[suite][base]
 
 
-def test_the_two_tables_of_counts_agree():
+def test_the_two_tables_of_counts_agree() -> None:
     columns = {
         "Background Textures": (0, 1),
         "Camera Viewpoints": (2, 3, 4),
@@ -60,7 +63,7 @@ def test_the_two_tables_of_counts_agree():
 
 
 @pytest.mark.parametrize("suite", SUITES)
-def test_the_registry_is_ordered_and_its_names_are_unique(suite):
+def test_the_registry_is_ordered_and_its_names_are_unique(suite: str) -> None:
     variants = plus_suite(suite)
     assert [v.index for v in variants] == list(range(len(variants)))
     order = [(CATEGORIES.index(v.category), v.base_index) for v in variants]
@@ -69,7 +72,7 @@ def test_the_registry_is_ordered_and_its_names_are_unique(suite):
     assert all(v.name.startswith(task(suite, v.base_index).name + "_") for v in variants)
 
 
-def test_specifications_are_distinct_small_and_readable():
+def test_specifications_are_distinct_small_and_readable() -> None:
     for base in {(v.suite, v.base_index) for v in PLUS[::500]}:
         said = [repr((v.scene, v.changes)) for v in PLUS if (v.suite, v.base_index) == base]
         assert len(set(said)) == len(said)
@@ -79,13 +82,13 @@ def test_specifications_are_distinct_small_and_readable():
             assert change_from_dict(raw).to_dict() == raw
 
 
-def test_the_catalogue_is_a_pure_function():
+def test_the_catalogue_is_a_pure_function() -> None:
     plus_suite.cache_clear()
     again = plus_suite("libero_spatial")
     assert digest_of(again) == digest_of(PLUS[: len(again)])
 
 
-def test_the_command_prints_the_original_table():
+def test_the_command_prints_the_original_table() -> None:
     lines = count_lines()
     assert lines[0].split() == ["category", "suite", "d1", "d2", "d3", "d4", "d5", "none", "total"]
     assert "all                     all               1644  2202  2094  1886  2083   121  10030" in lines
@@ -96,23 +99,23 @@ def test_the_command_prints_the_original_table():
 
 @pytest.mark.parametrize("category", ["Robot Initial States", "Sensor Noise", "Objects Layout"])
 @pytest.mark.parametrize("suite", SUITES)
-def test_a_higher_level_is_never_milder(category, suite):
-    def size(variant):
+def test_a_higher_level_is_never_milder(category: str, suite: str) -> None:
+    def size(variant: Variant) -> float | None:
         (*_, change) = variant.changes
         if category == "Robot Initial States":
             return round(math.hypot(*change["delta_joint_rad"]), 6)
         if category == "Sensor Noise":
-            return change["level"]
+            return float(change["level"])
         if variant.kind == "add":
             return len(variant.changes)
         return None  # several things shifted by different lengths
 
-    sizes = [(v.difficulty, size(v)) for v in of(category, suite) if size(v) is not None]
+    sizes = [(v.difficulty, s) for v in of(category, suite) if (s := size(v)) is not None]
     for level in (1, 2, 3, 4):
         assert max(s for d, s in sizes if d == level) <= min(s for d, s in sizes if d == level + 1)
 
 
-def test_start_poses_are_liberopluss_own():
+def test_start_poses_are_liberopluss_own() -> None:
     assert [math.hypot(*start_offset(n)) for n in (0, 99, 100, 250, 499)] == pytest.approx(
         [0.1, 0.1, 0.2, 0.3, 0.5]
     )
@@ -120,13 +123,13 @@ def test_start_poses_are_liberopluss_own():
     assert start_offset(0) == pytest.approx(0.1 * drawn / np.linalg.norm(drawn), abs=1e-8)
 
 
-def test_added_objects_are_new_to_the_scene_and_stand_clear():
+def test_added_objects_are_new_to_the_scene_and_stand_clear() -> None:
     for variant in of("Objects Layout")[::9]:
         if variant.kind != "add":
             continue
         row = task(variant.suite, variant.base_index)
         plan = floorplan(variant.suite, variant.base_index)
-        taken = []
+        taken: list[Footprint] = []
         for (instance, category), change in zip(variant.scene["extras"], variant.changes, strict=True):
             assert instance not in (*row.objects, *row.fixtures)
             assert (change["operation"], change["object"]) == ("put_object", instance)
@@ -137,7 +140,7 @@ def test_added_objects_are_new_to_the_scene_and_stand_clear():
             taken.append(footprint)
 
 
-def test_shifts_stay_within_their_disc_and_the_target_goes_farthest():
+def test_shifts_stay_within_their_disc_and_the_target_goes_farthest() -> None:
     for variant in of("Objects Layout")[::7]:
         if variant.kind != "level":
             continue

@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import json
 from collections import Counter
 from pathlib import Path
@@ -17,11 +19,11 @@ PRO = catalogue("pro")
 RELEASED = Path(__file__).parents[4] / "shared" / "official" / "pro_task_catalog.json"
 
 
-def operations(category):
+def operations(category: str) -> list[tuple[str, ...]]:
     return [tuple(raw["operation"] for raw in v.changes) for v in PRO if v.category == category]
 
 
-def test_there_is_one_of_each_category_for_each_task():
+def test_there_is_one_of_each_category_for_each_task() -> None:
     assert len(PRO) == 400
     assert len({v.key for v in PRO}) == 400
     assert set(Counter(v.category for v in PRO).values()) == {40}
@@ -29,13 +31,13 @@ def test_there_is_one_of_each_category_for_each_task():
     assert all(v.difficulty is None and v.name == task(v.suite, v.index).name for v in PRO)
 
 
-def test_every_change_is_a_change():
+def test_every_change_is_a_change() -> None:
     for variant in PRO:
         for raw in variant.changes:
             assert change_from_dict(raw).to_dict() == raw
 
 
-def test_categories_do_what_their_names_say():
+def test_categories_do_what_their_names_say() -> None:
     assert set(operations("semantic")) == {("set_instruction",)}
     assert set(operations("task")) == {("set_task",)}
     assert set(operations("camera_view_angle")) == {("place_camera",)}
@@ -48,7 +50,7 @@ def test_categories_do_what_their_names_say():
     assert all(v.scene["recast"] for v in PRO if v.category in ("object", "object_shape"))
 
 
-def test_another_task_has_another_goal_and_says_so():
+def test_another_task_has_another_goal_and_says_so() -> None:
     for suite in SUITES:
         for variant in pro_suite("task", suite):
             before, after = task_metadata(suite, variant.index), variant_metadata(variant)
@@ -57,7 +59,7 @@ def test_another_task_has_another_goal_and_says_so():
             assert set(after.goal_entities) <= {*before.objects, *before.fixtures}
 
 
-def test_what_is_recast_is_called_otherwise_everywhere():
+def test_what_is_recast_is_called_otherwise_everywhere() -> None:
     variant = pro_suite("object", "libero_spatial")[3]
     after = variant_metadata(variant)
     assert after.objects["black_bowl_1"] == "black_bowl"
@@ -67,7 +69,7 @@ def test_what_is_recast_is_called_otherwise_everywhere():
 
 
 @pytest.mark.skipif(not RELEASED.exists(), reason="needs pro_task_catalog.json of the released benchmark")
-def test_the_scenes_contain_what_the_released_catalogue_says():
+def test_the_scenes_contain_what_the_released_catalogue_says() -> None:
     released = {
         (row["pro_category"], row["task_suite_name"], row["task_index"]): row
         for row in json.loads(RELEASED.read_text(encoding="utf-8"))["tasks"]
@@ -94,9 +96,9 @@ def test_the_scenes_contain_what_the_released_catalogue_says():
 
 
 @pytest.mark.skipif(not RELEASED.exists(), reason="needs pro_task_catalog.json of the released benchmark")
-def test_events_are_possible_where_the_released_catalogue_has_them():
+def test_events_are_possible_where_the_released_catalogue_has_them() -> None:
     released = json.loads(RELEASED.read_text(encoding="utf-8"))["tasks"]
-    differences = Counter()
+    differences: Counter[str] = Counter()
     for row in released:
         variant = pro_suite(row["pro_category"], row["task_suite_name"])[row["task_index"]]
         ours = {event for event in EVENTS if eligible(event, variant_metadata(variant))}
@@ -106,7 +108,7 @@ def test_events_are_possible_where_the_released_catalogue_has_them():
     assert sum(differences.values()) <= 12
 
 
-def test_categories_are_the_originals():
+def test_categories_are_the_originals() -> None:
     assert CATEGORIES == (
         "semantic",
         "object",

@@ -1,13 +1,20 @@
 """Every variation leaves alone what it does not declare, and is undone by the next reset."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pytest_libero_max.cases import Json, Source
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.catalogue import catalogue
-from pytest_libero_max.worlds.contract import NOOP_ACTION
+from pytest_libero_max.construction.catalogue.variant import Variant
+from pytest_libero_max.worlds.contract import NOOP_ACTION, SourceVariant, World
 from pytest_libero_max.worlds.embedded.remodel import Remodel
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
@@ -19,25 +26,26 @@ PER_KIND = {kind: [v for v in EVERY if (v.source, v.category, v.kind) == kind] f
 
 
 @pytest.fixture(scope="module")
-def substrate():
+def substrate() -> Iterator[EmbeddedSubstrate]:
     substrate = EmbeddedSubstrate(scenes=6)
     yield substrate
     substrate.close()
 
 
-def bare(variant):
+def bare(variant: Variant) -> SourceVariant:
     """The same task without any variation."""
 
     class Bare:
-        key, suite, base_index, scene = "bare", variant.suite, variant.base_index, {}
+        key, suite, base_index = "bare", variant.suite, variant.base_index
+        scene: ClassVar[Json] = {}
 
-        def apply(self, world):
+        def apply(self, world: World) -> None:
             """Nothing."""
 
     return Bare()
 
 
-def materials(world):
+def materials(world: World) -> dict[str, tuple[bytes, str]]:
     """What each material looks like, by name."""
     model = world.model
     looks = {}
@@ -48,24 +56,26 @@ def materials(world):
     return looks
 
 
-def arm(world):
+def arm(world: World) -> bytes:
     return world.observe(cameras=())["robot0_joint_pos"].tobytes()
 
 
-def cameras(world):
+def cameras(world: World) -> dict[str, list[bytes]]:
     model = world.model
     fields = (model.cam_pos, model.cam_quat, model.cam_fovy)
     return {model.camera(n).name: [field[n].tobytes() for field in fields] for n in range(model.ncam)}
 
 
-def lights(world):
+def lights(world: World) -> list[bytes]:
     return [getattr(world.model, field).tobytes() for field in LIGHTS]
 
 
 @pytest.mark.parametrize("kind", KINDS, ids="-".join)
 @settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_what_a_variation_does_not_declare_is_bit_identical(substrate, kind, data):
+def test_what_a_variation_does_not_declare_is_bit_identical(
+    substrate: EmbeddedSubstrate, kind: tuple[Source, str, str], data: st.DataObject
+) -> None:
     variant = data.draw(st.sampled_from(PER_KIND[kind]), label="variant")
     init = 0 if variant.source == "plus" else data.draw(st.integers(0, 9), label="init")
     factors = set().union(*(change_from_dict(raw).factors for raw in variant.changes))
@@ -103,7 +113,9 @@ def test_what_a_variation_does_not_declare_is_bit_identical(substrate, kind, dat
 @pytest.mark.parametrize("kind", KINDS, ids="-".join)
 @settings(max_examples=2, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_a_reset_undoes_a_variation_and_makes_it_again(substrate, kind, data):
+def test_a_reset_undoes_a_variation_and_makes_it_again(
+    substrate: EmbeddedSubstrate, kind: tuple[Source, str, str], data: st.DataObject
+) -> None:
     variant = data.draw(st.sampled_from(PER_KIND[kind]), label="variant")
     world = substrate.varied_world(variant)
     plain = world.varied(None)
@@ -121,7 +133,7 @@ def test_a_reset_undoes_a_variation_and_makes_it_again(substrate, kind, data):
     assert differing(varied, full_state(world)) == set()
 
 
-def test_worlds_are_built_again_after_they_had_to_make_room():
+def test_worlds_are_built_again_after_they_had_to_make_room() -> None:
     substrate = EmbeddedSubstrate(scenes=2)
     variants = [v for v in catalogue("pro") if v.category == "object_shape"][:4]
     try:
@@ -137,7 +149,7 @@ def test_worlds_are_built_again_after_they_had_to_make_room():
         substrate.close()
 
 
-def test_worlds_of_one_scene_keep_their_variations_apart(substrate):
+def test_worlds_of_one_scene_keep_their_variations_apart(substrate: EmbeddedSubstrate) -> None:
     first, second = [v for v in catalogue("plus") if v.category == "Language Instructions"][:2]
     one, other = substrate.varied_world(first), substrate.varied_world(second)
     one.reset(0)
@@ -147,7 +159,7 @@ def test_worlds_of_one_scene_keep_their_variations_apart(substrate):
     assert other.language == second.changes[0]["instruction"] != words == first.changes[0]["instruction"]
 
 
-def test_things_stay_where_a_variation_puts_them(substrate):
+def test_things_stay_where_a_variation_puts_them(substrate: EmbeddedSubstrate) -> None:
     for variant in [v for v in catalogue("pro") if v.category in ("position", "view_occlusion")][::9]:
         world = substrate.varied_world(variant)
         world.reset(0)

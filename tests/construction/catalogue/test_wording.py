@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import re
 
 import pytest
@@ -17,7 +19,7 @@ LANGUAGES = sorted({task.language for suite in SUITES for task in tasks(suite)})
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_task_has_fifty_rewordings_that_name_what_it_names(language):
+def test_a_task_has_fifty_rewordings_that_name_what_it_names(language: str) -> None:
     found = rewordings(language)
     assert len(found) == len({words.words for words in found}) == 50
     assert language not in {words.words for words in found}
@@ -29,7 +31,7 @@ def test_a_task_has_fifty_rewordings_that_name_what_it_names(language):
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_no_word_of_the_variation_leaks_into_the_prompt(language):
+def test_no_word_of_the_variation_leaks_into_the_prompt(language: str) -> None:
     leaks = {"variant", "language", "noise", "difficulty", "libero", "view", "level", "sample", "plus"}
     leaks |= {word for category in CATEGORIES for word in category.lower().split()} - set(language.split())
     leaks -= {"objects", "light"}
@@ -67,16 +69,16 @@ def test_no_word_of_the_variation_leaks_into_the_prompt(language):
         ("put both moka pots on the stove", (Step("move", "both moka pots", "on the stove"),)),
     ],
 )
-def test_an_instruction_is_taken_apart(language, steps):
+def test_an_instruction_is_taken_apart(language: str, steps: tuple[Step, ...]) -> None:
     assert steps_of(language) == steps
 
 
-def test_a_paraphrase_uses_other_verbs_alone():
+def test_a_paraphrase_uses_other_verbs_alone() -> None:
     words = paraphrase("put both moka pots on the stove")
     assert "both moka pots" in words
     assert words.endswith("them on the stove")
 
 
-def test_what_is_not_built_like_liberos_is_refused():
+def test_what_is_not_built_like_liberos_is_refused() -> None:
     with pytest.raises(ManifestError, match="instruction='dance'"):
         steps_of("dance")
