@@ -17,9 +17,10 @@ class Reach:
     spec = PolicySpec(name="reach", horizon=40, query_interval=40, image_size=64, privileged=True)
 
     def reset(self, episode: Episode) -> None:
-        self.world: Any = episode.world
-        subject = self.world.goal[0][1]  # an entity, or a region of one
-        self.target = max((name for name in self.world.entities if subject.startswith(name)), key=len)
+        world: Any = episode.world
+        self.world = world
+        subject = world.goal[0][1]  # an entity, or a region of one
+        self.target = max((name for name in world.entities if subject.startswith(name)), key=len)
 
     def predict(self, observation: Mapping[str, NDArray[Any]], query: Query) -> NDArray[np.float64]:
         target = self.world.position(self.target)

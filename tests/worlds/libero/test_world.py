@@ -201,14 +201,14 @@ def test_what_is_taken_out_is_shot_away_as_published_and_stays_in_the_corrected_
         assert np.array_equal(world.parked_pose("milk_1")[0], start[0])
         world.unpark("milk_1", (0.2, 0.2, start[0][2]))
         poses[semantics] = away, world.pose("milk_1")[1], start[1]
-        assert world.parked == ()
-    away, back, start = poses["corrected"]
+        assert not world.parked
+    away, back, upright = poses["corrected"]
     assert np.array_equal(away[0], (-2.0, 0.0, -5.0))
-    assert np.array_equal(back, start)
-    away, back, start = poses["published"]
+    assert np.array_equal(back, upright)
+    away, back, upright = poses["published"]
     assert away[0][2] > 10.0
     assert np.array_equal(back, away[1])
-    assert not np.allclose(back, start, atol=1e-3)
+    assert not np.allclose(back, upright, atol=1e-3)
 
 
 def test_derived_data_belong_to_the_end_of_the_step(installation: Installation) -> None:
