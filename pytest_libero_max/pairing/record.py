@@ -127,14 +127,28 @@ class PairRecord:
                 f"schema_version={version!r} of a pair record, but this version reads {RECORD_VERSION}. "
                 "Read it with the version of pytest-libero-max that wrote it."
             )
-        known = {item.name for item in fields(cls)}
-        for key in values:
-            if key not in known:
-                raise ReportError(f"A pair record has the unknown field {key!r}. {did_you_mean(key, known)}")
-        missing = sorted(known - values.keys())
-        if missing:
-            raise ReportError(f"Pair record {values.get('case_id')!r} lacks {', '.join(missing)}.")
+        require_fields(cls, values, "pair record")
         return cls(**values)
+
+
+def require_fields(cls: type[Any], values: Json, what: str) -> None:
+    """Check that a stored object has exactly the fields of its dataclass.
+
+    Args:
+        cls: The dataclass.
+        values: The object as read.
+        what: How to name it in an error.
+
+    Raises:
+        ReportError: A field is missing or unknown.
+    """
+    known = {item.name for item in fields(cls)}
+    for key in values:
+        if key not in known:
+            raise ReportError(f"A {what} has the unknown field {key!r}. {did_you_mean(key, known)}")
+    missing = sorted(known - values.keys())
+    if missing:
+        raise ReportError(f"{what.capitalize()} {values.get('case_id')!r} lacks {', '.join(missing)}.")
 
 
 @dataclass(frozen=True)

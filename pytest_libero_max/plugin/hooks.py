@@ -67,10 +67,10 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out the pairs that a resumed run has measured."""
     measured = set(_measured(config))
-    done = [item for item in items if collection.case_of(item.nodeid) in measured]
-    if done:
+    if measured:
+        done = [item for item in items if collection.case_of(item.nodeid) in measured]
+        items[:] = [item for item in items if collection.case_of(item.nodeid) not in measured]
         config.hook.pytest_deselected(items=done)
-        items[:] = [item for item in items if item not in done]
 
 
 def _measured(config: pytest.Config) -> Iterable[str]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 from pytest_libero_max.cases import Case, Json
-from pytest_libero_max.errors import ReportError, did_you_mean
-from pytest_libero_max.pairing.record import RECORD_VERSION
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields
 
 
 @dataclass(frozen=True)
@@ -103,11 +103,5 @@ class Run:
 
 
 def _planned(values: Json) -> PlannedPair:
-    known = {item.name for item in fields(PlannedPair)}
-    for key in values:
-        if key not in known:
-            raise ReportError(f"A planned pair has the unknown field {key!r}. {did_you_mean(key, known)}")
-    missing = sorted(known - values.keys())
-    if missing:
-        raise ReportError(f"Planned pair {values.get('case_id')!r} lacks {', '.join(missing)}.")
+    require_fields(PlannedPair, values, "planned pair")
     return PlannedPair(**values)
