@@ -21,7 +21,8 @@ from pytest_libero_max.worlds.embedded.arenas import ARENAS
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.predicates import touching
 from pytest_libero_max.worlds.embedded.scene import Scene, joint_state, joints_of, resolve
-from pytest_libero_max.worlds.embedded.tasks import Fact, category_of
+from pytest_libero_max.worlds.embedded.tasks import category_of
+from pytest_libero_max.worlds.privileged import Fact
 
 if TYPE_CHECKING:
     import mujoco

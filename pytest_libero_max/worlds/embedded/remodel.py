@@ -20,7 +20,7 @@ from pytest_libero_max.worlds.embedded.objects import base, category
 from pytest_libero_max.worlds.embedded.objects.base import Category, drawn
 from pytest_libero_max.worlds.embedded.scene import Region, Scene, resolve
 from pytest_libero_max.worlds.embedded.surfaces import SURFACES, shown
-from pytest_libero_max.worlds.embedded.tasks import Fact
+from pytest_libero_max.worlds.privileged import Fact
 
 _ASSET_ORDER = {"texture": 0, "mesh": 1, "material": 2}
 

@@ -13,7 +13,8 @@ from pytest_libero_max.worlds.embedded.arenas import ARENAS, Arena, furnish
 from pytest_libero_max.worlds.embedded.objects import base, category
 from pytest_libero_max.worlds.embedded.objects.base import Link
 from pytest_libero_max.worlds.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
-from pytest_libero_max.worlds.embedded.tasks import Fact, Task, category_of, task
+from pytest_libero_max.worlds.embedded.tasks import Task, category_of, task
+from pytest_libero_max.worlds.privileged import Fact
 
 ROBOT_INIT_QPOS = (0.0, -0.161037389, 0.0, -2.44459747, 0.0, 2.2267522, 0.7853981633974483)
 """LIBERO's start pose of the Panda's seven joints, rad."""

@@ -8,17 +8,17 @@ from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Array, Goal, SourceVariant
-from pytest_libero_max.worlds.embedded.grips import Holding, holdings
+from pytest_libero_max.worlds.embedded.grips import holdings
 from pytest_libero_max.worlds.embedded.placement import initial_state
 from pytest_libero_max.worlds.embedded.predicates import Predicate, all_hold
 from pytest_libero_max.worlds.embedded.remodel import Remodel, remodelled, waiting_place
 from pytest_libero_max.worlds.embedded.scene import Scene, build_scene, joints_of, resolve
-from pytest_libero_max.worlds.embedded.tasks import Fact
+from pytest_libero_max.worlds.privileged import Fact, Holding, facts
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
 gl.prepare()
@@ -36,7 +36,6 @@ SCENES = 12
 
 Starts = Callable[[int], Mapping[str, Array]]
 _AS_IT_IS = Remodel()
-_PREDICATES = ("on", "in", "open", "close", "turnon", "turnoff")
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless")
 
 
@@ -77,7 +76,7 @@ class EmbeddedWorld(RobosuiteWorld):
     def goal(self) -> tuple[Fact, ...]:
         """What must hold at the end, all of it, in the task's own words: for policies that are privileged."""
         assigned = self._assigned[1]
-        return self._task.task.goal if assigned is None else _facts(assigned)
+        return self._task.task.goal if assigned is None else facts(assigned)
 
     def holds(self, fact: Fact) -> bool:
         """Whether a predicate holds now, by the rules of the goal."""
@@ -119,7 +118,7 @@ class EmbeddedWorld(RobosuiteWorld):
         self._resolved(goal)
 
     def _resolved(self, goal: Goal) -> tuple[Predicate, ...]:
-        return tuple(self._verdict(fact) for fact in _facts(goal))
+        return tuple(self._verdict(fact) for fact in facts(goal))
 
     def _verdict(self, fact: Fact) -> Predicate:
         return resolve(fact, self._task.entities, self._task.regions)
@@ -142,15 +141,6 @@ class EmbeddedWorld(RobosuiteWorld):
             address = int(self._model.joint(self._plan.renamed(name)).qposadr[0])
             qpos[address : address + values.size] = values
         return qpos
-
-
-def _facts(goal: Goal) -> tuple[Fact, ...]:
-    for word, *_ in goal:
-        if word not in _PREDICATES:
-            raise SubstrateError(
-                f"predicate={word!r} is not one of LIBERO's. {did_you_mean(word, _PREDICATES)}"
-            )
-    return tuple(Fact(cast(Any, word), subject, *place) for word, subject, *place in goal)
 
 
 class EmbeddedSubstrate:

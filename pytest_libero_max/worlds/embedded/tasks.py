@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.worlds.embedded.layouts import LAYOUTS, Arena
+from pytest_libero_max.worlds.privileged import Fact as Fact
 
 Box = tuple[float, float, float, float]
 
@@ -33,15 +33,6 @@ class Place:
     surface: str
     box: Box
     yaw: float = 0.0
-
-
-@dataclass(frozen=True)
-class Fact:
-    """A predicate as BDDL writes it: ``("on", "plate_1", "main_table_plate_region")``."""
-
-    predicate: Literal["on", "in", "open", "close", "turnon", "turnoff"]
-    subject: str
-    place: str | None = None
 
 
 @dataclass(frozen=True)

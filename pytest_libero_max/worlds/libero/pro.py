@@ -79,10 +79,10 @@ def tinted_entities(world: LiberoWorld) -> tuple[str, ...]:
     """The goal's destinations; where it has none but the work surface, what it is about."""
     destinations: list[str] = []
     subjects: list[str] = []
-    for predicate, *arguments in world.goal:
-        owners = [_owner(world, argument) for argument in arguments]
+    for fact in world.goal:
+        owners = [_owner(world, argument) for argument in fact.words()[1:]]
         subjects.append(owners[0])
-        destinations += owners[1:] if predicate in ("on", "in") else owners
+        destinations += owners if fact.place is None else owners[1:]
     found = [name for name in destinations if world.entities[name].kind != "surface"]
     return tuple(dict.fromkeys(found or subjects))
 

@@ -25,6 +25,7 @@ from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter, Semantics
 from pytest_libero_max.worlds.libero.environment import Built
 from pytest_libero_max.worlds.libero.pro import ProVariation
+from pytest_libero_max.worlds.privileged import Fact, Holding, facts
 from pytest_libero_max.worlds.rendering import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
@@ -32,8 +33,6 @@ import mujoco  # isort: skip - the rooms above have settled its backend
 
 _LINEAR = 1
 """``mjCOLORSPACE_LINEAR``: textures as they are, which is how MuJoCo before 3.3.3 showed all of them."""
-
-_PREDICATES = ("on", "in", "open", "close", "turnon", "turnoff")
 
 _SEEN = {
     "robot0_eef_pos": 3,
@@ -101,9 +100,26 @@ class LiberoWorld(RobosuiteWorld):
         return self._semantics
 
     @property
-    def goal(self) -> tuple[tuple[str, ...], ...]:
-        """What must hold at the end, all of it, in the package's words: predicate, then its arguments."""
-        return tuple(tuple(fact) for fact in self._env.parsed_problem["goal_state"])
+    def goal(self) -> tuple[Fact, ...]:
+        """What must hold at the end, all of it, for policies that are privileged."""
+        assigned = self._assigned[1]
+        return facts(self._env.parsed_problem["goal_state"] if assigned is None else assigned)
+
+    def holds(self, fact: Fact) -> bool:
+        """Whether a predicate holds now; the package decides."""
+        return bool(self._env._eval_predicate(list(fact.words())))
+
+    def joints(self, name: str) -> tuple[str, ...]:
+        """The joints of a fixture, or those that a region of it moves with; none for other places."""
+        if name in self._entities:
+            fixture = self._entities[name].kind == "fixture"
+            return tuple(self._env.fixtures_dict[name].joints) if fixture else ()
+        return tuple(self._env.object_sites_dict[name].joints or ())
+
+    @property
+    def holdings(self) -> Mapping[str, Holding]:
+        """No parts: the package does not say what its models are held by."""
+        return {}
 
     def varied(self, variation: ProVariation | None) -> LiberoWorld:
         """This world, which applies a source variation at every reset from now on."""
@@ -247,12 +263,10 @@ class LiberoWorld(RobosuiteWorld):
 
     def _check_goal(self, goal: Goal) -> None:
         known = self._env.object_states_dict
-        for predicate, *arguments in goal:
-            for name in arguments:
+        for fact in facts(goal):
+            for name in fact.words()[1:]:
                 if name not in known:
                     raise EntityError(f"{self._scene} has no {name!r}. {did_you_mean(name, known)}")
-            if predicate not in _PREDICATES:
-                raise SubstrateError(f"predicate={predicate!r}. {did_you_mean(predicate, _PREDICATES)}")
 
     def _initial_qpos(self, init: int) -> Array:
         if not 0 <= init < len(self._states):

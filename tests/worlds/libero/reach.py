@@ -19,7 +19,7 @@ class Reach:
     def reset(self, episode: Episode) -> None:
         world: Any = episode.world
         self.world = world
-        subject = world.goal[0][1]  # an entity, or a region of one
+        subject = world.goal[0].subject  # an entity, or a region of one
         self.target = max((name for name in world.entities if subject.startswith(name)), key=len)
 
     def predict(self, observation: Mapping[str, NDArray[Any]], query: Query) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from pytest_libero_max.worlds.libero.installation import Installation
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld
+from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
 from tests.worlds.libero.data import DATA, TASKS, needs_package
 from tests.worlds.libero.reference import Reference, assert_same
 from tests.worlds.states import differing, every_array, random_actions
@@ -228,7 +229,22 @@ def test_other_goals_are_decided_by_the_packages_predicates(installation: Instal
         world.assign(goal=(("on", "cookie_1", "plate_1"),))
     with pytest.raises(SubstrateError, match="predicate='onto'"):
         world.assign(goal=(("onto", "cookies_1", "plate_1"),))
-    assert world.goal == (("on", "akita_black_bowl_1", "plate_1"),)
+    assert world.goal == (Fact("on", "cookies_1", "main_table_box_region"),)
+    world.reset(0)
+    assert world.goal == (Fact("on", "akita_black_bowl_1", "plate_1"),)
+
+
+def test_facts_and_joints_are_the_packages_own(installation: Installation) -> None:
+    world = make_world(installation, "libero_spatial", 4)
+    assert isinstance(world, PrivilegedWorld)
+    (joint,) = world.joints("wooden_cabinet_1_top_region")
+    assert joint in world.joints("wooden_cabinet_1")
+    assert world.joints("flat_stove_1_cook_region") == world.joints("plate_1") == ()
+    drawer = Fact("open", "wooden_cabinet_1_top_region")
+    assert world.holds(drawer)
+    world.data.joint(joint).qpos[0] = 0.0
+    assert not world.holds(drawer)
+    assert not world.holds(Fact("on", "akita_black_bowl_1", "plate_1"))
 
 
 def test_there_are_fifty_initial_states(installation: Installation) -> None:

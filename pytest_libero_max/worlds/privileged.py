@@ -1,0 +1,117 @@
+"""What a policy that is told the truth may ask a world, beyond what :class:`.contract.World` offers to all.
+
+Both substrates answer: the embedded one by its own rules, the genuine one by the installed package's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol, get_args, runtime_checkable
+
+import numpy as np
+
+from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.worlds.contract import Array, World
+
+if TYPE_CHECKING:
+    import mujoco
+
+Predicate = Literal["on", "in", "open", "close", "turnon", "turnoff"]
+
+PREDICATES: tuple[Predicate, ...] = get_args(Predicate)
+"""LIBERO's predicates, as its goals spell them."""
+
+_SLIDE = 2  # mjJNT_SLIDE; MuJoCo itself is imported by whoever has a model
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A predicate as BDDL writes it: ``("on", "plate_1", "main_table_plate_region")``."""
+
+    predicate: Predicate
+    subject: str
+    place: str | None = None
+
+    def words(self) -> tuple[str, ...]:
+        """The fact as a goal spells it."""
+        return (self.predicate, self.subject, *([] if self.place is None else [self.place]))
+
+
+def facts(goal: Iterable[Sequence[str]]) -> tuple[Fact, ...]:
+    """What a goal says, fact by fact.
+
+    Raises:
+        SubstrateError: A predicate is not LIBERO's.
+    """
+    return tuple(Fact(_predicate(word), subject, *place) for word, subject, *place in goal)
+
+
+def _predicate(word: str) -> Predicate:
+    if word not in PREDICATES:
+        raise SubstrateError(f"predicate={word!r} is not one of LIBERO's. {did_you_mean(word, PREDICATES)}")
+    return word
+
+
+@dataclass(frozen=True)
+class Holding:
+    """A part of a scene that is made to be held: a handle, a knob, a neck, a rim.
+
+    Attributes:
+        name: ``<instance>_<part>``, for example ``wooden_cabinet_1_top_handle``.
+        entity: Whose part it is.
+        body: MuJoCo body that it is fixed to; the frame of the vectors below.
+        joint: The joint that it moves, or None for objects.
+        pos: Middle of the part, m.
+        along: Unit vector along it; fingers close across it.
+        out: Unit vector away from the entity, against which the hand approaches.
+        width: How far apart the fingers end up, m.
+    """
+
+    name: str
+    entity: str
+    body: str
+    joint: str | None
+    pos: tuple[float, float, float]
+    along: tuple[float, float, float]
+    out: tuple[float, float, float]
+    width: float
+
+    def world(self, data: mujoco.MjData) -> tuple[Array, Array, Array]:
+        """Where it is now: position (m), ``along`` and ``out``, each (3,) in the world frame."""
+        body = data.body(self.body)
+        frame = body.xmat.reshape(3, 3)
+        return body.xpos + frame @ self.pos, frame @ self.along, frame @ self.out
+
+    def motion(self, data: mujoco.MjData) -> Array:
+        """Velocity (3,), world, of the part per unit of its joint's velocity; 0 without a joint."""
+        if self.joint is None:
+            return np.zeros(3)
+        joint = data.joint(self.joint)
+        if data.model.joint(self.joint).type[0] == _SLIDE:
+            return np.array(joint.xaxis)
+        velocity: Array = np.cross(joint.xaxis, self.world(data)[0] - joint.xanchor)
+        return velocity
+
+
+@runtime_checkable
+class PrivilegedWorld(World, Protocol):
+    """A world that also tells what must be done, and whether it has been."""
+
+    @property
+    def goal(self) -> tuple[Fact, ...]:
+        """What must hold at the end, all of it: the task's own goal, or the one assigned in its place."""
+        ...
+
+    def holds(self, fact: Fact) -> bool:
+        """Whether a predicate holds now, by the rules by which success is decided."""
+        ...
+
+    def joints(self, name: str) -> tuple[str, ...]:
+        """The joints of a fixture, or those that a region of it moves with; none for other places."""
+        ...
+
+    @property
+    def holdings(self) -> Mapping[str, Holding]:
+        """The parts that are made to be held, by name, as far as the substrate knows of any."""
+        ...
