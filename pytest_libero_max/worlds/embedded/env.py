@@ -70,6 +70,12 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
         super()._initialize_sim(xml_string)
         upload(self.sim.model._model, self._scene.textures)
 
+    def _destroy_sim(self) -> None:
+        """Let go of the model and its data; robosuite would also collect the garbage of the whole process."""
+        if self.sim is not None:
+            del self.sim.data, self.sim.model
+            self.sim: Any = None
+
     def assume(self, state: WorldState) -> None:
         """Continue from the state of the embedded world of the same scene.
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -89,9 +90,13 @@ def _visual_twin(body: str, collision: ET.Element) -> ET.Element | None:
 
 def _add_outline(assets: ET.Element) -> None:
     fine = next(mesh for mesh in assets.iter("mesh") if mesh.get("name") == _FINE_MESH)
-    points = outline(stl_vertices(Path(fine.get("file", ""))), _OUTLINE_DIRECTIONS)
-    vertices = " ".join(f"{value:.6g}" for value in points.ravel())
-    ET.SubElement(assets, "mesh", {"name": _OUTLINE, "vertex": vertices})
+    ET.SubElement(assets, "mesh", {"name": _OUTLINE, "vertex": _outline_of(fine.get("file", ""))})
+
+
+@cache  # every scene has the same robot
+def _outline_of(file: str) -> str:
+    points = outline(stl_vertices(Path(file)), _OUTLINE_DIRECTIONS)
+    return " ".join(f"{value:.6g}" for value in points.ravel())
 
 
 def _drop_unused(robot: ET.Element, assets: ET.Element) -> None:
