@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
-from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds import egl, gl
 from pytest_libero_max.worlds.registry import SubstrateOptions
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 
@@ -62,10 +62,13 @@ def _packages() -> Iterator[Finding]:
 def _rendering() -> Iterator[Finding]:
     try:
         backend = gl.prepare()
-        if backend in gl.OFFSCREEN:
+        if backend == "egl":
+            device, count = egl.chosen()
+            yield Finding("ok", f"images with {gl.VARIABLE}=egl on {device}, of {count}")
+        elif backend in gl.OFFSCREEN:
             yield Finding("ok", f"images with {gl.VARIABLE}={backend}")
-            return
-        gl.require()
+        else:
+            gl.require()
     except LiberoMaxError as error:
         yield Finding("missing", f"images: {error}")
 

@@ -9,12 +9,14 @@ works all the same, and :func:`require` says what to install when an image is as
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 import sys
 import types
 from functools import cache
 
 from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
+from pytest_libero_max.worlds import egl
 
 VARIABLE = "MUJOCO_GL"
 OFFSCREEN = ("egl", "osmesa")
@@ -24,7 +26,6 @@ DISABLED = ("disable", "disabled", "off", "false", "0")
 """Spellings by which a user renounces images; the first is what we write ourselves."""
 
 _PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
-_EGL_PLATFORM_DEVICE = 0x313F
 
 
 def prepare() -> str:
@@ -56,6 +57,24 @@ def require() -> str:
     )
 
 
+def import_robosuite() -> None:
+    """Import robosuite as :func:`prepare` settles it, whatever device draws."""
+    prepare()
+    with egl.unasked():
+        importlib.import_module("robosuite")
+
+
+def fingerprint() -> dict[str, str]:
+    """The backend and what draws with it, for the record: pictures depend on both.
+
+    Raises:
+        OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.
+        SimulatorError: None of EGL's devices answers.
+    """
+    backend = prepare()
+    return {"gl": backend, "gl_device": egl.chosen()[0].name} if backend == "egl" else {"gl": backend}
+
+
 @cache
 def _choice() -> tuple[str, str]:
     """The backend settled on, and what ``MUJOCO_GL`` said before."""
@@ -80,10 +99,7 @@ def loads(backend: str) -> bool:
         return False  # PyOpenGL takes one platform per process, and somebody has chosen another
     if backend == "osmesa":
         return _library("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so") is not None
-    egl = _library("libEGL.so.1", "libEGL.so")
-    if egl is None or _library("libOpenGL.so.0", "libGL.so.1") is None:
-        return False
-    return _egl_device_answers(egl)
+    return _library("libOpenGL.so.0", "libGL.so.1") is not None and egl.answers()
 
 
 def _library(*names: str) -> ctypes.CDLL | None:
@@ -93,28 +109,6 @@ def _library(*names: str) -> ctypes.CDLL | None:
         except OSError:
             continue
     return None
-
-
-def _egl_device_answers(egl: ctypes.CDLL) -> bool:
-    """Ask the device platform for a display that initialises: libEGL alone is not a driver."""
-    pointer, integer = ctypes.c_void_p, ctypes.c_int32
-    address = egl.eglGetProcAddress
-    address.restype, address.argtypes = pointer, [ctypes.c_char_p]
-    query_at, display_at = address(b"eglQueryDevicesEXT"), address(b"eglGetPlatformDisplayEXT")
-    if not query_at or not display_at:
-        return False
-    pointers, integers = ctypes.POINTER(pointer), ctypes.POINTER(integer)
-    query = ctypes.CFUNCTYPE(ctypes.c_uint, integer, pointers, integers)(query_at)
-    display = ctypes.CFUNCTYPE(pointer, ctypes.c_uint, pointer, integers)(display_at)
-    egl.eglInitialize.argtypes = [pointer, integers, integers]
-    devices, count = (pointer * 16)(), integer(0)
-    if not query(16, devices, ctypes.byref(count)):
-        return False
-    for device in devices[: count.value]:
-        shown = display(_EGL_PLATFORM_DEVICE, device, None)
-        if shown and egl.eglInitialize(shown, None, None):
-            return True
-    return False
 
 
 def _quiet_robosuite() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.errors import SimulatorError, SubstrateError, did_you_mean
-from pytest_libero_max.worlds import gl
+from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
+from pytest_libero_max.worlds import egl, gl
 from pytest_libero_max.worlds.contract import Image
 
 gl.prepare()
@@ -126,10 +126,16 @@ def _shared_context() -> Any:
     try:
         if backend == "egl":
             from mujoco.egl import GLContext
+
+            with egl.selected():
+                context = GLContext(1, 1)
         else:
             from mujoco.osmesa import GLContext
-        context = GLContext(1, 1)
+
+            context = GLContext(1, 1)
         context.make_current()
+    except LiberoMaxError:
+        raise
     except Exception as error:  # whatever a driver raises, it means that images cannot be had
         raise SimulatorError(f"The OpenGL backend {backend!r} gives no context: {error}") from error
     atexit.register(_free, context)

@@ -33,7 +33,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import ACTION_DIM, Array
 
-gl.prepare()
+gl.import_robosuite()
 
 import mujoco  # noqa: E402
 from robosuite.utils.control_utils import (  # noqa: E402

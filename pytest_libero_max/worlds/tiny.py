@@ -216,7 +216,7 @@ class TinySubstrate:
         return self._world
 
     def fingerprint(self) -> Mapping[str, str]:
-        return {"substrate": self.name, "mujoco": mujoco.__version__, "gl": gl.prepare()}
+        return {"substrate": self.name, "mujoco": mujoco.__version__, **gl.fingerprint()}
 
     def close(self) -> None:
         if self._world is not None:

@@ -18,7 +18,7 @@ from pytest_libero_max.worlds.embedded.robot import add_robot
 from pytest_libero_max.worlds.embedded.scene import Scene
 from pytest_libero_max.worlds.embedded.textures import upload
 
-gl.prepare()
+gl.import_robosuite()
 
 import mujoco  # noqa: E402
 from robosuite.controllers import load_controller_config  # noqa: E402

@@ -212,7 +212,7 @@ class EmbeddedSubstrate:
         for source in sorted(here.rglob("*.py")):
             assets.update(source.relative_to(here).as_posix().encode() + b"\0" + source.read_bytes())
         packages = {package: version(package) for package in _RESULT_PACKAGES}
-        return {"substrate": NAME, **packages, "gl": gl.prepare(), "assets": assets.hexdigest()}
+        return {"substrate": NAME, **packages, **gl.fingerprint(), "assets": assets.hexdigest()}
 
     def close(self) -> None:
         for world in self._worlds.values():

@@ -106,7 +106,7 @@ def _load(installation: Installation) -> _Loaded:
             f"{installation} needs the modules {', '.join(missing)}, which are not installed. Install them "
             f"with `{REQUIREMENTS_INSTALL}` (and bddl with `{INSTALL}`)."
         )
-    gl.prepare()
+    gl.import_robosuite()
     before = _registered()
     try:
         with _private_settings(installation):

@@ -7,14 +7,18 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
-from pytest_libero_max.worlds.contract import Semantics
-from pytest_libero_max.worlds.libero.environment import build
+from pytest_libero_max.worlds.contract import Array, Semantics
+from pytest_libero_max.worlds.libero.environment import Built, build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
-from pytest_libero_max.worlds.libero.plus import PlusTask, noise_of, plus_task
+from pytest_libero_max.worlds.libero.plus import noise_of, plus_task
 from pytest_libero_max.worlds.libero.pro import ProVariation
-from pytest_libero_max.worlds.libero.states import read_states
+from pytest_libero_max.worlds.libero.pro_config import published_config
+from pytest_libero_max.worlds.libero.pro_tasks import ProTask, pro_task
+from pytest_libero_max.worlds.libero.states import Joints, by_joint, read_states
 from pytest_libero_max.worlds.libero.tasks import Task, task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld
 from pytest_libero_max.worlds.versions import version_notes
@@ -28,10 +32,11 @@ KEPT_WORLDS = 8
 
 _PLAYED_BY: Mapping[str, tuple[Flavour, ...]] = {
     "libero": ("hf-libero", "LIBERO", "LIBERO-PRO", "LIBERO-Plus"),
+    "pro": ("LIBERO-PRO", "hf-libero", "LIBERO", "LIBERO-Plus"),
     "plus": ("LIBERO-Plus",),
 }
-"""Which installations can play the cases of a source, the preferred first. LIBERO-Plus comes last for plain
-tasks: it rounds the camera's pose to four decimals."""
+"""Which installations can play the cases of a source, the preferred first. LIBERO-Plus comes last for others
+than its own: it rounds the camera's pose to four decimals."""
 
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless", "bddl")
 
@@ -89,8 +94,9 @@ class LiberoSubstrate:
             return self.plus_world(
                 case.suite, case.task_index, case.policy_seed, case.record.get("task_name")
             )
-        variation = ProVariation(case.source_category) if case.source == "pro" else None
-        return self.task_world(case.suite, case.task_index, case.policy_seed).varied(variation)
+        if case.source == "pro":
+            return self.pro_world(case)
+        return self.task_world(case.suite, case.task_index, case.policy_seed).varied(None)
 
     def task_world(self, suite: str, index: int, seed: int) -> LiberoWorld:
         """The world of an unmodified task, its fixtures placed as ``seed`` places them.
@@ -110,18 +116,32 @@ class LiberoSubstrate:
         installation = self.installation_for("plus")
         return self._world(installation, plus_task(installation, suite, index, name), seed)
 
+    def pro_world(self, case: Case) -> LiberoWorld:
+        """The world of a case of LIBERO-PRO; see :mod:`.pro` and :func:`.pro_tasks.pro_task`.
+
+        Raises:
+            SubstrateError: The installation lacks a file, or cannot build it.
+        """
+        installation = self.installation_for("pro")
+        task = pro_task(installation, case)
+        world = self._world(installation, task, case.policy_seed)
+        config = task.config
+        if config is None:
+            config = published_config(task.category, task.suite, task.index, world)
+        return world.varied(ProVariation(config, case.event.seed))
+
     def _world(self, installation: Installation, task: Task, seed: int) -> LiberoWorld:
-        source = "-plus" if isinstance(task, PlusTask) else ""
-        scene = f"{NAME}{source}/{task.suite}/{task.index}?seed={seed}"
+        scene = f"{NAME}{task.source}/{task.suite}/{task.index}?seed={seed}"
         if scene in self._worlds:
             self._worlds[scene] = self._worlds.pop(scene)  # the last one used is the last one to go
             return self._worlds[scene]
-        built = build(installation, task.bddl, seed)
+        with task.description() as description:
+            built = build(installation, description, seed)
         world = LiberoWorld(
             scene,
             task.language if self.instruction == "published" else task.clean_language,
             built,
-            read_states(task.states),
+            _states(installation, task, built, seed),
             self.semantics,
             noise=noise_of(built, scene),
         )
@@ -143,10 +163,22 @@ class LiberoSubstrate:
             "instruction_source": self.instruction,
             **installations,
             **packages,
-            "gl": gl.prepare(),
+            **gl.fingerprint(),
         }
 
     def close(self) -> None:
         for world in self._worlds.values():
             world.close()
         self._worlds.clear()
+
+
+def _states(installation: Installation, task: Task, built: Built, seed: int) -> Array:
+    """The initial states of a task as its scene takes them."""
+    states = read_states(task.states)
+    joints = Joints.of(built.env.sim.model._model)
+    if isinstance(task, ProTask) and states.shape[1] != 1 + joints.nq + joints.nv:
+        reference = build(installation, task.reference, seed)
+        start = np.array(built.env.sim.get_state().flatten())
+        states = by_joint(states, Joints.of(reference.env.sim.model._model), joints, start)
+        reference.env.close()
+    return states
