@@ -6,9 +6,11 @@ here and ours load there; a manifest that is read and written again has the same
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
 import sys
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -208,14 +210,29 @@ def canonical_digest(value: Any) -> str:
     return hashlib.sha256(canonical_json(value).encode()).hexdigest()
 
 
+def read_content(path: Path) -> bytes:
+    """The bytes of a file, unpacked where its name ends in ``.gz``.
+
+    Raises:
+        OSError: It cannot be read, or is damaged.
+    """
+    content = path.read_bytes()
+    if path.suffix != ".gz":
+        return content
+    try:
+        return gzip.decompress(content)
+    except (EOFError, zlib.error) as error:
+        raise OSError(f"{path}: {error}") from error
+
+
 def load_manifest(path: Path) -> Manifest:
-    """Read and check a manifest.
+    """Read and check a manifest, ``.json`` or ``.json.gz``.
 
     Raises:
         ManifestError: The file is missing, is not JSON, or breaks the format; names the file and the case.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_content(path).decode()
     except (OSError, UnicodeDecodeError) as error:
         raise ManifestError(
             f"Cannot read manifest {str(path)!r}: {error}. Give the path of a JSON manifest."

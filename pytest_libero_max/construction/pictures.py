@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.cases import EVENTS, SETTLE_STEPS, Case
+from pytest_libero_max.cases import EVENTS, Case
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.construction.preflight import approach
+from pytest_libero_max.construction.preflight import straight_approach
 from pytest_libero_max.construction.tracks import load_track
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Image, Substrate, World
+from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate, World
 from pytest_libero_max.worlds.sheets import captioned, write_sheet
 
 _PAIRS_A_ROW = 2
@@ -35,12 +35,7 @@ def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None
 
 
 def _before_and_after(world: World, case: Case, size: int) -> list[Image]:
-    world.reset(case.init_state_index)
-    for change in case.event.setup:
-        change_from_dict(change).apply(world)
-    for _ in range(SETTLE_STEPS):
-        world.step(NOOP_ACTION)
-    approach(world, case)
+    straight_approach(world, case)
     before = world.observe(CAMERAS, size)
     change_from_dict(case.event.change).apply(world)
     after = world.observe(CAMERAS, size)

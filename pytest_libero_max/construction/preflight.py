@@ -1,21 +1,24 @@
-"""Whether a case is physically sensible: asked of the simulator, before any policy plays it.
+"""Whether a case is physically sensible: asked of the simulator, before any policy is scored on it.
 
-The hand is driven in a straight line towards a point above the trigger entity until it is within the
-trigger distance, the event is applied there, and the world is held still for a second, once with and once
-without the event.
+The event is applied twice: at the start, and in the very situation in which it will happen, with the hand
+on its way to the trigger entity. Both times the world is held still afterwards, once with and once without
+the event, and what differs decides. Limits of settling and of the image are those of the benchmark's authors;
+clearance, reach, view and the situation of the trigger are checked in addition.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from math import hypot
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from math import hypot, tan
+from typing import Literal, get_args
 
 import numpy as np
 
 from pytest_libero_max.cases import SETTLE_STEPS, Case
 from pytest_libero_max.changes import Change, change_from_dict
 from pytest_libero_max.errors import SimulatorError
-from pytest_libero_max.worlds.contract import CONTROL_HZ, NOOP_ACTION, Array, World
+from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, NOOP_ACTION, Array, Image, World
 
 MAX_SHIFT_M = 0.02
 """How much farther than without the event anything may drift while the world is held still."""
@@ -30,81 +33,93 @@ MAX_REACH_M = 0.80
 """Horizontal distance from the robot's base within which a moved target or receptacle must end: about
 that of the farthest target in LIBERO's own tasks, with the tool pointing down."""
 
+MIN_BRIGHTNESS, MIN_CONTRAST = 8.0, 5.0
+"""Smallest mean and standard deviation of all values of an image, 0 to 255."""
+
+Gate = Literal[
+    "trigger",
+    "solved",
+    "clearance",
+    "reach",
+    "settling",
+    "support",
+    "contact",
+    "view",
+    "image",
+    "no_change",
+    "simulation",
+]
+"""What a case can fail at."""
+
+GATES: tuple[Gate, ...] = get_args(Gate)
+
+Approach = Callable[[World, Case], bool]
+"""Brings a world from anywhere to the step at which the case's event fires; False if it never does."""
+
+_IMAGE_SIZE = 256
+_HOLD_AT_START = 2  # control steps: the authors' 50 simulation steps
+_HOLD_AT_TRIGGER = CONTROL_HZ
 _APPROACH_STEPS = 100
-_HOLD_STEPS = CONTROL_HZ
 _ABOVE_M = (0.0, 0.0, 0.1)
 _STEP_M = 0.05  # what the controller makes of a full translation action
 _BASE_BODY = "robot0_base"
 
 
-def problems(world: World, case: Case) -> tuple[str, ...]:
+@dataclass(frozen=True)
+class Problem:
+    """What speaks against a case.
+
+    Attributes:
+        gate: What it failed at.
+        detail: What was seen, with names and numbers.
+    """
+
+    gate: Gate
+    detail: str
+
+    def __str__(self) -> str:
+        return self.detail
+
+
+def problems(world: World, case: Case, approach: Approach | None = None) -> tuple[Problem, ...]:
     """What speaks against a case; nothing if it passes.
 
-    The conditions: the hand comes within the trigger distance; the event does not solve the
-    task; what it moves or brings in keeps clear of everything, stays where it was put, keeps the contact with
-    its support and reaches no new one; nothing else is pushed; a moved target or receptacle stays within
-    reach; the simulation stays finite.
+    The conditions: the hand comes within the trigger distance; neither the approach nor the event solves the
+    task; what the event moves or brings in keeps clear of everything, is seen by a camera, stays where it was
+    put, keeps the contact with its support and reaches no new one; nothing else is pushed; a moved target or
+    receptacle stays within reach; the agent's camera sees a scene before and after, and the event in it; the
+    simulation stays finite.
 
     Args:
-        world: The world that plays the case. It is reset.
+        world: The world that plays the case. It is reset; if the case passes, it is left where the event
+            fires, without the event.
         case: The case.
+        approach: How the hand gets there from the initial state; by default :func:`straight_approach`. The
+            trigger is looked at only if nothing was wrong at the start.
     """
+    approach = approach or straight_approach
     try:
-        return tuple(dict.fromkeys(_examine(world, case)))
+        touching = _begin(world, case)
+        found = tuple(_examine(world, case, touching, _HOLD_AT_START))
+        if found:
+            return found
+        if not approach(world, case):
+            trigger = case.event.trigger
+            ended = " before the task is solved" if world.succeeded() else ""
+            detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}{ended}"
+            return (Problem("trigger", detail),)
+        return tuple(_examine(world, case, touching, _HOLD_AT_TRIGGER))
     except SimulatorError as error:
-        return (f"the simulation breaks: {error}",)
+        return (Problem("simulation", f"the simulation breaks: {error}"),)
 
 
-def _examine(world: World, case: Case) -> Iterable[str]:
-    world.reset(case.init_state_index)
-    change = change_from_dict(case.event.change)
-    entities = sorted(factor.removeprefix("pose:") for factor in change.factors if factor.startswith("pose:"))
-    touching = {name: set(world.contacts(name)) for name in entities}
-    for raw in case.event.setup:
-        change_from_dict(raw).apply(world)
-    _hold(world, SETTLE_STEPS)
-    if not approach(world, case):
-        trigger = case.event.trigger
-        yield f"the hand does not come within {trigger.distance_m} m of {trigger.entity}"
-        return
-    if world.succeeded():
-        yield "the task is solved before the event"
-        return
-    for name in entities:
-        if name not in world.parked:
-            touching[name] |= set(world.contacts(name))
-    at_trigger = world.snapshot()
-    calm = _drift(world)
-    world.restore(at_trigger)
-    change.apply(world)
-    for name in entities:
-        yield from _too_close(world, name, touching[name])
-    yield from _out_of_reach(world, change)
-    disturbed = _drift(world)
-    if world.succeeded():
-        yield "the event solves the task"
-    for name, (shift, drop) in disturbed.items():
-        calm_shift, calm_drop = calm.get(name, (0.0, 0.0))
-        if shift - calm_shift > MAX_SHIFT_M or drop - calm_drop > MAX_DROP_M:
-            yield f"{name} moves by {shift * 1000:.0f} mm, {drop * 1000:.0f} mm of it down, after the event"
-    for name in entities:
-        support = world.entities[name].support
-        if support in touching[name] and support not in world.contacts(name):
-            yield f"{name} has lost its support {support}"
-    yield from _overlaps(world, entities, touching)
-
-
-def _hold(world: World, steps: int) -> None:
-    for _ in range(steps):
-        world.step(NOOP_ACTION)
-
-
-def approach(world: World, case: Case) -> bool:
-    """Drive the hand in a straight line towards the trigger entity until the event would fire.
+def straight_approach(world: World, case: Case) -> bool:
+    """Start the case and drive the hand in a straight line to above the trigger entity.
 
     Returns:
         Whether it came within the trigger distance.
     """
+    _begin(world, case)
     trigger = case.event.trigger
     for _ in range(_APPROACH_STEPS):
         target, hand = world.position(trigger.entity), world.end_effector()
@@ -115,10 +130,95 @@ def approach(world: World, case: Case) -> bool:
     return False
 
 
-def _drift(world: World) -> dict[str, tuple[float, float]]:
+def _begin(world: World, case: Case) -> dict[str, set[str]]:
+    """Start the case; what the entities that its event moves touched before its setup."""
+    world.reset(case.init_state_index)
+    touching = {name: set(world.contacts(name)) for name in _moved(change_from_dict(case.event.change))}
+    for raw in case.event.setup:
+        change_from_dict(raw).apply(world)
+    _hold(world, SETTLE_STEPS)
+    return touching
+
+
+def _moved(change: Change) -> list[str]:
+    return sorted(factor.removeprefix("pose:") for factor in change.factors if factor.startswith("pose:"))
+
+
+def _examine(world: World, case: Case, before: Mapping[str, set[str]], steps: int) -> list[Problem]:
+    """Apply the event here and now, look, hold still, look again; the world is left as it was found."""
+    here = world.snapshot()
+    found = list(_apply_and_look(world, case, before, steps))
+    world.restore(here)
+    return list(dict.fromkeys(found))
+
+
+def _apply_and_look(
+    world: World, case: Case, before: Mapping[str, set[str]], steps: int
+) -> Iterable[Problem]:
+    change = change_from_dict(case.event.change)
+    entities = _moved(change)
+    touching = {
+        name: before[name] | (set() if name in world.parked else set(world.contacts(name)))
+        for name in entities
+    }
+    if world.succeeded():
+        yield Problem("solved", "the task is solved before the event")
+        return
+    if not entities:  # nothing that it does can move anything
+        image = _look(world)
+        change.apply(world)
+        yield from _image_problems(image, _look(world))
+        return
+    image, here = _look(world), world.snapshot()
+    calm = _drift(world, steps)
+    world.restore(here)
+    change.apply(world)
+    yield from _image_problems(image, _look(world))
+    for name in entities:
+        yield from _too_close(world, name, touching[name])
+        yield from _out_of_view(world, name)
+    yield from _out_of_reach(world, change)
+    disturbed = _drift(world, steps)
+    if world.succeeded():
+        yield Problem("solved", "the event solves the task")
+    for name, (shift, drop) in disturbed.items():
+        calm_shift, calm_drop = calm.get(name, (0.0, 0.0))
+        if shift - calm_shift > MAX_SHIFT_M or drop - calm_drop > MAX_DROP_M:
+            detail = (
+                f"{name} moves by {shift * 1000:.0f} mm, {drop * 1000:.0f} mm of it down, after the event"
+            )
+            yield Problem("settling", detail)
+    for name in entities:
+        support = world.entities[name].support
+        if support in touching[name] and support not in world.contacts(name):
+            yield Problem("support", f"{name} has lost its support {support}")
+    yield from _overlaps(world, entities, touching)
+
+
+def _hold(world: World, steps: int) -> None:
+    for _ in range(steps):
+        world.step(NOOP_ACTION)
+
+
+def _look(world: World) -> Image:
+    image: Image = world.observe(CAMERAS[:1], _IMAGE_SIZE)[f"{CAMERAS[0]}_image"]
+    return image
+
+
+def _image_problems(before: Image, after: Image) -> Iterable[Problem]:
+    for image, when in ((before, "before"), (after, "after")):
+        mean, deviation = float(image.mean()), float(image.std())
+        if mean < MIN_BRIGHTNESS or deviation < MIN_CONTRAST:
+            detail = f"the image {when} the event has mean {mean:.1f} and deviation {deviation:.1f}"
+            yield Problem("image", detail)
+    if np.array_equal(before, after):
+        yield Problem("no_change", "the agent's camera sees nothing of the event")
+
+
+def _drift(world: World, steps: int) -> dict[str, tuple[float, float]]:
     """How far every object in the scene moves, and how far down, while the world is held still, m."""
     start = _positions(world)
-    _hold(world, _HOLD_STEPS)
+    _hold(world, steps)
     end = _positions(world)
     return {
         name: (float(np.linalg.norm(end[name] - position)), float(position[2] - end[name][2]))
@@ -134,14 +234,14 @@ def _positions(world: World) -> dict[str, Array]:
     }
 
 
-def _overlaps(world: World, entities: Iterable[str], touching: dict[str, set[str]]) -> Iterable[str]:
+def _overlaps(world: World, entities: Iterable[str], touching: Mapping[str, set[str]]) -> Iterable[Problem]:
     for name in entities:
         new = set(world.contacts(name)) - touching[name] - {world.entities[name].support}
         if new:
-            yield f"{name} touches {', '.join(sorted(new))}"
+            yield Problem("contact", f"{name} touches {', '.join(sorted(new))}")
 
 
-def _too_close(world: World, name: str, touching: set[str]) -> Iterable[str]:
+def _too_close(world: World, name: str, touching: set[str]) -> Iterable[Problem]:
     import mujoco
 
     model = world.model
@@ -159,16 +259,28 @@ def _too_close(world: World, name: str, touching: set[str]) -> Iterable[str]:
         )
         gap = min(gaps)
         if gap < MIN_CLEARANCE_M:
-            yield f"{name} is {gap * 1000:.0f} mm from {owners.get(root, 'the robot')}"
+            detail = f"{name} is {gap * 1000:.0f} mm from {owners.get(root, 'the robot')}"
+            yield Problem("clearance", detail)
 
 
-def _out_of_reach(world: World, change: Change) -> Iterable[str]:
+def _out_of_view(world: World, name: str) -> Iterable[Problem]:
+    """Whether the entity's place is outside of the picture of every camera of a policy."""
+    model, data, position = world.model, world.data, world.position(name)
+    for camera in CAMERAS:
+        number = model.camera(camera).id
+        right, up, back = data.cam_xmat[number].reshape(3, 3).T @ (position - data.cam_xpos[number])
+        edge = -back * tan(np.radians(model.cam_fovy[number]) / 2)
+        if back < 0 and max(abs(right), abs(up)) <= edge:
+            return
+    yield Problem("view", f"{name} is in the picture of no camera after the event")
+
+
+def _out_of_reach(world: World, change: Change) -> Iterable[Problem]:
     names = [world.model.body(i).name for i in range(world.model.nbody)]
     if change.operation != "move_object" or _BASE_BODY not in names:
         return
     base = world.data.body(_BASE_BODY).xpos
-    for factor in change.factors:
-        name = factor.removeprefix("pose:")
+    for name in _moved(change):
         away = hypot(*(world.position(name) - base)[:2])
         if away > MAX_REACH_M:
-            yield f"{name} ends {away:.2f} m from the robot's base"
+            yield Problem("reach", f"{name} ends {away:.2f} m from the robot's base")

@@ -3,32 +3,28 @@
 One case of LIBERO-Spatial and one of LIBERO-Object for each of the sixteen, two of LIBERO-Object where
 Spatial has no task that can host the event. Each slot takes the first configuration that was not rejected,
 in this order: tasks that the track has used least, then initial states it has used least, then a hash.
-Configurations are rejected by :mod:`.preflight` alone, for reasons written to the ledger beside the track;
-policies have no say.
+Configurations are rejected by :mod:`.preflight` alone, for reasons in the ledger beside the
+tracks; policies have no say.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from pathlib import Path
 
 from pytest_libero_max.cases import EVENTS, Case, Json, Manifest, parse_case
 from pytest_libero_max.construction.eligibility import eligible
 from pytest_libero_max.construction.events import resolve_event
 from pytest_libero_max.construction.identity import Identity, seed_of
 from pytest_libero_max.construction.metadata import TaskMetadata, task_metadata
-from pytest_libero_max.construction.preflight import problems
 from pytest_libero_max.construction.records import case_record
-from pytest_libero_max.construction.tracks import CHECKSUMS, checksums_of
+from pytest_libero_max.construction.selection import Examine
 from pytest_libero_max.errors import ManifestError
-from pytest_libero_max.worlds.contract import Substrate
 
 SUITES = ("libero_spatial", "libero_object")
 TASKS = 10
 INITS = 10
 SAMPLER = "libero-max-smoke-v1.0"
-TRACK, LEDGER = "smoke.json", "smoke_rejected.tsv"
 
 PROTOCOL: Json = {
     "arms": ["control", "intervention"],
@@ -86,37 +82,22 @@ def build_smoke(rejected: Collection[str] = ()) -> Manifest:
     return Manifest("libero-max-smoke", "1.0.0", PROTOCOL, ordered)
 
 
-def freeze_smoke(folder: Path, substrate: Substrate) -> Manifest:
-    """Select the cases, have the simulator check them, and write track, ledger and checksums.
+def select_smoke(examine: Examine) -> Manifest:
+    """Choose the cases, and choose again without those that fail until none does.
 
     Args:
-        folder: Where the tracks are; ``smoke.json``, ``smoke_rejected.tsv`` and ``SHA256SUMS`` are written.
-        substrate: Builds the worlds in which the cases are checked.
+        examine: Asked in rounds, never twice about the same case.
     """
-    rejected: dict[str, str] = {}
+    failed: set[str] = set()
     passed: set[str] = set()
     while True:
-        manifest = build_smoke(rejected)
-        for case in manifest:
-            if case.case_id not in passed:
-                found = problems(substrate.world(case), case)
-                if found:
-                    rejected[case.case_id] = found[0]
-                else:
-                    passed.add(case.case_id)
-        if all(case.case_id in passed for case in manifest):
-            break
-    (folder / TRACK).write_text(manifest.to_json(), encoding="utf-8")
-    lines = (f"{case_id}\t{reason}\n" for case_id, reason in sorted(rejected.items()))
-    (folder / LEDGER).write_text("".join(lines), encoding="utf-8")
-    (folder / CHECKSUMS).write_text(checksums_of(folder), encoding="utf-8")
-    return manifest
-
-
-def read_ledger(folder: Path) -> dict[str, str]:
-    """Why which configuration was rejected, by case id."""
-    lines = (folder / LEDGER).read_text(encoding="utf-8").splitlines()
-    return {case_id: reason for case_id, _, reason in (line.partition("\t") for line in lines)}
+        manifest = build_smoke(failed)
+        new = [case for case in manifest if case.case_id not in passed]
+        if not new:
+            return manifest
+        failed_now = set(examine(new))
+        failed |= failed_now
+        passed |= {case.case_id for case in new} - failed_now
 
 
 def _identities(suite: str, event: str, tasks: Mapping[tuple[str, int], TaskMetadata]) -> Iterator[Identity]:

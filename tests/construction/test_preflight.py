@@ -30,7 +30,7 @@ def case_of(
 
 
 def found(case: Case) -> str:
-    return "; ".join(problems(WORLD, case))
+    return "; ".join(map(str, problems(WORLD, case)))
 
 
 def move(x: float, y: float) -> Case:

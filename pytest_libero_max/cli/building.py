@@ -1,0 +1,182 @@
+"""Commands that build the benchmark and look at it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.substrates import add_substrate, substrate_options
+
+if TYPE_CHECKING:
+    from pytest_libero_max.cases import Manifest
+    from pytest_libero_max.construction.verdicts import Progress
+
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_commands(commands: Commands) -> None:
+    """Add the commands from ``catalogue`` to ``show`` to the parser."""
+    catalogue = commands.add_parser("catalogue", help="Count the source variations of the embedded scenes")
+    catalogue.set_defaults(run=_catalogue)
+
+    gallery = commands.add_parser("gallery", help="Draw the embedded scenes, their variations and the events")
+    gallery.add_argument("folder", type=Path, metavar="FOLDER")
+    gallery.set_defaults(run=_gallery)
+
+    eligibility = commands.add_parser(
+        "eligibility", help="Count the variations that can host each event, by source category"
+    )
+    eligibility.set_defaults(run=_eligibility)
+
+    build = commands.add_parser(
+        "build",
+        help="Build every track from nothing: select, preflight, replace, certify, freeze",
+        description="Interrupted, it goes on where it was when it is started again.",
+    )
+    build.add_argument("folder", type=Path, metavar="FOLDER", help="Where the tracks are written")
+    _add_examination(build, required=True)
+    build.set_defaults(run=_build)
+
+    preflight = commands.add_parser("preflight", help="Examine the cases of a track or manifest")
+    preflight.add_argument("cases", metavar="TRACK|MANIFEST")
+    preflight.add_argument("--limit", type=int, metavar="N", help="Only N of them, spread evenly")
+    _add_examination(preflight, required=False)
+    add_substrate(preflight)
+    preflight.set_defaults(run=_preflight)
+
+    freeze = commands.add_parser("freeze", help="Draw the smaller tracks again from max, with checksums")
+    freeze.add_argument("folder", type=Path, metavar="FOLDER")
+    freeze.set_defaults(run=_freeze)
+
+    check = commands.add_parser("verify", help="Check quotas, identities, digests and splits of the tracks")
+    check.add_argument("folder", type=Path, nargs="?", metavar="FOLDER", help="Default: the package's own")
+    check.set_defaults(run=_verify)
+
+    show = commands.add_parser("show", help="Show the tracks, one of them, or one case of it")
+    show.add_argument("cases", nargs="?", metavar="TRACK|MANIFEST", help="Without: an overview of all tracks")
+    show.add_argument("case", nargs="?", metavar="CASE", help="Id of a case: everything about it")
+    show.add_argument("--json", action="store_true", help="The manifest's own text, unpacked")
+    show.set_defaults(run=_show)
+
+
+def _add_examination(command: argparse.ArgumentParser, *, required: bool) -> None:
+    command.add_argument(
+        "--expert",
+        metavar="ADAPTER",
+        required=required,
+        help="Policy that solves the tasks: its approach is where events are tried, its success certifies"
+        + ("" if required else ". Without: the hand goes straight to the target, and nothing is certified"),
+    )
+    command.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
+    command.add_argument(
+        "--work",
+        type=Path,
+        default=Path(".libero-max"),
+        metavar="FOLDER",
+        help="Keeps verdicts between interruptions (default: %(default)s)",
+    )
+
+
+def _catalogue(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.catalogue import count_lines
+
+    print("\n".join(count_lines()))
+
+
+def _gallery(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.catalogue import variant_of
+    from pytest_libero_max.construction.catalogue.sheets import write_plus_sheet, write_pro_sheet
+    from pytest_libero_max.construction.pictures import write_event_sheet
+    from pytest_libero_max.worlds.embedded.gallery import write_contact_sheet
+    from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
+
+    write_contact_sheet(options.folder / "scenes.png")
+    substrate = EmbeddedSubstrate(variant_of)
+    try:
+        write_event_sheet(options.folder / "events.jpg", substrate)
+        write_plus_sheet(options.folder / "plus.png", substrate)
+        write_pro_sheet(options.folder / "pro.png", substrate)
+    finally:
+        substrate.close()
+
+
+def _eligibility(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.configurations import eligibility_lines
+
+    print("\n".join(eligibility_lines()))
+
+
+def _build(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.overview import overview_lines
+    from pytest_libero_max.construction.release import build_release, write_release
+    from pytest_libero_max.construction.verdicts import Examiner
+    from pytest_libero_max.construction.verification import verify
+
+    examiner = Examiner(options.work, options.expert, options.jobs, _print_progress())
+    print(f"Verdicts are kept in {examiner.path}", flush=True)
+    write_release(build_release(examiner.examine), options.folder)
+    print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
+
+
+def _preflight(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.overview import examination_lines
+    from pytest_libero_max.construction.subset import stratified
+    from pytest_libero_max.construction.verdicts import Examiner
+
+    cases = _manifest(options.cases).cases
+    if options.limit is not None:
+        cases = stratified(cases, options.limit)
+    where = options.substrate, substrate_options(options)
+    examiner = Examiner(options.work, options.expert, options.jobs, _print_progress(), *where)
+    print("\n".join(examination_lines(examiner.examine(cases))))
+
+
+def _print_progress() -> Callable[[Progress], None]:
+    """Prints the first, the last and every hundredth."""
+
+    def report(progress: Progress) -> None:
+        if progress.done % 100 == 0 or progress.done == progress.total:
+            print(progress, flush=True)
+
+    return report
+
+
+def _freeze(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.release import write_splits
+    from pytest_libero_max.construction.verification import verify
+
+    write_splits(options.folder)
+    print("\n".join(verify(options.folder)))
+
+
+def _verify(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.tracks import FOLDER
+    from pytest_libero_max.construction.verification import verify
+
+    print("\n".join(verify(options.folder or FOLDER)))
+
+
+def _show(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.overview import case_lines, manifest_lines, overview_lines
+    from pytest_libero_max.construction.tracks import FOLDER
+
+    if options.cases is None:
+        print("\n".join(overview_lines(FOLDER)))
+        return
+    manifest = _manifest(options.cases)
+    if options.json:
+        print(manifest.to_json(), end="")
+    elif options.case is None:
+        print("\n".join(manifest_lines(manifest)))
+    else:
+        print("\n".join(case_lines(manifest, options.case)))
+
+
+def _manifest(name: str) -> Manifest:
+    """A track by its name, or a manifest by its path."""
+    from pytest_libero_max.cases import load_manifest
+    from pytest_libero_max.construction.tracks import load_track
+
+    return load_manifest(Path(name)) if Path(name).suffix in (".json", ".gz") else load_track(name)

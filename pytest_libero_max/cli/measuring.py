@@ -1,0 +1,71 @@
+"""Commands that look at this machine: how fast it is, and what it lacks."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.substrates import add_libero, substrate_options
+from pytest_libero_max.errors import SubstrateError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_commands(commands: Commands) -> None:
+    """Add ``bench``, ``bench-genuine`` and ``doctor`` to the parser."""
+    bench = commands.add_parser(
+        "bench", help="Measure stepping, rendering and pairs side by side with robosuite"
+    )
+    bench.add_argument(
+        "--scene", default="libero_spatial/0", metavar="SUITE/TASK", help="Default: %(default)s"
+    )
+    bench.add_argument(
+        "--steps", type=int, default=100, metavar="N", help="Control steps (default: %(default)s)"
+    )
+    bench.add_argument("--repeats", type=int, default=3, metavar="N", help="Pairs (default: %(default)s)")
+    bench.set_defaults(run=_bench)
+
+    genuine = commands.add_parser("bench-genuine", help="The same with an installed LIBERO's own environment")
+    genuine.add_argument("--suite", default="libero_spatial", metavar="SUITE", help="Default: %(default)s")
+    genuine.add_argument(
+        "--steps", type=int, default=60, metavar="N", help="Control steps (default: %(default)s)"
+    )
+    genuine.add_argument("--repeats", type=int, default=1, metavar="N", help="Pairs (default: %(default)s)")
+    add_libero(genuine)
+    genuine.set_defaults(run=_bench_genuine)
+
+    doctor = commands.add_parser("doctor", help="Say what this machine lacks, and the commands that help")
+    add_libero(doctor)
+    doctor.set_defaults(run=_doctor)
+
+
+def _bench_genuine(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.genuine import measure_genuine
+    from pytest_libero_max.worlds.libero.installation import find_installation
+    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+
+    roots = options.libero or [None]
+    substrate = LiberoSubstrate([find_installation(root, assets=options.libero_assets) for root in roots])
+    times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
+    substrate.close()
+    print("\n".join(times.lines()))
+
+
+def _doctor(options: argparse.Namespace) -> None:
+    from pytest_libero_max.doctor import examine
+
+    findings = examine(substrate_options(options))
+    print("\n".join(map(str, findings)))
+    missing = [finding for finding in findings if finding.level == "missing"]
+    if missing:
+        raise SubstrateError(f"{len(missing)} of {len(findings)} findings are missing; see above.")
+
+
+def _bench(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.pairs import measure_pairs
+    from pytest_libero_max.bench.stepping import measure_stepping
+
+    suite, _, index = options.scene.partition("/")
+    print("\n".join(measure_stepping(suite, int(index or 0), steps=options.steps).lines()), flush=True)
+    print("\n".join(measure_pairs(suite, repeats=options.repeats).lines()))

@@ -1,0 +1,126 @@
+"""Commands on the results of runs: report, compare, merge, plan."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_commands(commands: Commands) -> None:
+    """Add ``report``, ``compare``, ``published``, ``merge`` and ``power`` to the parser."""
+    report = commands.add_parser(
+        "report", help="Compute the report of a run again from its pairs.jsonl alone"
+    )
+    report.add_argument("folder", type=Path, metavar="FOLDER")
+    report.add_argument(
+        "--figures",
+        action="store_true",
+        help="Also write the figures, as SVG and (with the extra figures) PNG",
+    )
+    report.add_argument("--tables", action="store_true", help="Also write the tables as CSV and LaTeX")
+    report.set_defaults(run=_report)
+
+    compare = commands.add_parser(
+        "compare", help="Compare runs on the cases they share, and list what flipped"
+    )
+    compare.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
+    compare.add_argument(
+        "--restrict", action="store_true", help="Compare on common cases where the runs have different ones"
+    )
+    compare.add_argument(
+        "--flips", type=int, default=20, metavar="N", help="Listed at most (default: %(default)s)"
+    )
+    compare.add_argument("--json", type=Path, metavar="FILE", help="Also write the comparison here")
+    compare.set_defaults(run=_compare)
+
+    published = commands.add_parser("published", help="Print the results published in the paper")
+    published.set_defaults(run=_published)
+
+    merge = commands.add_parser("merge", help="Join the runs of shards into one")
+    merge.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
+    merge.add_argument("--output", type=Path, required=True, metavar="FOLDER")
+    merge.set_defaults(run=_merge)
+
+    power = commands.add_parser(
+        "power", help="What each track can resolve, and how many pairs a change needs"
+    )
+    known = power.add_mutually_exclusive_group(required=True)
+    known.add_argument(
+        "--run", type=Path, dest="folder", metavar="FOLDER", help="Expect what this run measured"
+    )
+    known.add_argument("--base", type=float, metavar="RATE", help="Expected Base success, 0 to 1")
+    power.add_argument(
+        "--gain",
+        type=float,
+        default=0.01,
+        metavar="RATE",
+        help="Expected share of pairs that fail in Base and succeed in Dynamic (default: %(default)s)",
+    )
+    power.add_argument(
+        "--change", type=float, metavar="CHANGE", help="A paired change to resolve, for example -0.05"
+    )
+    power.set_defaults(run=_power)
+
+
+def _report(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report import raster
+    from pytest_libero_max.report.output import write_figures, write_reports, write_text
+    from pytest_libero_max.report.summary import summary_lines
+    from pytest_libero_max.report.tables import csv_text, latex_text
+
+    report, paths = write_reports(options.folder)
+    if options.figures:
+        paths += write_figures(report, options.folder)
+    if options.tables:
+        tables = {"report.csv": csv_text(report), "report.tex": latex_text(report)}
+        for name, text in tables.items():
+            write_text(options.folder / name, text)
+        paths += [options.folder / name for name in tables]
+    print("\n".join(summary_lines(report, [str(path) for path in paths])))
+    if options.figures and not raster.available():
+        print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.compare import compare_folders
+    from pytest_libero_max.report.compare_text import comparison_lines
+    from pytest_libero_max.report.output import report_json, write_text
+
+    comparison = compare_folders(options.folders, options.restrict)
+    if options.json:
+        write_text(options.json, report_json(comparison))
+    print("\n".join(comparison_lines(comparison, options.flips)))
+
+
+def _published(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.published import published_lines
+
+    print("\n".join(published_lines()))
+
+
+def _merge(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.merge import merge_folders
+    from pytest_libero_max.report.output import write_reports
+    from pytest_libero_max.report.summary import summary_lines
+
+    merge_folders(options.folders, options.output)
+    report, paths = write_reports(options.output)
+    print("\n".join(summary_lines(report, [str(path) for path in paths])))
+
+
+def _power(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.output import read_report
+    from pytest_libero_max.report.planning import Expectation, expectations_of, power_lines
+
+    if options.folder:
+        expected = expectations_of(read_report(options.folder))
+    else:
+        expected = (
+            Expectation("overall", options.base, options.gain),
+            Expectation("one event", options.base, options.gain),
+        )
+    print("\n".join(power_lines(expected, options.change)))

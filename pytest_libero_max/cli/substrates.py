@@ -1,0 +1,38 @@
+"""The options of commands that need a substrate other than the embedded one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.registry import SubstrateOptions
+
+
+def add_libero(command: argparse.ArgumentParser) -> None:
+    """Let a command be told where LIBERO is."""
+    command.add_argument(
+        "--libero", type=Path, action="append", default=[], metavar="FOLDER", help="Checkout of a LIBERO"
+    )
+    command.add_argument(
+        "--libero-assets",
+        type=Path,
+        metavar="FOLDER",
+        help="Models and textures, if it has none of its own",
+    )
+
+
+def add_substrate(command: argparse.ArgumentParser) -> None:
+    """Let a command be told what builds its worlds, and where LIBERO is."""
+    command.add_argument(
+        "--substrate", default="embedded", metavar="NAME", help="embedded or libero (default: %(default)s)"
+    )
+    add_libero(command)
+
+
+def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
+    """What :func:`add_libero` was told."""
+    from pytest_libero_max.worlds.registry import SubstrateOptions
+
+    return SubstrateOptions(tuple(options.libero), options.libero_assets)

@@ -1,0 +1,97 @@
+"""What an event can be put on: a source variation with an initial state."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+from typing import NamedTuple
+
+from pytest_libero_max.cases import EVENTS, Case, parse_case
+from pytest_libero_max.construction.catalogue import Variant, catalogue, variant_metadata
+from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.construction.eligibility import eligible_events
+from pytest_libero_max.construction.events import resolve_event
+from pytest_libero_max.construction.identity import Identity
+from pytest_libero_max.construction.records import case_record
+
+PRO_STATES = 10
+"""Initial states of a LIBERO-PRO task; LIBERO-Plus has one, number 0."""
+
+
+class Cell(NamedTuple):
+    """What the benchmark gives every part of equally many cases."""
+
+    category: str
+    event: str
+    draw: int
+
+    def __str__(self) -> str:
+        return f"{self.category}, {self.event}, variant {self.draw}"
+
+
+class Configuration(NamedTuple):
+    """A source variation with an initial state."""
+
+    variant: Variant
+    init: int
+
+    @property
+    def identity(self) -> Identity:
+        variant = self.variant
+        category = variant.category if variant.source == "pro" else ""
+        return Identity(variant.source, variant.suite, variant.index, self.init, category)
+
+    def case_id(self, cell: Cell) -> str:
+        """What :meth:`case` will be called."""
+        return self.identity.case_id(cell.event, cell.draw)
+
+    def case(self, cell: Cell) -> Case:
+        """The case of a cell on this configuration.
+
+        Raises:
+            ManifestError: The scene lacks what the event needs.
+        """
+        variant, identity = self.variant, self.identity
+        event = resolve_event(cell.event, cell.draw, variant_metadata(variant), identity)
+        record = case_record(identity, event, variant.name)
+        prefix = "LIBERO-PRO/" if variant.source == "pro" else ""
+        record["substrate_category"] = prefix + variant.category
+        record["substrate_difficulty"] = variant.difficulty
+        return parse_case(record)
+
+
+def cell_of(case: Case) -> Cell:
+    """The cell a case belongs to."""
+    return Cell(case.source_category, case.event.name, case.event.variant)
+
+
+@cache
+def hosts(source: str, category: str) -> tuple[tuple[Variant, frozenset[str]], ...]:
+    """The variations of a source category, each with the events that its scene can host.
+
+    LIBERO-Plus's variations without a difficulty are left out, as in the released benchmark.
+    """
+    return tuple(
+        (variant, frozenset(eligible_events(variant_metadata(variant))))
+        for variant in catalogue(source)
+        if variant.category == category and (source == "pro" or variant.difficulty is not None)
+    )
+
+
+def eligibility_lines() -> list[str]:
+    """How many variations of each source category can host each event: what a command prints."""
+    lines = [f"{'category':<30}{'tasks':>7}" + "".join(f"{event.split('_')[0]:>12}" for event in EVENTS)]
+    for source, categories in (("plus", PLUS_CATEGORIES), ("pro", PRO_CATEGORIES)):
+        total = Counter[str]()
+        for category in categories:
+            found = hosts(source, category)
+            count = Counter(event for _, events in found for event in events)
+            lines.append(_counts(category, len(found), count))
+            total += count + Counter(tasks=len(found))
+        lines.append(_counts(f"all of {source}", total["tasks"], total))
+    return lines
+
+
+def _counts(name: str, tasks: int, count: Counter[str]) -> str:
+    return f"{name:<30}{tasks:>7}" + "".join(f"{count[event]:>12}" for event in EVENTS)

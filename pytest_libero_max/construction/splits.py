@@ -1,0 +1,115 @@
+"""The smaller tracks, drawn from the frozen 8,000 cases: functions of that manifest alone."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import product
+
+from pytest_libero_max.cases import EVENTS, Case, Json, Manifest
+from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.construction.identity import seed_of
+
+BENCHMARK, VERSION = "libero-max-embedded", "1.0.0"
+
+LITE_SEED = 20260830
+LITE_PER_EVENT = {"plus": 70, "pro": 30}
+
+DEVELOPMENT = 16
+SAMPLER = "libero-max-embedded-recovery-v1.0"
+
+
+def protocol(profile: str, contract: str) -> Json:
+    """How the cases of a track are played, as manifests say it."""
+    return {
+        "arms": ["control", "intervention"],
+        "profile": profile,
+        "query_interval": 16,
+        "scoring_track": "physical_completion",
+        "selection_contract": contract,
+        "substrate": "pytest-libero-max embedded",
+    }
+
+
+def full(cases: Iterable[Case]) -> Manifest:
+    """The manifest of all cases, sorted by id."""
+    contract = (
+        "Plus: 7 categories x 8 events x 2 variants x 50 tasks; PRO: 10 x 8 x 2 x 15 configurations; "
+        "physical preflight with replacement in the cell; independent of policy outcomes"
+    )
+    ordered = tuple(sorted(cases, key=lambda case: case.case_id))
+    return Manifest(BENCHMARK, VERSION, protocol("max", contract), ordered)
+
+
+def lite(whole: Manifest) -> Manifest:
+    """100 cases of each event, 70 from LIBERO-Plus and 30 from LIBERO-PRO, drawn as the authors draw them."""
+    draw = random.Random(LITE_SEED)
+    chosen: list[Case] = []
+    for event, (source, count) in product(sorted(EVENTS), LITE_PER_EVENT.items()):
+        pool = (case for case in whole if case.event.name == event and case.source == source)
+        drawn = draw.sample(sorted(pool, key=lambda case: case.case_id), count)
+        chosen += sorted(drawn, key=lambda case: case.case_id)
+    contract = f"100 cases of each event: 70 LIBERO-Plus and 30 LIBERO-PRO; seed {LITE_SEED}"
+    return Manifest(f"{BENCHMARK}-lite", VERSION, protocol("lite", contract), tuple(chosen))
+
+
+def camera(whole: Manifest) -> Manifest:
+    """Every camera shift."""
+    cases = tuple(case for case in whole if case.event.name == "camera_shift")
+    return Manifest(f"{BENCHMARK}-camera", VERSION, protocol("camera", "every camera_shift"), cases)
+
+
+def recovery(whole: Manifest) -> Manifest:
+    """300 sensor-noise cases: 210 Plus and 90 PRO, 150 of each corruption, spread over source categories."""
+    chosen: list[Case] = []
+    for category, variant, count in _recovery_cells():
+        pool = (
+            case
+            for case in whole
+            if case.event.name == "sensor_noise_onset"
+            and (case.source_category, case.event.variant) == (category, variant)
+        )
+        chosen += sorted(pool, key=_rank)[:count]
+    contract = f"{SAMPLER}; 210 LIBERO-Plus and 90 LIBERO-PRO, 150 of each corruption, by source category"
+    ordered = tuple(sorted(chosen, key=lambda case: case.case_id))
+    return Manifest(f"{BENCHMARK}-recovery", VERSION, protocol("recovery", contract), ordered)
+
+
+def _recovery_cells() -> Iterator[tuple[str, int, int]]:
+    """Source category, corruption variant, number of cases: 15 for Plus, 4 and 5 in turns for PRO."""
+    for category in PLUS_CATEGORIES:
+        yield from ((category, variant, 15) for variant in (0, 1))
+    for number, category in enumerate(PRO_CATEGORIES):
+        yield from ((category, variant, 4 + (number + variant) % 2) for variant in (0, 1))
+
+
+def _rank(case: Case) -> int:
+    return seed_of(SAMPLER, case.case_id)
+
+
+def recovery_development(whole: Manifest) -> Manifest:
+    """16 sensor-noise cases to try things out on, none of which is in :func:`recovery`."""
+    formal = {case.case_id for case in recovery(whole)}
+    pool = [case for case in whole if case.event.name == "sensor_noise_onset" and case.case_id not in formal]
+    chosen: list[Case] = []
+    for variant in (0, 1):
+        ranked = sorted((case for case in pool if case.event.variant == variant), key=_rank)
+        spread: dict[str, Case] = {}
+        for case in ranked:
+            spread.setdefault(case.source_category, case)
+        chosen += list(spread.values())[: DEVELOPMENT // 2]
+    contract = f"{SAMPLER}; disjoint from the recovery track"
+    ordered = tuple(sorted(chosen, key=lambda case: case.case_id))
+    return Manifest(
+        f"{BENCHMARK}-recovery_development", VERSION, protocol("recovery_development", contract), ordered
+    )
+
+
+SPLITS: Mapping[str, Callable[[Manifest], Manifest]] = {
+    "lite": lite,
+    "camera": camera,
+    "recovery": recovery,
+    "recovery_development": recovery_development,
+}
+"""The tracks that follow from ``max``, by name."""

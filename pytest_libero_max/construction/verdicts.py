@@ -1,0 +1,189 @@
+"""Examining many cases: in processes of their own, each verdict on the disk as soon as it is known."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_libero_max.cases import Case, Json, canonical_digest, parse_case
+from pytest_libero_max.construction.catalogue import catalogue, digest_of, open_substrate, variant_of
+from pytest_libero_max.construction.examination import Verdict, examine
+from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.worlds.contract import Substrate
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.registry import SubstrateOptions
+
+BATCH = 12
+"""Cases that a process takes at a time: neighbours share scenes."""
+
+NAME = "verdicts.jsonl"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far an examination is.
+
+    Attributes:
+        done: Cases examined, in this session or before.
+        total: Cases to examine in all.
+        failed: How many of ``done`` did not pass.
+        seconds_left: At the pace of this session; None before anything was measured.
+    """
+
+    done: int
+    total: int
+    failed: int
+    seconds_left: float | None
+
+    def __str__(self) -> str:
+        left = "" if self.seconds_left is None else f", {self.seconds_left / 60:.0f} min left"
+        return f"{self.done} of {self.total} cases examined, {self.failed} failed{left}"
+
+
+class Examiner:
+    """Examines cases, and remembers what it found.
+
+    What was found is kept in a folder named by everything that it depends on: scenes, versions, code and the
+    expert's files. An interrupted examination goes on where it stopped; after any other change it begins
+    again in another folder.
+
+    Args:
+        folder: Where to keep verdicts.
+        expert: Adapter of the scripted expert, as on the command line of a run; None: the hand goes straight
+            to the target, and no case gets a certificate.
+        jobs: Processes.
+        report: Told about the progress.
+        substrate: What builds the worlds.
+        options: What the substrate is told.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        expert: str | None,
+        jobs: int,
+        report: Callable[[Progress], None] | None = None,
+        substrate: str = "embedded",
+        options: SubstrateOptions | None = None,
+    ) -> None:
+        self._bench = expert, substrate, options
+        self._jobs = jobs
+        self._report = report or _ignore
+        self.path = folder / inputs_digest(*self._bench)[:16] / NAME
+        self._known = read_verdicts(self.path)
+
+    def examine(self, cases: Sequence[Case]) -> Mapping[str, Verdict]:
+        """Verdicts by case id, in the order of the cases.
+
+        Raises:
+            AdapterError: The expert broke its contract, or cannot be loaded.
+            LiberoMaxError: A case cannot be played at all.
+        """
+        todo = sorted((case for case in cases if not self._knows(case)), key=_scene)
+        if todo:
+            self._measure(todo, len(cases))
+        return {case.case_id: self._known[case.case_id] for case in cases}
+
+    def _knows(self, case: Case) -> bool:
+        known = self._known.get(case.case_id)
+        return known is not None and known.case_digest == case.digest
+
+    def _measure(self, todo: list[Case], total: int) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        done, failed, began = total - len(todo), 0, time.monotonic()
+        with self.path.open("a", encoding="utf-8") as file:
+            for verdict in _in_processes(todo, self._bench, self._jobs):
+                file.write(json.dumps(verdict.to_dict()) + "\n")
+                file.flush()
+                self._known[verdict.case_id] = verdict
+                done, failed = done + 1, failed + (not verdict.passed)
+                pace = (time.monotonic() - began) / (done - total + len(todo))
+                self._report(Progress(done, total, failed, pace * (total - done)))
+
+
+def read_verdicts(path: Path) -> dict[str, Verdict]:
+    """The verdicts of a file by case id; a last line that was cut off is removed from it."""
+    if not path.exists():
+        return {}
+    content = path.read_bytes()
+    whole = content.rfind(b"\n") + 1
+    if whole < len(content):
+        os.truncate(path, whole)
+    verdicts = (Verdict.from_dict(json.loads(line)) for line in content[:whole].splitlines())
+    return {verdict.case_id: verdict for verdict in verdicts}
+
+
+def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions | None) -> str:
+    """SHA-256 of everything but the case that a verdict depends on, hexadecimal.
+
+    Versions, scenes, variations, the expert's folder and the code that plays: a change of any of them makes
+    old verdicts worthless.
+    """
+    package = Path(__file__).parents[1]
+    sources = [
+        *(path for room in ("changes", "pairing", "policies") for path in (package / room).rglob("*.py")),
+        *(package / "worlds").glob("*.py"),
+        *(package / "construction" / name for name in ("preflight.py", "examination.py")),
+    ]
+    if expert is not None:
+        sources += Path(expert.partition(":")[0]).parent.glob("*.py")
+    return canonical_digest(
+        {
+            "versions": dict(open_substrate(substrate, options).fingerprint()),
+            "catalogues": [digest_of(catalogue(source)) for source in ("plus", "pro")],
+            "expert": expert is not None,
+            "sources": sorted((path.name, path.read_text(encoding="utf-8")) for path in sources),
+        }
+    )
+
+
+def _scene(case: Case) -> tuple[Any, ...]:
+    if case.source == "libero":
+        return case.suite, case.task_index, "", case.case_id
+    variant = variant_of(case)
+    return case.suite, variant.base_index, json.dumps(variant.scene, sort_keys=True), case.case_id
+
+
+def _in_processes(cases: Sequence[Case], bench: _Bench, jobs: int) -> Iterator[Verdict]:
+    batches = [cases[first : first + BATCH] for first in range(0, len(cases), BATCH)]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, context, _begin, bench) as pool:
+        futures = [pool.submit(_examine, [case.record for case in batch]) for batch in batches]
+        try:
+            for future in as_completed(futures):
+                yield from future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+_Bench = tuple[str | None, str, "SubstrateOptions | None"]
+_substrate: Substrate
+_expert: Policy | None
+
+
+def _begin(expert: str | None, substrate: str, options: SubstrateOptions | None) -> None:
+    """Set up a process: the worlds, and a policy that never asks for images."""
+    global _substrate, _expert
+    _substrate = open_substrate(substrate, options)
+    _expert = None
+    if expert is not None:
+        _expert = load_policy(expert)
+        _expert.spec = replace(_expert.spec, cameras=())
+
+
+def _examine(records: Sequence[Json]) -> list[Verdict]:
+    return [examine(_substrate.world(case), case, _expert) for case in map(parse_case, records)]
+
+
+def _ignore(progress: Progress) -> None:
+    """Nobody wants to know."""

@@ -1,0 +1,147 @@
+"""Whether frozen tracks are what they must be: digests, format, identity of each case, quotas, splits."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.cases import Case, Manifest
+from pytest_libero_max.construction.catalogue import variant_of
+from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.construction.configurations import Cell, Configuration, cell_of, hosts
+from pytest_libero_max.construction.matching import levelled
+from pytest_libero_max.construction.release import CERTIFICATES, REJECTED, read_certificates, read_rejected
+from pytest_libero_max.construction.selection import (
+    LEVELS,
+    PLUS_PER_CELL,
+    PRO_PER_CELL,
+    cells_of,
+)
+from pytest_libero_max.construction.smoke import build_smoke
+from pytest_libero_max.construction.splits import SPLITS
+from pytest_libero_max.construction.tracks import CHECKSUMS, frozen_files, load_track, read_checksums
+from pytest_libero_max.errors import ManifestError
+
+
+def verify(folder: Path) -> list[str]:
+    """Check every track of a folder.
+
+    Returns:
+        What was found to be right, a line each.
+
+    Raises:
+        ManifestError: The first thing that is not.
+    """
+    return list(_checks(folder))
+
+
+def _checks(folder: Path) -> Iterator[str]:
+    files = {path.name.removesuffix(".gz") for path in frozen_files(folder)}
+    listed = read_checksums(folder)
+    for name in sorted(files - listed.keys()):
+        raise ManifestError(f"{folder / name} is not in {CHECKSUMS}. Remove it, or restore the folder.")
+    for name in sorted(listed.keys() - files):
+        raise ManifestError(f"{folder / name} is in {CHECKSUMS}, but is missing. Restore the folder.")
+    whole, smoke = load_track("max", folder), load_track("smoke", folder)
+    rejected, certificates = read_rejected(folder), read_certificates(folder)
+    for case in whole:
+        _require_identity(case)
+    yield f"max: {len(whole)} cases, each as its identity demands, digest {whole.digest}"
+    yield _quotas(whole)
+    yield _difficulties(whole)
+    _require_same("smoke", smoke, build_smoke(rejected))
+    yield f"smoke: {len(smoke)} cases, digest {smoke.digest}"
+    for name, split in SPLITS.items():
+        found = load_track(name, folder)
+        _require_same(name, found, split(whole))
+        yield f"{name}: {len(found)} cases, drawn from max, digest {found.digest}"
+    used = {case.case_id for case in (*whole, *smoke)}
+    for name in sorted(used & rejected.keys()):
+        raise ManifestError(f"case {name!r} is in a track, and in {REJECTED}.")
+    for name in sorted(used ^ certificates.keys()):
+        raise ManifestError(f"case {name!r} is in a track or in {CERTIFICATES}, but not in both.")
+    yield f"{len(rejected)} rejected cases are in no track, {len(certificates)} cases have a certificate"
+
+
+def _require_identity(case: Case) -> None:
+    configuration = Configuration(variant_of(case), case.init_state_index)
+    category = configuration.variant.category
+    expected = configuration.case(Cell(category, case.event.name, case.event.variant))
+    if case.record != expected.record:
+        keys = [key for key, value in expected.record.items() if case.record.get(key) != value]
+        raise ManifestError(
+            f"case {case.case_id!r}: {', '.join(keys) or 'a field that is not known'} differs from what the "
+            "case's identity demands."
+        )
+
+
+def _quotas(whole: Manifest) -> str:
+    count: Counter[tuple[Cell, str]] = Counter((cell_of(case), case.source) for case in whole)
+    for categories, source, quota in (
+        (PLUS_CATEGORIES, "plus", PLUS_PER_CELL),
+        (PRO_CATEGORIES, "pro", PRO_PER_CELL),
+    ):
+        for cell in (cell for category in categories for cell in cells_of(category)):
+            found = count.pop((cell, source), 0)
+            if found != quota:
+                raise ManifestError(f"max: the cell ({cell}) has {found} cases, but must have {quota}.")
+    for cell, source in count:
+        raise ManifestError(f"max: there is no cell ({cell}) of source {source}.")
+    _require_unique(
+        ((case.source_category, case.suite, case.task_index), case) for case in whole if case.source == "plus"
+    )
+    _require_unique(
+        ((cell_of(case), case.suite, case.task_index, case.init_state_index), case)
+        for case in whole
+        if case.source == "pro"
+    )
+    return (
+        f"max: {len(PLUS_CATEGORIES)} x 16 cells of {PLUS_PER_CELL} different tasks and "
+        f"{len(PRO_CATEGORIES)} x 16 cells of {PRO_PER_CELL} different configurations"
+    )
+
+
+def _require_unique(keyed: Iterable[tuple[object, Case]]) -> None:
+    seen: dict[object, Case] = {}
+    for key, case in keyed:
+        if key in seen:
+            raise ManifestError(
+                f"max: {case.case_id!r} and {seen[key].case_id!r} use the same configuration, which no two "
+                "cases of a cell (for LIBERO-Plus, of a category) may."
+            )
+        seen[key] = case
+
+
+def _difficulties(whole: Manifest) -> str:
+    """As even as supply allows in every category: no selection can be more even."""
+    total = np.zeros(LEVELS, dtype=np.int64)
+    for category in PLUS_CATEGORIES:
+        supply = _by_difficulty(variant.difficulty for variant, _ in hosts("plus", category))
+        best = levelled(np.zeros_like(supply), supply, 16 * PLUS_PER_CELL)
+        found = _by_difficulty(case.difficulty for case in whole if case.source_category == category)
+        if (np.sort(found) != np.sort(best)).any():
+            raise ManifestError(f"max: {category} has {found} cases by difficulty, but {best} is more even.")
+        total += found
+    numbers = ", ".join(map(str, total))
+    return f"max: {numbers} LIBERO-Plus cases of difficulty 1 to {LEVELS}, as even as the supply allows"
+
+
+def _by_difficulty(difficulties: Iterable[int | None]) -> NDArray[np.int64]:
+    count = Counter(difficulties)
+    return np.array([count[level] for level in range(1, LEVELS + 1)])
+
+
+def _require_same(name: str, found: Manifest, expected: Manifest) -> None:
+    if found == expected:
+        return
+    for one, other in zip(found, expected, strict=False):
+        if one != other:
+            raise ManifestError(f"{name}: {one.case_id!r} stands where {other.case_id!r} must.")
+    raise ManifestError(
+        f"{name}: {len(found)} cases or its protocol differ from what must be ({len(expected)})."
+    )
