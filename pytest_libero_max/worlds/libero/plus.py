@@ -19,14 +19,13 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.libero.environment import Built, own_randomness
 from pytest_libero_max.worlds.libero.installation import Installation
-from pytest_libero_max.worlds.libero.tasks import Task, sentence, task_name
+from pytest_libero_max.worlds.libero.tasks import Task, check_name, sentence, task_name, words_of
 
 _LAYOUT = re.compile(r"_(?:add_\d+|(?:moved_)?level\d+_sample\d+)$")
 _SUFFIX = re.compile(
     r"_(?:(?:table|tb|light|add)_\d+|(?:moved_)?level\d+_sample\d+|(?:language_\d+_)?view_[\d_]+_initstate_\d+.*)$"
 )
 _LANGUAGE = re.compile(r"_language_\d+_view_")
-_WORDS = re.compile(r"\(:language\s+([^)]*)\)")
 
 _NOISES = ("motion_blur", "gaussian_blur", "zoom_blur", "fog", "glass_blur")
 _LEVELS = 10
@@ -56,11 +55,11 @@ class PlusTask(Task):
         """The words of a variation of the instruction."""
         if not _LANGUAGE.search(self.name):
             return None
-        text = self.bddl.with_name(f"{self.name.partition('_view_')[0]}.bddl").read_text(encoding="utf-8")
-        found = _WORDS.search(text)
-        if found is None:
-            raise SubstrateError(f"{self.name} has no words in its BDDL file. Restore it from the package.")
-        return " ".join(found.group(1).split())
+        return words_of(self.bddl.with_name(f"{self.name.partition('_view_')[0]}.bddl"))
+
+    @property
+    def source(self) -> str:
+        return "-plus"
 
 
 def plus_task(installation: Installation, suite: str, index: int, name: str | None = None) -> PlusTask:
@@ -76,21 +75,18 @@ def plus_task(installation: Installation, suite: str, index: int, name: str | No
         SubstrateError: There is no such task, it is called otherwise, or its files are missing.
     """
     found = task_name(installation, suite, index)
-    if name is not None and name != found:
-        raise SubstrateError(
-            f"Task {index} of {suite} is {found!r} in {installation}, but {name!r} in the case: the manifest "
-            "was made with another registry."
-        )
     base = _SUFFIX.sub("", found)
     folder = installation.bddl / suite
     if _LAYOUT.search(found):
         states = installation.states / "libero_newobj" / suite / f"{found}.pruned_init"
     else:
         states = installation.states / suite / f"{base}.pruned_init"
+    task = PlusTask(suite, index, found, folder / f"{found}.bddl", states, base)
+    check_name(installation, task, name)
     for path in (folder / f"{found.partition('_view_')[0]}.bddl", states):
         if not path.is_file():
             raise SubstrateError(f"{installation} lacks {str(path)!r}. Restore it from the package.")
-    return PlusTask(suite, index, found, folder / f"{found}.bddl", states, base)
+    return task
 
 
 def noise_of(built: Built, scene: str) -> Callable[[Image, str, int], Image] | None:

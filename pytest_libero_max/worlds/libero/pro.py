@@ -1,46 +1,43 @@
-"""LIBERO-PRO's variations that need nothing but LIBERO's own files, done as its published runtime does them.
+"""LIBERO-PRO's changes of a scene, made after the initial state has been set as its published runtime does.
 
-The released LIBERO-PRO cases of these categories start from LIBERO's scenes and initial states; what is
-changed is changed after the initial state has been set, with constants that are the same for every task:
+- ``object_appearance`` tints. The texture stays: the runtime takes it off a material whose copy on the
+  graphics card keeps it.
+- ``object_shape`` does nothing, and an occluder keeps its size. The runtime scales meshes of a model that has
+  been compiled already, which changes neither the picture nor the collisions.
+- ``object_placement`` looks for a free place in front of the target, puts an occluder there, and puts it back
+  there after every step, at the height at which the scene's own reset had left it.
+- ``initial_pose`` looks for a free place away from where the target is and turns it.
+- ``lighting`` and ``camera`` set absolute values.
+- ``observation`` darkens every image of every camera and adds noise, the same at every step, whose seed is
+  the case's.
 
-- ``semantic``: only the instruction, which the case holds;
-- ``camera_view_angle``: one absolute pose of the agent's camera, whatever the scene;
-- ``object_texture``: the goal's destinations are tinted. The texture stays: the runtime takes it off a
-  material whose copy on the graphics card keeps it;
-- ``object_shape``: nothing. The runtime scales meshes of a model that has been compiled already, which
-  changes neither the picture nor the collisions.
-
-The other categories place objects by a search, or need task files and models of LIBERO-PRO's own.
+The runtime looks at the scene after each of them, which shifts when later observations are sampled.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.contract import CAMERAS, Array, Image
+from pytest_libero_max.worlds.libero.placing import (
+    objects,
+    offsets,
+    put_where_free,
+    radius,
+    require_free,
+    shifts,
+)
+from pytest_libero_max.worlds.libero.pro_config import Config, Section
 
 import mujoco  # isort: skip - the rooms above have settled its backend
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.libero.world import LiberoWorld
-
-CATEGORIES = ("semantic", "camera_view_angle", "object_texture", "object_shape")
-"""What can be played without LIBERO-PRO's files."""
-
-CAMERA_POSITION_M = (0.48, 0.24, 1.62)
-CAMERA_QUATERNION_WXYZ = (0.6099232, 0.3594558, 0.3594558, 0.6099232)
-
-TINTS = {
-    "main_table": (0.72, 0.63, 0.50, 1.0),
-    "kitchen_table": (0.72, 0.63, 0.50, 1.0),
-    "floor": (0.35, 0.34, 0.32, 1.0),
-    "living_room_table": (0.30, 0.20, 0.12, 1.0),
-    "study_table": (0.50, 0.36, 0.20, 1.0),
-}
-"""Colour of the tint by the surface of the scene, rgba."""
 
 _VISIBLE = 1
 """The geom group that is drawn and does not collide."""
@@ -51,53 +48,119 @@ class ProVariation:
     """What the published runtime does to a scene once its initial state has been set.
 
     Attributes:
-        category: One of :data:`CATEGORIES`.
+        config: The sections of :mod:`.pro_config` to apply.
+        seed: Seed of the pictures' noise.
     """
 
-    category: str
-
-    def __post_init__(self) -> None:
-        if self.category not in CATEGORIES:
-            raise SubstrateError(
-                f"LIBERO-PRO's category {self.category!r} needs task files, models or a placement search of "
-                f"its own, which the genuine substrate does not use yet. It plays {', '.join(CATEGORIES)}."
-            )
+    config: Config
+    seed: int
 
     def apply(self, world: LiberoWorld) -> None:
-        """Make the changes to a world that has just been reset."""
-        if self.category == "camera_view_angle":
-            camera = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, "agentview")
-            world.alter("cam_pos", camera, CAMERA_POSITION_M)
-            world.alter("cam_quat", camera, CAMERA_QUATERNION_WXYZ)
-        elif self.category == "object_texture":
-            surface = next(entity.name for entity in world.entities.values() if entity.kind == "surface")
-            for entity in tinted_entities(world):
-                _tint(world, entity, TINTS[surface])
+        """Make the changes to a world that has just been reset, in the runtime's order.
+
+        Raises:
+            SubstrateError: Something that is to be moved finds no free place.
+        """
+        for name, act in _ACTS.items():
+            if name in self.config:
+                act(world, self.config[name])
+                world.look()
+        if "observation" in self.config:
+            section = self.config["observation"]
+            world.add_filter(DarkNoise(section["brightness"][0], section["sigma"][0], self.seed))
 
 
-def tinted_entities(world: LiberoWorld) -> tuple[str, ...]:
-    """The goal's destinations; where it has none but the work surface, what it is about."""
-    destinations: list[str] = []
-    subjects: list[str] = []
-    for fact in world.goal:
-        owners = [_owner(world, argument) for argument in fact.words()[1:]]
-        subjects.append(owners[0])
-        destinations += owners if fact.place is None else owners[1:]
-    found = [name for name in destinations if world.entities[name].kind != "surface"]
-    return tuple(dict.fromkeys(found or subjects))
+@dataclass(frozen=True)
+class DarkNoise:
+    """Darkened pictures with noise that is drawn anew, and the same, for every picture of a camera.
+
+    Attributes:
+        brightness: Factor of all values.
+        sigma: Standard deviation of the noise, grey levels of 255.
+        seed: Of the agent's view; each further camera's is one more.
+    """
+
+    brightness: float
+    sigma: float
+    seed: int
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        stream = np.random.default_rng(self.seed + CAMERAS.index(camera))
+        noisy = image.astype(np.float32) * self.brightness + stream.normal(0.0, self.sigma, image.shape)
+        result: Image = np.clip(noisy, 0, 255).astype(np.uint8)
+        return result
 
 
-def _owner(world: LiberoWorld, name: str) -> str:
-    """The entity of that name, or the one whose region it is."""
-    owners = [entity for entity in world.entities if name == entity or name.startswith(f"{entity}_")]
-    return max(owners, key=len)
-
-
-def _tint(world: LiberoWorld, entity: str, rgba: tuple[float, ...]) -> None:
+def _tint(world: LiberoWorld, section: Section) -> None:
     model = world.model
-    geoms = [int(geom) for geom in world._geoms(entity) if model.geom_group[geom] == _VISIBLE]
-    for geom in geoms:
-        world.alter("geom_rgba", geom, rgba)
-    materials = {int(model.geom_matid[geom]) for geom in geoms}
-    for material in sorted(materials - {-1}):
-        world.alter("mat_rgba", material, np.array(rgba))
+    for entity in section["targets"]:
+        geoms = [int(geom) for geom in world.geoms(entity) if model.geom_group[geom] == _VISIBLE]
+        for geom in geoms:
+            world.alter("geom_rgba", geom, section["rgba"])
+        for material in sorted({int(model.geom_matid[geom]) for geom in geoms} - {-1}):
+            world.alter("mat_rgba", material, section["rgba"])
+
+
+def _resize(world: LiberoWorld, section: Section) -> None:
+    """Nothing: see the module's text."""
+
+
+def _occlude(world: LiberoWorld, section: Section) -> None:
+    (target,), (occluder,) = section["reference"], section["targets"]
+    world.look()  # after it has tried to enlarge the occluder
+    centre = world.position(target)[:2]
+    moved = [occluder]
+    for between in section.get("between_object", ()):
+        there = world.position(between)[:2]
+        if float(np.linalg.norm(there - centre)) < section["min_between_distance"][0]:
+            ways = shifts(section["between_delta_xy"])
+            put_where_free(world, between, [there + way for way in ways], world.pose(between))
+            world.look()
+            moved.append(between)
+    avoided = [name for name in section.get("avoid_targets", ()) if name in objects(world)]
+
+    def suits(place: Array) -> bool:
+        margins = [(centre, section["min_reference_distance"][0])]
+        for name in avoided:
+            margin = radius(world, occluder) + radius(world, name) + section["min_avoid_distance"][0]
+            margins.append((world.position(name)[:2], margin))
+        return all(float(np.linalg.norm(place - other)) >= margin for other, margin in margins)
+
+    position = world.position(occluder)
+    position[2] += section["z_offset"][0]
+    candidates = [centre + offset for offset in offsets(section["offsets_xy"], section["front_direction"])]
+    put_where_free(world, occluder, candidates, (position, np.array(section["target_quat"])), suits)
+    world.look()
+    require_free(world, *moved)
+    world.pin(occluder)
+
+
+def _start_elsewhere(world: LiberoWorld, section: Section) -> None:
+    (target,), half = section["target"], section["yaw"][0] / 2
+    position = world.position(target)
+    upright = np.array([math.cos(half), 0.0, 0.0, math.sin(half)])
+    ways = shifts(section["delta_xy"], section["min_delta_norm"][0])
+    put_where_free(world, target, [position[:2] + way for way in ways], (position, upright))
+    require_free(world, target)
+
+
+def _light(world: LiberoWorld, section: Section) -> None:
+    world.alter("light_active", slice(None), 1)
+    for kind in ("ambient", "diffuse", "specular"):
+        world.alter(f"light_{kind}", slice(None), section[kind])
+
+
+def _view(world: LiberoWorld, section: Section) -> None:
+    camera = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, section["name"][0])
+    world.alter("cam_pos", camera, section["pos"])
+    world.alter("cam_quat", camera, section["quat"])
+
+
+_ACTS: Mapping[str, Callable[[LiberoWorld, Section], None]] = {
+    "object_appearance": _tint,
+    "object_shape": _resize,
+    "object_placement": _occlude,
+    "initial_pose": _start_elsewhere,
+    "lighting": _light,
+    "camera": _view,
+}

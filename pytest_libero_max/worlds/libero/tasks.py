@@ -6,7 +6,9 @@ LIBERO's own list lives in a module that imports torch; the table behind it is a
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+import contextlib
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,6 +17,7 @@ from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.worlds.libero.installation import Installation
 
 _TABLE = "libero_task_map"
+_WORDS = re.compile(r"\(:language\s+([^)]*)\)")
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,28 @@ class Task:
         """The prompt without what does not belong into one."""
         return self.language
 
+    @property
+    def source(self) -> str:
+        """What distinguishes its scene from that of other sources' tasks of the same place."""
+        return ""
+
+    @contextlib.contextmanager
+    def description(self) -> Iterator[Path]:
+        """What the package's wrapper builds it from, for as long as the block runs."""
+        yield self.bddl
+
+
+def words_of(bddl: Path) -> str:
+    """The instruction in a BDDL file.
+
+    Raises:
+        SubstrateError: It has none.
+    """
+    found = _WORDS.search(bddl.read_text(encoding="utf-8"))
+    if found is None:
+        raise SubstrateError(f"{str(bddl)!r} has no words for its task. Restore it from the package.")
+    return " ".join(found.group(1).split())
+
 
 def sentence(name: str) -> str:
     """The instruction that the benchmark makes of a task's name."""
@@ -67,6 +92,19 @@ def task_of(installation: Installation, suite: str, index: int) -> Task:
         if not path.is_file():
             raise SubstrateError(f"{installation} lacks {str(path)!r}. Restore it from the package.")
     return Task(suite, index, name, bddl, states)
+
+
+def check_name(installation: Installation, task: Task, name: str | None) -> None:
+    """Refuse a task that a case calls otherwise; one that it does not name is as good as any.
+
+    Raises:
+        SubstrateError: See above.
+    """
+    if name is not None and name != task.name:
+        raise SubstrateError(
+            f"Task {task.index} of {task.suite} is {task.name!r} in {installation}, but {name!r} in the case: "
+            "the manifest was made with another registry."
+        )
 
 
 def task_name(installation: Installation, suite: str, index: int) -> str:

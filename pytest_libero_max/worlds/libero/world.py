@@ -17,14 +17,14 @@ the world as it is, as after the package's forced update.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter, Semantics
 from pytest_libero_max.worlds.libero.environment import Built
-from pytest_libero_max.worlds.libero.pro import ProVariation
 from pytest_libero_max.worlds.privileged import Fact, Holding, facts
 from pytest_libero_max.worlds.rendering import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
@@ -42,6 +42,17 @@ _SEEN = {
     "robot0_joint_pos": 7,
     "robot0_joint_vel": 7,
 }
+
+_PIN = 8
+"""A pinned object: where its pose is in the joint positions, 0 for none (the arm's come first), and the pose."""
+
+
+class Variation(Protocol):
+    """A source variation that is made of changes at reset."""
+
+    def apply(self, world: LiberoWorld) -> object:
+        """Make the changes to a world that has just been put into an initial state."""
+        ...
 
 
 class LiberoWorld(RobosuiteWorld):
@@ -88,7 +99,8 @@ class LiberoWorld(RobosuiteWorld):
         self._solved = False
         self._stale = True
         self._asked = False
-        self._variation: ProVariation | None = None
+        self._variation: Variation | None = None
+        self._pinned = np.zeros(_PIN)
         self._noise = noise
         self._view: mujoco.MjData | None = None
         if reference_textures and hasattr(self._model, "tex_colorspace"):
@@ -98,6 +110,12 @@ class LiberoWorld(RobosuiteWorld):
     @property
     def semantics(self) -> Semantics:
         return self._semantics
+
+    @property
+    def problem(self) -> Mapping[str, Any]:
+        """The task description as the package has read it, names in lower case."""
+        problem: Mapping[str, Any] = self._env.parsed_problem
+        return problem
 
     @property
     def goal(self) -> tuple[Fact, ...]:
@@ -121,7 +139,7 @@ class LiberoWorld(RobosuiteWorld):
         """No parts: the package does not say what its models are held by."""
         return {}
 
-    def varied(self, variation: ProVariation | None) -> LiberoWorld:
+    def varied(self, variation: Variation | None) -> LiberoWorld:
         """This world, which applies a source variation at every reset from now on."""
         self._variation = variation
         return self
@@ -130,8 +148,26 @@ class LiberoWorld(RobosuiteWorld):
         super().reset(init)
         if self._variation is not None:
             self._variation.apply(self)
-            self._refresh()
-            self._sample_earlier()
+            self.look()
+
+    def look(self) -> None:
+        """Look out of turn, as a source variation does in the middle of its changes."""
+        self._refresh()
+        self._sample_earlier()
+
+    def pin(self, entity: str) -> None:
+        """Put an object back to where it is now after every step, until the next reset; its speed stays."""
+        address = self._qpos_address(self._free(entity))
+        self._pinned[:] = (address, *self._data.qpos[address : address + 7])
+
+    def radius(self, entity: str) -> float | None:
+        """The package's nominal radius of an object in the horizontal plane, m; None for other entities."""
+        item = self._env.objects_dict.get(self._known(entity))
+        return None if item is None else float(np.ravel(item.horizontal_radius)[0])
+
+    def geoms(self, entity: str) -> NDArray[np.intp]:
+        """Numbers of the geoms that belong to an entity."""
+        return self._geoms(self._known(entity))
 
     def initial_state(self, init: int) -> Array:
         """(1 + nq + nv,) time, positions and velocities, as the package's ``set_init_state`` takes them."""
@@ -140,7 +176,7 @@ class LiberoWorld(RobosuiteWorld):
         return state
 
     def succeeded(self) -> bool:
-        return self._holds() if self._fresh else self._solved
+        return self._holds() if self._fresh and not self._pinned[0] else self._solved
 
     def end_effector(self) -> Array:
         return super().end_effector() if self._fresh else self._seen["robot0_eef_pos"].copy()
@@ -216,6 +252,16 @@ class LiberoWorld(RobosuiteWorld):
             stepper.play(goal, action, left, settle=False)
         self._solved = self._holds()
         self._settle()
+        if self._pinned[0]:
+            self._put_back()
+
+    def _put_back(self) -> None:
+        """Return the pinned object to its place, and see the world as it is then: the runtime looks again."""
+        address = int(self._pinned[0])
+        self._data.qpos[address : address + 7] = self._pinned[1:]
+        self._settle()
+        self._refresh()
+        self._asked = False  # what a step returns is always that look, so it does not matter when one is due
 
     def _begin(self, action: Array) -> tuple[Array, int]:
         """The goal of the step, and how many substeps have been played to get it."""
@@ -291,6 +337,7 @@ class LiberoWorld(RobosuiteWorld):
         # A reset samples at the last substep, and setting the initial state samples out of turn.
         self._sample_at = self._stepper.substeps - 1
         self._solved, self._stale = False, True
+        self._pinned[:] = 0.0
         for seen in (self._seen_qpos, *self._seen.values()):
             seen[:] = 0.0
         self._refresh()
@@ -299,15 +346,18 @@ class LiberoWorld(RobosuiteWorld):
     def _controller_state(self) -> Array:
         switches = (self._fresh, self._solved, self._stale, self._asked)
         flags = [float(flag) for flag in (self._sample_at, *switches)]
-        return np.concatenate([super()._controller_state(), flags, self._seen_qpos, *self._seen.values()])
+        return np.concatenate(
+            [super()._controller_state(), flags, self._pinned, self._seen_qpos, *self._seen.values()]
+        )
 
     def _set_controller_state(self, state: Array) -> None:
-        stepper, flags, qpos, *seen = np.split(
-            state, np.cumsum([11, 5, self._seen_qpos.size, *list(_SEEN.values())[:-1]])
+        stepper, flags, pinned, qpos, *seen = np.split(
+            state, np.cumsum([11, 5, _PIN, self._seen_qpos.size, *list(_SEEN.values())[:-1]])
         )
         super()._set_controller_state(stepper)
         self._sample_at = int(flags[0])
         self._fresh, self._solved, self._stale, self._asked = (bool(flag) for flag in flags[1:])
+        self._pinned[:] = pinned
         self._seen_qpos[:] = qpos
         for name, value in zip(self._seen, seen, strict=True):
             self._seen[name][:] = value
