@@ -16,6 +16,7 @@ from pytest_libero_max.report.blocks import (
     result_json,
     split_json,
 )
+from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.plan import PlannedPair
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
@@ -100,6 +101,7 @@ def build_report(
         "headline": _headline(counts, overall),
         "policy": played[measured[0].case_id].policy if measured else None,
         "substrate": substrate_json(provenance["substrate"]["name"]),
+        "caveats": caveats_of(played[pair.case_id] for pair in measured),
         "overall": result_json(overall, len(planned)),
         "noise_floor": _noise_floor(played.values()),
         "by": {

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from pytest_libero_max.cases import Json
+from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.figures import arrow_plot, category_map, change_profile, stale_histogram
 from pytest_libero_max.report.markdown import TITLES
 from pytest_libero_max.report.summary import (
@@ -52,6 +53,7 @@ def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str
         body.append(_note(f"{incomplete_text(pairs)} All rates are over the played pairs.", "alarm"))
     if report["substrate"]["note"]:
         body.append(_note(report["substrate"]["note"]))
+    body += [_note(caveat_text(caveat)) for caveat in report["caveats"]]
     if pairs["played"]:
         body += _results(report)
         body += _regressions(regressions, replay)

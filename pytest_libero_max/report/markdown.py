@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pytest_libero_max.cases import Json
+from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.summary import (
     change_text,
     count_text,
@@ -34,6 +35,8 @@ def markdown(report: Json) -> str:
         lines += [f"**{incomplete_text(pairs)}** All rates below are over the played pairs.", ""]
     if report["substrate"]["note"]:
         lines += [report["substrate"]["note"], ""]
+    if report["caveats"]:
+        lines += [*(f"- {caveat_text(caveat)}" for caveat in report["caveats"]), ""]
     outcomes = overall["outcomes"]
     lines += _table(
         ("Quantity", "Value"),

@@ -46,12 +46,19 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     lines += [_event_line(name, block) for name, block in report["by"]["event"].items()]
     if any(block["floor"] for block in report["by"]["event"].values()):
         lines.append("* Base success is too low to fall: a small change is no sign of robustness there.")
-    return [*lines, *_written(paths)]
+    return [*lines, *_caveat_lines(report["caveats"]), *_written(paths)]
 
 
 def noise_text(noise: Json) -> str:
     """What playing Base twice showed."""
     return f"{rate_text(noise['flips'])} ended otherwise, {count_text(noise['identical'])} bit for bit alike"
+
+
+def _caveat_lines(caveats: Sequence[Json]) -> list[str]:
+    if not caveats:
+        return []
+    counts = ", ".join(f"{caveat['name'].replace('_', ' ')} {caveat['pairs']}" for caveat in caveats)
+    return [f"Read report.md on what published code did to some pairs: {counts}."]
 
 
 def _noise_lines(noise: Json | None) -> list[str]:

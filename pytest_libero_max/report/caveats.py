@@ -1,0 +1,136 @@
+"""What published code did to some of the pairs, and how many: found in their records alone.
+
+Nothing here changes a number. A caveat names the pairs whose scenes, prompts or events are not what their
+names promise, because the authors' code or the forks' does something else.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from pytest_libero_max.cases import Json
+from pytest_libero_max.pairing.record import PairRecord
+
+_GENUINE = "libero"
+_TOKENS = re.compile(
+    r" (?:view(?: \d+){5} initstate \d+(?: noise \d+)?|(?:table|tb|light|add)(?: \d+)+"
+    r"|(?:moved )?level\d+ sample\d+)$"
+)
+"""The end of a LIBERO-Plus name that is read out as a prompt."""
+
+_INSERTIONS = ("distractor_burst", "obstacle_insertion")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One thing to know.
+
+    Attributes:
+        name: Stable key.
+        concerns: Whether it concerns a pair.
+        text: What is the case with the pairs concerned, as a sentence.
+    """
+
+    name: str
+    concerns: Callable[[PairRecord], bool]
+    text: str
+
+
+def _semantics(record: PairRecord) -> str | None:
+    """How events were played; None where the event never came, or not on a genuine scene."""
+    genuine = record.fingerprints.get("substrate") == _GENUINE
+    return record.fingerprints.get("semantics") if genuine and record.triggered else None
+
+
+def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
+    """Pairs on a genuine scene that a fork's variation was applied to."""
+
+    def concerns(record: PairRecord) -> bool:
+        genuine = record.fingerprints.get("substrate") == _GENUINE
+        return genuine and (record.source, record.source_category) == (source, category)
+
+    return concerns
+
+
+def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
+    return lambda record: _semantics(record) == semantics and record.event in names
+
+
+RULES = (
+    Rule(
+        "contaminated_prompt",
+        lambda record: record.source == "plus" and _TOKENS.search(record.instruction) is not None,
+        "The prompt names the variation, as in '... plate view 0 0 100 0 0 initstate 4': the authors read "
+        "it out of the task's name. --libero-max-instruction=clean gives the task's own words.",
+    ),
+    Rule(
+        "tumbled_insertions",
+        _event("published", *_INSERTIONS),
+        "Published events: what the event brings in waited inside the floor, was shot out of it, and came "
+        "back as it had tumbled by then: rotated, or lying. Corrected events bring it upright.",
+    ),
+    Rule(
+        "one_noise_stream",
+        _event("published", "sensor_noise_onset"),
+        "Published events: noise and rectangle of both cameras come from one stream, counted in steps since "
+        "the event. Corrected events give each camera its own.",
+    ),
+    Rule(
+        "shifted_observations",
+        lambda record: _semantics(record) == "published",
+        "Published events: the look that follows the event makes every later observation one substep (2 ms) "
+        "older, and what was moved keeps its share of the solver's last forces. Corrected events do neither.",
+    ),
+    Rule(
+        "corrected_events",
+        lambda record: _semantics(record) == "corrected",
+        "Corrected events: what is brought in comes upright, each camera has noise of its own, observations "
+        "keep their age. Published numbers are not of these events, but of --libero-max-semantics=published.",
+    ),
+    Rule(
+        "erased_robot_pose",
+        _varied("plus", "Robot Initial States"),
+        "LIBERO-Plus sets the frozen initial state after the robot's pose and so erases it: the arm starts "
+        "where it always does, and the controller slowly turns it towards the pose that was meant.",
+    ),
+    Rule(
+        "reseeded_noise",
+        _varied("plus", "Sensor Noise"),
+        "LIBERO-Plus draws its noise without a seed; here it is drawn from the scene and the step, so that "
+        "both rollouts of a pair see the same. It is on the agent's view alone, and not in the first look.",
+    ),
+    Rule(
+        "inert_shape",
+        _varied("pro", "object_shape"),
+        "LIBERO-PRO scales meshes of a compiled model, which changes neither pictures nor contacts: these "
+        "pairs are of the unmodified task.",
+    ),
+    Rule(
+        "tint_for_texture",
+        _varied("pro", "object_texture"),
+        "LIBERO-PRO's new texture is a tint: the old one stays in the renderer's memory under it.",
+    ),
+    Rule(
+        "small_occluder",
+        _varied("pro", "view_occlusion"),
+        "LIBERO-PRO's occluder keeps its own size: scaling the meshes of a compiled model has no effect.",
+    ),
+)
+
+
+def caveats_of(records: Iterable[PairRecord]) -> list[Json]:
+    """The rules that concern a pair, with how many they concern; in the order of :data:`RULES`."""
+    pairs = list(records)
+    counts = {rule: sum(map(rule.concerns, pairs)) for rule in RULES}
+    return [
+        {"name": rule.name, "pairs": count, "played": len(pairs), "text": rule.text}
+        for rule, count in counts.items()
+        if count
+    ]
+
+
+def caveat_text(caveat: Json) -> str:
+    """A caveat as one paragraph, the number of pairs first."""
+    return f"{caveat['pairs']} of {caveat['played']} pairs: {caveat['text']}"

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.caveats import RULES, caveats_of
+from pytest_libero_max.report.html import html
+from pytest_libero_max.report.markdown import markdown
+from pytest_libero_max.report.summary import summary_lines
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
+
+PROMPT = "pick up the black bowl on the stove and place it on the plate"
+
+
+def pair(semantics: str | None = None, **changes: Any) -> PairRecord:
+    """A pair on the embedded substrate, or on the genuine one with events of a kind."""
+    substrate = {"substrate": "embedded"}
+    if semantics is not None:
+        substrate = {"substrate": "libero", "semantics": semantics}
+    values = {"instruction": PROMPT, "event": "camera_shift", "fingerprints": substrate}
+    return record_of(plan()[0], True, True, **values | changes)
+
+
+def names(*records: PairRecord) -> dict[str, int]:
+    return {caveat["name"]: caveat["pairs"] for caveat in caveats_of(records)}
+
+
+@pytest.mark.parametrize(
+    "ending",
+    [
+        "view 0 0 100 0 0 initstate 4",
+        "view 350 15 130 7 2 initstate 0",
+        "view 0 0 100 0 0 initstate 0 noise 12",
+        "table 1",
+        "tb 3",
+        "light 117",
+        "add 2",
+        "level2 sample3",
+        "moved level1 sample4",
+    ],
+)
+def test_a_prompt_with_the_variations_name_in_it_is_found(ending: str) -> None:
+    assert names(pair(instruction=f"{PROMPT} {ending}")) == {"contaminated_prompt": 1}
+    assert names(pair(instruction=f"{PROMPT} {ending}", source="libero")) == {}
+
+
+@pytest.mark.parametrize("words", [PROMPT, "put both moka pots on the stove", "clear table 1 and view it"])
+def test_a_prompt_that_people_would_say_is_none(words: str) -> None:
+    assert names(pair(instruction=words)) == {}
+
+
+@pytest.mark.parametrize(
+    ("event", "expected"),
+    [
+        ("camera_shift", {"shifted_observations": 1}),
+        ("target_relocation", {"shifted_observations": 1}),
+        ("sensor_noise_onset", {"one_noise_stream": 1, "shifted_observations": 1}),
+        ("distractor_burst", {"tumbled_insertions": 1, "shifted_observations": 1}),
+        ("obstacle_insertion", {"tumbled_insertions": 1, "shifted_observations": 1}),
+    ],
+)
+def test_events_differ_where_the_world_was_genuine_and_the_event_came(
+    event: str, expected: dict[str, int]
+) -> None:
+    assert names(pair("published", event=event)) == expected
+    assert names(pair("corrected", event=event)) == {"corrected_events": 1}
+    assert names(pair(event=event)) == {}
+    assert names(pair("published", **NEVER_TRIGGERED | {"event": event})) == {}
+
+
+@pytest.mark.parametrize(
+    ("source", "category", "expected"),
+    [
+        ("plus", "Robot Initial States", "erased_robot_pose"),
+        ("plus", "Sensor Noise", "reseeded_noise"),
+        ("pro", "object_shape", "inert_shape"),
+        ("pro", "object_texture", "tint_for_texture"),
+        ("pro", "view_occlusion", "small_occluder"),
+    ],
+)
+def test_variations_that_do_not_do_what_they_are_called(source: str, category: str, expected: str) -> None:
+    varied = {"source": source, "source_category": category}
+    assert names(pair("corrected", **NEVER_TRIGGERED | varied)) == {expected: 1}
+    assert names(pair(**varied)) == {}
+
+
+def test_pairs_are_counted_in_the_order_of_the_rules() -> None:
+    records = [pair("published", event="distractor_burst") for _ in range(3)] + [pair("published"), pair()]
+    found = caveats_of(records)
+    assert [(caveat["name"], caveat["pairs"], caveat["played"]) for caveat in found] == [
+        ("tumbled_insertions", 3, 5),
+        ("shifted_observations", 4, 5),
+    ]
+    assert len({rule.name for rule in RULES}) == len(RULES)
+
+
+def test_every_form_of_the_report_says_so() -> None:
+    pairs = plan()[:2]
+    records = [
+        record_of(planned, True, True, instruction=f"{PROMPT} table 1" if planned is pairs[0] else PROMPT)
+        for planned in pairs
+    ]
+    report = build_report(records, [], pairs, PROVENANCE)
+    assert [caveat["name"] for caveat in report["caveats"]] == ["contaminated_prompt"]
+    assert "- 1 of 2 pairs: The prompt names the variation" in markdown(report)
+    assert "1 of 2 pairs: The prompt names the variation" in html(report, [], [])
+    assert any("contaminated prompt 1." in line for line in summary_lines(report))
+    assert not any("published code" in line for line in summary_lines(report | {"caveats": []}))
