@@ -114,9 +114,9 @@ def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.verdicts import Examiner
     from pytest_libero_max.construction.verification import verify
 
-    examiner = Examiner(options.work, options.expert, options.jobs, _print_progress())
-    print(f"Verdicts are kept in {examiner.path}", flush=True)
-    write_release(build_release(examiner.examine), options.folder)
+    with Examiner(options.work, options.expert, options.jobs, _print_progress()) as examiner:
+        print(f"Verdicts are kept in {examiner.path}", flush=True)
+        write_release(build_release(examiner.examine), options.folder)
     print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
 
 
@@ -129,8 +129,8 @@ def _preflight(options: argparse.Namespace) -> None:
     if options.limit is not None:
         cases = stratified(cases, options.limit)
     where = options.substrate, substrate_options(options)
-    examiner = Examiner(options.work, options.expert, options.jobs, _print_progress(), *where)
-    print("\n".join(examination_lines(examiner.examine(cases))))
+    with Examiner(options.work, options.expert, options.jobs, _print_progress(), *where) as examiner:
+        print("\n".join(examination_lines(examiner.examine(cases))))
 
 
 def _print_progress() -> Callable[[Progress], None]:

@@ -56,6 +56,8 @@ class Examiner:
     expert's files. An interrupted examination goes on where it stopped; after any other change it begins
     again in another folder.
 
+    Close it, or use it in a ``with`` statement: it keeps its processes for the next examination.
+
     Args:
         folder: Where to keep verdicts.
         expert: Adapter of the scripted expert, as on the command line of a run; None: the hand goes straight
@@ -75,11 +77,21 @@ class Examiner:
         substrate: str = "embedded",
         options: SubstrateOptions | None = None,
     ) -> None:
-        self._bench = expert, substrate, options
-        self._jobs = jobs
+        self.path = folder / inputs_digest(expert, substrate, options)[:16] / NAME
         self._report = report or _ignore
-        self.path = folder / inputs_digest(*self._bench)[:16] / NAME
         self._known = read_verdicts(self.path)
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(jobs, context, _begin, (expert, substrate, options))
+
+    def __enter__(self) -> Examiner:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the processes; cases that wait are not begun."""
+        self._pool.shutdown(cancel_futures=True)
 
     def examine(self, cases: Sequence[Case]) -> Mapping[str, Verdict]:
         """Verdicts by case id, in the order of the cases.
@@ -101,13 +113,20 @@ class Examiner:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         done, failed, began = total - len(todo), 0, time.monotonic()
         with self.path.open("a", encoding="utf-8") as file:
-            for verdict in _in_processes(todo, self._bench, self._jobs):
+            for verdict in self._verdicts(todo):
                 file.write(json.dumps(verdict.to_dict()) + "\n")
                 file.flush()
                 self._known[verdict.case_id] = verdict
                 done, failed = done + 1, failed + (not verdict.passed)
                 pace = (time.monotonic() - began) / (done - total + len(todo))
                 self._report(Progress(done, total, failed, pace * (total - done)))
+
+    def _verdicts(self, cases: Sequence[Case]) -> Iterator[Verdict]:
+        """In the order in which they come."""
+        records = [case.record for case in cases]
+        batches = (records[first : first + BATCH] for first in range(0, len(records), BATCH))
+        for future in as_completed([self._pool.submit(_examine, batch) for batch in batches]):
+            yield from future.result()
 
 
 def read_verdicts(path: Path) -> dict[str, Verdict]:
@@ -153,20 +172,6 @@ def _scene(case: Case) -> tuple[Any, ...]:
     return case.suite, variant.base_index, json.dumps(variant.scene, sort_keys=True), case.case_id
 
 
-def _in_processes(cases: Sequence[Case], bench: _Bench, jobs: int) -> Iterator[Verdict]:
-    batches = [cases[first : first + BATCH] for first in range(0, len(cases), BATCH)]
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, _begin, bench) as pool:
-        futures = [pool.submit(_examine, [case.record for case in batch]) for batch in batches]
-        try:
-            for future in as_completed(futures):
-                yield from future.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-_Bench = tuple[str | None, str, "SubstrateOptions | None"]
 _substrate: Substrate
 _expert: Policy | None
 
