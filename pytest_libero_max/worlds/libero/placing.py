@@ -132,8 +132,8 @@ def require_free(world: LiberoWorld, *entities: str) -> None:
     found += [f"{entity} and what it touches" for entity in entities if pressed(world, entity)]
     if found:
         raise SubstrateError(
-            f"{world.scene}: {', '.join(found)} are in each other's way, which LIBERO-PRO refuses. This initial "
-            "state cannot be varied so: leave the case out, or choose another initial state."
+            f"{world.scene}: {', '.join(found)} are in each other's way, which LIBERO-PRO refuses. This "
+            "initial state cannot be varied so: leave the case out, or choose another initial state."
         )
 
 

@@ -7,6 +7,7 @@ task of a category; only what they are applied to follows from the task.
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Container, Mapping
 from pathlib import Path
@@ -89,10 +90,9 @@ def read_config(path: Path, category: str) -> Config:
     Raises:
         SubstrateError: The file cannot be read, or lacks what its category is made of.
     """
-    from bddl.parsing import scan_tokens
-
+    parsing = importlib.import_module("bddl.parsing")
     try:
-        groups = scan_tokens(filename=str(path))
+        groups = parsing.scan_tokens(filename=str(path))
     except Exception as error:  # the package raises whatever it likes
         raise SubstrateError(f"Cannot read the task {str(path)!r}: {error}.") from error
     config: dict[str, Section] = {}

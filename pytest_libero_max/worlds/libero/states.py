@@ -85,8 +85,8 @@ def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Arr
         start: (1 + nq + nv,) of the other: what the joints that only it has keep.
 
     Raises:
-        SubstrateError: The states are not the first scene's, or the other lacks one of its joints or has it of
-            another kind.
+        SubstrateError: The states are not the first scene's, or the other lacks one of its joints or has it
+            of another kind.
     """
     if states.shape[1] != 1 + source.nq + source.nv:
         raise SubstrateError(
@@ -99,8 +99,8 @@ def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Arr
         there = target.spans.get(name, (0, 0, 0, 0))
         if (there[1] - there[0], there[3] - there[2]) != (high - low, last - first):
             raise SubstrateError(
-                f"The initial states hold the joint {name!r}, which the scene that they are for "
-                f"{'has of another kind' if name in target.spans else 'lacks'}. Restore both from one release."
+                f"The initial states hold the joint {name!r}, which the scene that they are for lacks or has "
+                "of another kind. Restore both from one release."
             )
         adapted[:, 1 + there[0] : 1 + there[1]] = states[:, 1 + low : 1 + high]
         adapted[:, 1 + target.nq + there[2] : 1 + target.nq + there[3]] = states[

@@ -44,7 +44,7 @@ _SEEN = {
 }
 
 _PIN = 8
-"""A pinned object: where its pose is in the joint positions, 0 for none (the arm's come first), and the pose."""
+"""A pinned object: where its pose is in the joint positions, 0 for none (the arm is there), and the pose."""
 
 
 class Variation(Protocol):
