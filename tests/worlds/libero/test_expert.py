@@ -1,0 +1,43 @@
+"""The scripted expert, which knows worlds through their contract alone, on genuine scenes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cases import parse_case
+from pytest_libero_max.construction.events import resolve_event
+from pytest_libero_max.construction.identity import Identity
+from pytest_libero_max.construction.metadata import task_metadata
+from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.pairing.runner import play_pair
+from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+from tests.worlds.libero.data import needs_package
+
+pytestmark = needs_package
+
+EXPERT = Path(__file__).parents[3] / "fixtures" / "policies" / "expert.py"
+
+
+@pytest.mark.parametrize(
+    ("suite", "task", "init", "event"),
+    [
+        ("libero_spatial", 4, 5, "illumination_switch"),  # out of a drawer
+        ("libero_spatial", 9, 1, "receptacle_relocation"),  # from the top of the cabinet
+        ("libero_object", 2, 3, "target_relocation"),
+    ],
+)
+def test_the_expert_solves_genuine_tasks_and_finds_its_way_after_events(
+    substrate: LiberoSubstrate, suite: str, task: int, init: int, event: str
+) -> None:
+    metadata, identity = task_metadata(suite, task), Identity("libero", suite, task, init)
+    resolved = resolve_event(event, 0, metadata, identity)
+    case = parse_case(case_record(identity, resolved, metadata.name))
+    policy = load_policy(str(EXPERT))
+    policy.spec = replace(policy.spec, cameras=())
+    record = play_pair(case, substrate.world(case), policy)
+    assert record.outcome == "preserved_success"
+    assert record.triggered
