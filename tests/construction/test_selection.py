@@ -1,0 +1,110 @@
+"""The whole selection, with a preflight that fails some cases by their hash."""
+
+import hashlib
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+
+from pytest_libero_max.cases import Case
+from pytest_libero_max.construction.configurations import Configuration, cell_of, hosts
+from pytest_libero_max.construction.selection import cells_of, propose, select
+from pytest_libero_max.errors import ManifestError
+
+OFTEN = ("obstacle_insertion", "target_relocation")
+
+
+def fails(case: Case) -> bool:
+    """About a third of the obstacles and target relocations, one in sixteen of the rest."""
+    number = hashlib.sha256(case.case_id.encode()).digest()[0]
+    return number < (85 if case.event.name in OFTEN else 16)
+
+
+@pytest.fixture(scope="module")
+def rounds() -> list[Sequence[Case]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def selected(rounds: list[Sequence[Case]]) -> tuple[Case, ...]:
+    def examine(cases: Sequence[Case]) -> list[str]:
+        rounds.append(cases)
+        return [case.case_id for case in cases if fails(case)]
+
+    return select(examine)
+
+
+def test_every_cell_has_its_quota(selected: tuple[Case, ...]) -> None:
+    count = Counter((case.source, cell_of(case)) for case in selected)
+    assert Counter(count.values()) == {50: 112, 15: 160}
+    assert Counter(case.event.name for case in selected) == dict.fromkeys(
+        {case.event.name for case in selected}, 1000
+    )
+
+
+def test_difficulties_are_those_of_the_paper(selected: tuple[Case, ...]) -> None:
+    count = Counter(case.difficulty for case in selected if case.source == "plus")
+    assert [count[level] for level in range(1, 6)] == [1075, 1137, 1135, 1135, 1118]
+
+
+def test_nothing_is_used_twice(selected: tuple[Case, ...]) -> None:
+    plus = [(case.source_category, case.suite, case.task_index) for case in selected if case.source == "plus"]
+    assert len(set(plus)) == len(plus) == 5600
+    assert len({case.case_id for case in selected}) == 8000
+
+
+def test_what_passes_stays_and_what_fails_is_replaced_in_its_cell(
+    selected: tuple[Case, ...], rounds: list[Sequence[Case]]
+) -> None:
+    asked = [case for cases in rounds for case in cases]
+    assert len({case.case_id for case in asked}) == len(asked)
+    assert {case.case_id for case in selected} == {case.case_id for case in asked if not fails(case)}
+    for earlier, later in pairwise(rounds):
+        freed = Counter(cell_of(case) for case in earlier if fails(case))
+        assert Counter(cell_of(case) for case in later) == freed
+
+
+def test_tasks_are_used_evenly(selected: tuple[Case, ...]) -> None:
+    pro = (case for case in selected if case.source == "pro" and case.event.name == "camera_shift")
+    used = Counter((cell_of(case), case.suite, case.task_index) for case in pro)
+    assert max(used.values()) == 1
+
+
+def test_a_cell_that_cannot_be_filled_is_named() -> None:
+    cell = cells_of("semantic")[0]
+    everything = {
+        f"pro-semantic-{suite}-t{task:02d}-i{init:02d}-{cell.event}-d0-p195"
+        for suite in ("spatial", "object", "goal", "10")
+        for task in range(10)
+        for init in range(10)
+    }
+    message = (
+        r"The cell \(semantic, illumination_switch, variant 0\) needs 15 more configurations, but only 0"
+    )
+    with pytest.raises(ManifestError, match=message):
+        propose({}, everything)
+
+
+def test_cells_that_want_the_same_tasks_are_named_together() -> None:
+    category = "Background Textures"
+    cells = [cell for cell in cells_of(category) if cell.event == "distractor_burst"]
+    hosting = [variant for variant, events in hosts("plus", category) if "distractor_burst" in events]
+    failed = {Configuration(variant, 0).case_id(cell) for variant in hosting[90:] for cell in cells}
+    with pytest.raises(ManifestError) as caught:
+        propose({}, failed)
+    assert f"The cells ({cells[0]}; {cells[1]}) need 100 more tasks between them" in str(caught.value)
+    assert "only 90 can still host" in str(caught.value)
+
+
+def test_selection_cannot_see_outcomes() -> None:
+    code = (
+        "import sys, pytest_libero_max.construction.selection\n"
+        "rooms = {'policies', 'pairing', 'stats', 'report', 'plugin'}\n"
+        "seen = {name.split('.')[1] for name in sys.modules if name.startswith('pytest_libero_max.')}\n"
+        "assert not rooms & seen, rooms & seen\n"
+        "assert not {'mujoco', 'robosuite', 'pytest'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,90 @@
+"""Examinations in other processes, interrupted and resumed."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cases import Case
+from pytest_libero_max.construction.examination import Certificate, Verdict
+from pytest_libero_max.construction.preflight import Problem
+from pytest_libero_max.construction.verdicts import BATCH, Examiner, Progress, inputs_digest, read_verdicts
+from tests.construction.test_preflight import insertion, move
+
+NOOP = Path(__file__).parents[2] / "fixtures" / "policies" / "noop.py"
+
+
+@pytest.fixture(scope="module")
+def cases() -> list[Case]:
+    """More than two batches of a tiny world's cases, sensible and not."""
+    made = [move(0.06, 0.0), insertion(0.14, 0.0), insertion(0.03, 0.0)]
+    return [
+        replace(
+            made[n % 3], case_id=f"case-{n:02d}", record={**made[n % 3].record, "case_id": f"case-{n:02d}"}
+        )
+        for n in range(2 * BATCH + 3)
+    ]
+
+
+@pytest.fixture(scope="module")
+def examined(cases: list[Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Verdict]:
+    with Examiner(tmp_path_factory.mktemp("whole"), None, 1, substrate="tiny") as examiner:
+        return dict(examiner.examine(cases))
+
+
+def test_sensible_cases_pass_and_others_do_not(examined: dict[str, Verdict], cases: list[Case]) -> None:
+    assert list(examined) == [case.case_id for case in cases]
+    for number, verdict in enumerate(examined.values()):
+        assert verdict.passed == (number % 3 != 2)
+        assert verdict.certificate is None  # nobody was asked to solve it
+
+
+class Stopped(Exception):
+    """Somebody ended the process."""
+
+
+def test_an_interrupted_examination_goes_on_where_it_stopped(
+    examined: dict[str, Verdict], cases: list[Case], tmp_path: Path
+) -> None:
+    def stop(progress: Progress) -> None:
+        if progress.done == BATCH:
+            raise Stopped
+
+    with Examiner(tmp_path, None, 1, stop, substrate="tiny") as examiner, pytest.raises(Stopped):
+        examiner.examine(cases)
+    with examiner.path.open("a") as file:
+        file.write('{"case_id": "torn')
+    measured = len(read_verdicts(examiner.path))
+    assert BATCH <= measured < len(cases)
+    seen: list[Progress] = []
+    with Examiner(tmp_path, None, 1, seen.append, substrate="tiny") as second:
+        assert second.path == examiner.path
+        assert dict(second.examine(cases)) == examined
+    assert [progress.done for progress in seen] == list(range(measured + 1, len(cases) + 1))
+
+
+def test_a_case_that_was_changed_is_examined_again(cases: list[Case], tmp_path: Path) -> None:
+    other = insertion(0.03, 0.0)
+    record = {**other.record, "case_id": cases[0].case_id}
+    changed = replace(other, case_id=cases[0].case_id, record=record)
+    with Examiner(tmp_path, None, 1, substrate="tiny") as examiner:
+        assert examiner.examine(cases[:1])[cases[0].case_id].passed
+        assert not examiner.examine([changed])[cases[0].case_id].passed
+
+
+def test_verdicts_depend_on_the_expert_and_its_files(tmp_path: Path) -> None:
+    adapter = tmp_path / "expert.py"
+    adapter.write_text(NOOP.read_text())
+    first = inputs_digest(str(adapter), "tiny", None)
+    assert inputs_digest(f"{adapter}:policy", "tiny", None) == first
+    assert inputs_digest(None, "tiny", None) != first
+    (tmp_path / "helper.py").write_text("SPEED = 2\n")
+    assert inputs_digest(str(adapter), "tiny", None) != first
+
+
+def test_a_verdict_survives_writing_and_reading() -> None:
+    passed = Verdict("a", "0" * 64, (), Certificate(True, 12, 90))
+    failed = Verdict("b", "1" * 64, (Problem("view", "milk_1 is in the picture of no camera"),), None)
+    for verdict in (passed, failed):
+        assert Verdict.from_dict(json.loads(json.dumps(verdict.to_dict()))) == verdict
