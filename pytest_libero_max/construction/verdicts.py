@@ -18,6 +18,7 @@ from pytest_libero_max.construction.examination import Verdict, examine
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.worlds.contract import Substrate
+from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.registry import SubstrateOptions
@@ -80,6 +81,7 @@ class Examiner:
         self.path = folder / inputs_digest(expert, substrate, options)[:16] / NAME
         self._report = report or _ignore
         self._known = read_verdicts(self.path)
+        use_one_blas_thread()
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(jobs, context, _begin, (expert, substrate, options))
 

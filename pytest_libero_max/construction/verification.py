@@ -25,7 +25,7 @@ from pytest_libero_max.construction.selection import (
 from pytest_libero_max.construction.smoke import build_smoke
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.construction.tracks import CHECKSUMS, frozen_files, load_track, read_checksums
-from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.errors import ManifestError, SubstrateError
 
 
 def verify(folder: Path) -> list[str]:
@@ -69,7 +69,10 @@ def _checks(folder: Path) -> Iterator[str]:
 
 
 def _require_identity(case: Case) -> None:
-    configuration = Configuration(variant_of(case), case.init_state_index)
+    try:
+        configuration = Configuration(variant_of(case), case.init_state_index)
+    except SubstrateError as error:
+        raise ManifestError(str(error)) from error
     category = configuration.variant.category
     expected = configuration.case(Cell(category, case.event.name, case.event.variant))
     if case.record != expected.record:

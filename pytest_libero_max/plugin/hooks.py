@@ -60,7 +60,9 @@ def pytest_configure(config: pytest.Config) -> None:
     collection.register_markers(config, collection.cases_of(config) if in_use else ())
     if in_use and not hasattr(config, "workerinput"):
         from pytest_libero_max.plugin.controller import RunController
+        from pytest_libero_max.worlds.threads import use_one_blas_thread
 
+        use_one_blas_thread()
         config.pluginmanager.register(RunController(config), CONTROLLER)
 
 
