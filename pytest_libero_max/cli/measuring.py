@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def add_commands(commands: Commands) -> None:
-    """Add ``bench``, ``bench-genuine`` and ``doctor`` to the parser."""
+    """Add ``bench``, ``bench-scenes``, ``bench-genuine`` and ``doctor`` to the parser."""
     bench = commands.add_parser(
         "bench", help="Measure stepping, rendering and pairs side by side with robosuite"
     )
@@ -25,6 +25,9 @@ def add_commands(commands: Commands) -> None:
     )
     bench.add_argument("--repeats", type=int, default=3, metavar="N", help="Pairs (default: %(default)s)")
     bench.set_defaults(run=_bench)
+
+    scenes = commands.add_parser("bench-scenes", help="Measure what each of the forty embedded scenes costs")
+    scenes.set_defaults(run=_bench_scenes)
 
     genuine = commands.add_parser("bench-genuine", help="The same with an installed LIBERO's own environment")
     genuine.add_argument("--suite", default="libero_spatial", metavar="SUITE", help="Default: %(default)s")
@@ -50,6 +53,12 @@ def _bench_genuine(options: argparse.Namespace) -> None:
     times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
     substrate.close()
     print("\n".join(times.lines()))
+
+
+def _bench_scenes(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.scenes import cost_lines, measure_scenes
+
+    print("\n".join(cost_lines(list(measure_scenes()))))
 
 
 def _doctor(options: argparse.Namespace) -> None:
