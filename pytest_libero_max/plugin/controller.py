@@ -210,4 +210,7 @@ def _origin(substrate: Json) -> str:
     """A substrate in the header, with the installations it plays on."""
     if "installations" not in substrate:
         return str(substrate["name"])
-    return f"{substrate['name']} ({', '.join(substrate['installations'])}, {substrate['semantics']} events)"
+    origin = [*substrate["installations"], f"{substrate['semantics']} events"]
+    if substrate["source_variations"] == "own":
+        origin.append("own source variations")
+    return f"{substrate['name']} ({', '.join(origin)})"

@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.errors import OptionError, did_you_mean
-from pytest_libero_max.worlds.registry import INSTRUCTIONS, SEMANTICS, SUBSTRATES, SubstrateOptions
+from pytest_libero_max.worlds.registry import (
+    INSTRUCTIONS,
+    SEMANTICS,
+    SOURCE_VARIATIONS,
+    SUBSTRATES,
+    SubstrateOptions,
+)
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.gates import Gate
@@ -144,6 +150,14 @@ OPTIONS = (
         "published",
     ),
     Option(
+        "source-variations",
+        "WHICH",
+        "LIBERO-Plus's and LIBERO-PRO's variations on the libero substrate: those of the installed forks, or "
+        "this package's own, made at reset on LIBERO's scenes",
+        _one_of(*SOURCE_VARIATIONS),
+        "installed",
+    ),
+    Option(
         "prefix",
         "MODE",
         "How Dynamic reaches the event: fork (from a snapshot taken in Base) or "
@@ -205,6 +219,7 @@ class Settings:
     libero_assets: Path | None
     semantics: Literal["published", "corrected"]
     instruction: Literal["published", "clean"]
+    source_variations: Literal["installed", "own"]
     prefix: Literal["fork", "replay"]
     horizon: int | None
     query_interval: int | None
@@ -225,7 +240,9 @@ class Settings:
     @property
     def substrate_options(self) -> SubstrateOptions:
         """What the libero substrate is told."""
-        return SubstrateOptions(self.libero, self.libero_assets, self.semantics, self.instruction)
+        return SubstrateOptions(
+            self.libero, self.libero_assets, self.semantics, self.instruction, self.source_variations
+        )
 
     @property
     def case_set(self) -> str:
@@ -270,7 +287,7 @@ def resolve(config: pytest.Config) -> Settings:
     values["libero"] = tuple(_path(config, folder) for folder in values["libero"])
     if values["libero_assets"] is not None:
         values["libero_assets"] = _path(config, values["libero_assets"])
-    for name in ("libero", "libero-assets", "semantics", "instruction"):
+    for name in ("libero", "libero-assets", "semantics", "instruction", "source-variations"):
         key = f"libero_max_{name.replace('-', '_')}"
         if config.getoption(key) is not None and values["substrate"] != "libero":
             raise pytest.UsageError(

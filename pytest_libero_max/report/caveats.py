@@ -40,18 +40,27 @@ class Rule:
 
 def _semantics(record: PairRecord) -> str | None:
     """How events were played; None where the event never came, or not on a genuine scene."""
-    genuine = record.fingerprints.get("substrate") == _GENUINE
-    return record.fingerprints.get("semantics") if genuine and record.triggered else None
+    return record.fingerprints.get("semantics") if _genuine(record) and record.triggered else None
 
 
 def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
     """Pairs on a genuine scene that a fork's variation was applied to."""
 
     def concerns(record: PairRecord) -> bool:
-        genuine = record.fingerprints.get("substrate") == _GENUINE
-        return genuine and (record.source, record.source_category) == (source, category)
+        same = (record.source, record.source_category) == (source, category)
+        return same and _genuine(record) and not _own_variation(record)
 
     return concerns
+
+
+def _own_variation(record: PairRecord) -> bool:
+    """Pairs on a genuine scene that a variation of this package's was applied to."""
+    own = record.fingerprints.get("source_variations") == "own"
+    return own and _genuine(record) and record.source != "libero"
+
+
+def _genuine(record: PairRecord) -> bool:
+    return record.fingerprints.get("substrate") == _GENUINE
 
 
 def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
@@ -88,6 +97,12 @@ RULES = (
         lambda record: _semantics(record) == "corrected",
         "Corrected events: what is brought in comes upright, each camera has noise of its own, observations "
         "keep their age. Published numbers are not of these events, but of --libero-max-semantics=published.",
+    ),
+    Rule(
+        "own_variations",
+        _own_variation,
+        "The source variation is this package's own, made at reset on LIBERO's scene: it is of LIBERO-Plus's "
+        "or LIBERO-PRO's category, but not theirs, and their published numbers are of others.",
     ),
     Rule(
         "erased_robot_pose",

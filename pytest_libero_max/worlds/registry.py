@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.contract import Substrate
+    from pytest_libero_max.cases import Case
+    from pytest_libero_max.worlds.contract import SourceVariant, Substrate
     from pytest_libero_max.worlds.libero.installation import Installation
 
 SUBSTRATES = ("embedded", "libero", "tiny")
@@ -19,6 +21,10 @@ SEMANTICS = ("published", "corrected")
 
 INSTRUCTIONS = ("published", "clean")
 """``published`` prompts of LIBERO-Plus have the name of the variation in them; ``clean`` ones do not."""
+
+SOURCE_VARIATIONS = ("installed", "own")
+"""``installed``: LIBERO-Plus's and LIBERO-PRO's own, from their installations; ``own``: in their place this
+package's, which are changes at reset."""
 
 
 @dataclass(frozen=True)
@@ -30,16 +36,28 @@ class SubstrateOptions:
         assets: Models and textures for those that have none of their own.
         semantics: One of :data:`SEMANTICS`.
         instruction: One of :data:`INSTRUCTIONS`.
+        variations: One of :data:`SOURCE_VARIATIONS`.
     """
 
     installations: tuple[Path, ...] = ()
     assets: Path | None = None
     semantics: Literal["published", "corrected"] = "published"
     instruction: Literal["published", "clean"] = "published"
+    variations: Literal["installed", "own"] = "installed"
 
 
-def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
+def open_substrate(
+    name: str,
+    options: SubstrateOptions | None = None,
+    variant_of: Callable[[Case], SourceVariant] | None = None,
+) -> Substrate:
     """The substrate called ``name``.
+
+    Args:
+        name: One of :data:`SUBSTRATES`.
+        options: For the genuine one.
+        variant_of: Finds the package's own source variation that a case plays. The embedded substrate needs
+            it for other than unmodified tasks, the genuine one for variations of the package's own.
 
     Raises:
         SubstrateError: There is none of that name, or it cannot be imported.
@@ -47,12 +65,19 @@ def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substr
     if name == "embedded":
         from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
-        return EmbeddedSubstrate()
+        return EmbeddedSubstrate(variant_of)
     if name == "libero":
         from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 
         options = options or SubstrateOptions()
-        return LiberoSubstrate(_installations(options), options.semantics, options.instruction)
+        if options.variations == "installed":
+            variant_of = None
+        elif variant_of is None:
+            raise SubstrateError(
+                "variations='own', but no catalogue of them was given. Open the substrate with one, as "
+                "pytest_libero_max.construction.catalogue.open_substrate does."
+            )
+        return LiberoSubstrate(_installations(options), options.semantics, options.instruction, variant_of)
     if name == "tiny":
         from pytest_libero_max.worlds.tiny import TinySubstrate
 
@@ -75,6 +100,7 @@ def describe_substrate(name: str, options: SubstrateOptions | None = None) -> di
         "installations": installations,
         "semantics": options.semantics,
         "instruction_source": options.instruction,
+        "source_variations": options.variations,
     }
 
 

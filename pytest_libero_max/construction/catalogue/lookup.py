@@ -158,15 +158,11 @@ def count_lines() -> list[str]:
 
 
 def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
-    """The substrate called ``name``; the embedded one with these catalogues.
+    """The substrate called ``name``, with these catalogues for variations of the package's own.
 
     Raises:
         SubstrateError: There is none of that name, or it cannot be imported.
     """
     from pytest_libero_max.worlds.registry import open_substrate as open_by_name
 
-    if name != "embedded":
-        return open_by_name(name, options)
-    from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
-
-    return EmbeddedSubstrate(variant_of)
+    return open_by_name(name, options, variant_of)

@@ -144,8 +144,8 @@ def _require(installation: Installation, category: str, path: Path) -> None:
     if not path.is_file():
         raise SubstrateError(
             f"{installation} lacks {str(path)!r}, which LIBERO-PRO's {category!r} is played from. Download "
-            f"its data set (`hf download --repo-type dataset {DATA_SET}`), and put its bddl_files and init_files "
-            "into the folders of those names of a LIBERO-PRO that you give with --libero-max-libero."
+            f"its data set (`hf download --repo-type dataset {DATA_SET}`), and put its bddl_files and init_"
+            "files into the folders of those names of a LIBERO-PRO that you give with --libero-max-libero."
         )
 
 

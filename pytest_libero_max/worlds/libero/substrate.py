@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import gl
-from pytest_libero_max.worlds.contract import Array, Semantics
+from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariant
 from pytest_libero_max.worlds.libero.environment import Built, build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
 from pytest_libero_max.worlds.libero.plus import noise_of, plus_task
@@ -49,6 +49,8 @@ class LiberoSubstrate:
         semantics: See :class:`.world.LiberoWorld`.
         instruction: Which prompt a policy gets where a case fixes none: ``published``, the authors', which
             for most of LIBERO-Plus's tasks has the name of the variation in it; or ``clean``, without.
+        variant_of: Finds the package's own source variation that a case of LIBERO-Plus or LIBERO-PRO plays,
+            made at reset on LIBERO's scenes. Without it, theirs are played, from their installations.
 
     Raises:
         SubstrateError: There is no installation, or there are two of one kind.
@@ -61,6 +63,7 @@ class LiberoSubstrate:
         installations: Sequence[Installation] = (),
         semantics: Semantics = "published",
         instruction: Literal["published", "clean"] = "published",
+        variant_of: Callable[[Case], SourceVariant] | None = None,
     ) -> None:
         self.installations = tuple(installations) or (find_installation(),)
         flavours = [found.flavour for found in self.installations]
@@ -72,6 +75,7 @@ class LiberoSubstrate:
             warnings.warn(note, stacklevel=2)
         self.semantics = semantics
         self.instruction = instruction
+        self._variant_of = variant_of
         self._worlds: dict[str, LiberoWorld] = {}
 
     def installation_for(self, source: str) -> Installation:
@@ -90,6 +94,8 @@ class LiberoSubstrate:
         )
 
     def world(self, case: Case) -> LiberoWorld:
+        if self._variant_of is not None and case.source != "libero":
+            return self.varied_world(self._variant_of(case), case.policy_seed)
         if case.source == "plus":
             return self.plus_world(
                 case.suite, case.task_index, case.policy_seed, case.record.get("task_name")
@@ -115,6 +121,20 @@ class LiberoSubstrate:
         """
         installation = self.installation_for("plus")
         return self._world(installation, plus_task(installation, suite, index, name), seed)
+
+    def varied_world(self, variant: SourceVariant, seed: int) -> LiberoWorld:
+        """The world of a task under a source variation of the package's own.
+
+        Raises:
+            SubstrateError: The variation is not made by changes at reset alone.
+        """
+        if variant.scene:
+            raise SubstrateError(
+                f"{variant.key} needs a scene of its own ({', '.join(sorted(variant.scene))}), and this "
+                "package's own variations only change LIBERO's scenes at reset. Play it on the embedded "
+                "substrate, or with --libero-max-source-variations=installed."
+            )
+        return self.task_world(variant.suite, variant.base_index, seed).varied(variant)
 
     def pro_world(self, case: Case) -> LiberoWorld:
         """The world of a case of LIBERO-PRO; see :mod:`.pro` and :func:`.pro_tasks.pro_task`.
@@ -153,7 +173,7 @@ class LiberoSubstrate:
     def fingerprint(self) -> Mapping[str, str]:
         """Versions of what computes a result, the GL backend, and what the installation is made of."""
         packages = {package: version(package) for package in _RESULT_PACKAGES}
-        installations = {
+        installations: dict[str, str] = {
             found.flavour: f"{found.version} sources {found.sources} assets {found.contents}"
             for found in self.installations
         }
@@ -161,6 +181,7 @@ class LiberoSubstrate:
             "substrate": NAME,
             "semantics": self.semantics,
             "instruction_source": self.instruction,
+            "source_variations": "installed" if self._variant_of is None else "own",
             **installations,
             **packages,
             **gl.fingerprint(),

@@ -102,8 +102,8 @@ def check_name(installation: Installation, task: Task, name: str | None) -> None
     """
     if name is not None and name != task.name:
         raise SubstrateError(
-            f"Task {task.index} of {task.suite} is {task.name!r} in {installation}, but {name!r} in the case: the "
-            "manifest was made with another registry."
+            f"Task {task.index} of {task.suite} is {task.name!r} in {installation}, but {name!r} in the "
+            "case: the manifest was made with another registry."
         )
 
 
