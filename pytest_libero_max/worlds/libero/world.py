@@ -17,6 +17,7 @@ the world as it is, as after the package's forced update.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter, Semantics
 from pytest_libero_max.worlds.libero.environment import Built
+from pytest_libero_max.worlds.libero.holdings import holdings_of
 from pytest_libero_max.worlds.privileged import Fact, Holding, facts
 from pytest_libero_max.worlds.rendering import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
@@ -134,10 +136,10 @@ class LiberoWorld(RobosuiteWorld):
             return tuple(self._env.fixtures_dict[name].joints) if fixture else ()
         return tuple(self._env.object_sites_dict[name].joints or ())
 
-    @property
+    @cached_property
     def holdings(self) -> Mapping[str, Holding]:
-        """No parts: the package does not say what its models are held by."""
-        return {}
+        """Handles and knobs by name, for policies that are privileged."""
+        return holdings_of(self._env, self._model)
 
     def varied(self, variation: Variation | None) -> LiberoWorld:
         """This world, which applies a source variation at every reset from now on."""

@@ -1,0 +1,83 @@
+"""The handles of drawers and the knobs of a genuine scene.
+
+The package does not say what its models are held by, so it is read off their collision boxes: a drawer has
+its handle foremost in the direction in which it opens, a knob has its bar on top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds.contract import Array
+from pytest_libero_max.worlds.privileged import Holding
+
+gl.prepare()
+
+import mujoco  # noqa: E402
+
+
+def holdings_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Holding]:
+    """Handles and knobs by name.
+
+    Args:
+        env: The package's environment.
+        model: Its model.
+    """
+    found = {}
+    for name, fixture in env.fixtures_dict.items():
+        ranges = getattr(fixture, "object_properties", {}).get("articulation", {})
+        for joint in fixture.joints:
+            number = model.joint(joint).id
+            part = None
+            if model.jnt_type[number] == mujoco.mjtJoint.mjJNT_SLIDE:
+                out = model.jnt_axis[number] * np.sign(sum(ranges["default_open_ranges"]))
+                part = _part(model, name, f"{joint}_handle", number, out)
+            elif ranges.get("default_turnon_ranges"):
+                part = _part(model, name, f"{joint}_knob", number, model.jnt_axis[number].copy())
+            if part is not None:
+                found[part.name] = part
+    return found
+
+
+def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array) -> Holding:
+    """The foremost box of a joint's body; ``out`` is in the frame of that body."""
+    body = int(model.jnt_bodyid[joint])
+    boxes = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype != 0)).tolist()
+    turns = {box: _matrix(model.geom_quat[box]) for box in boxes}
+    foremost = max(boxes, key=lambda box: model.geom_pos[box] @ out + _reach(model, box, turns[box], out))
+    turn, size = turns[foremost], model.geom_size[foremost]
+    across_out = np.abs(out @ turn) < 0.5
+    along = turn[:, int(np.argmax(np.where(across_out, size, 0.0)))]
+    position = model.geom_pos[foremost]
+    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:  # held on its axis, so that turning it is enough
+        position = model.jnt_pos[joint] + out * ((position - model.jnt_pos[joint]) @ out)
+    return Holding(
+        name=name,
+        entity=entity,
+        body=model.body(body).name,
+        joint=model.joint(joint).name,
+        pos=_vector(position),
+        along=_vector(along),
+        out=_vector(out),
+        width=2 * _reach(model, foremost, turn, np.cross(along, out)),
+    )
+
+
+def _reach(model: mujoco.MjModel, box: int, turn: Array, way: Array) -> float:
+    """How far a box reaches from its middle in a direction, m."""
+    return float(np.abs(way @ turn) @ model.geom_size[box])
+
+
+def _matrix(quaternion: Array) -> Array:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)
+
+
+def _vector(values: Array) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+from tests.worlds.libero.data import needs_package
+
+pytestmark = needs_package
+
+
+@pytest.mark.parametrize(
+    ("suite", "task", "cabinet"),
+    [("libero_goal", 0, "wooden_cabinet_1"), ("libero_10", 3, "white_cabinet_1")],
+)
+def test_a_drawer_opens_towards_whoever_holds_its_handle(
+    substrate: LiberoSubstrate, suite: str, task: int, cabinet: str
+) -> None:
+    world = substrate.task_world(suite, task, 0)
+    for level in ("top", "middle", "bottom"):
+        handle = world.holdings[f"{cabinet}_{level}_level_handle"]
+        assert handle.joint in world.joints(f"{cabinet}_{level}_region")
+        position, along, out = handle.world(world.data)
+        assert abs(along @ out) < 1e-9
+        assert abs(along[2]) < 1e-3
+        assert handle.width < 0.03
+        (low, _), joint = world.model.joint(handle.joint).range, world.data.joint(handle.joint)
+        way = handle.motion(world.data) * (low - joint.qpos[0])
+        assert np.isclose(way @ out, joint.qpos[0] - low, atol=1e-6)
+        start = joint.qpos[0]
+        joint.qpos[0] = low
+        mujoco.mj_kinematics(world.model, world.data)
+        assert np.allclose(handle.world(world.data)[0], position + way, atol=1e-6)
+        joint.qpos[0] = start
+        mujoco.mj_kinematics(world.model, world.data)
+
+
+def test_a_knob_is_held_on_its_axis(substrate: LiberoSubstrate) -> None:
+    world = substrate.task_world("libero_goal", 7, 0)
+    knob = world.holdings["flat_stove_1_button_knob"]
+    position, along, out = knob.world(world.data)
+    assert np.allclose(out, (0.0, 0.0, 1.0))
+    assert abs(along[2]) < 1e-3
+    assert np.allclose(knob.motion(world.data), 0.0, atol=1e-9)
+    anchor = world.data.joint(knob.joint).xanchor
+    assert np.allclose(position[:2], anchor[:2])
+    assert position[2] > anchor[2]
+
+
+def test_what_has_no_joint_has_no_part_to_hold(substrate: LiberoSubstrate) -> None:
+    world = substrate.task_world("libero_10", 5, 0)
+    assert world.joints("desk_caddy_1") == ()
+    assert dict(world.holdings) == {}
