@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -71,7 +72,9 @@ def test_everything_has_help(capsys: pytest.CaptureFixture[str]) -> None:
         ["merge"],
         ["power"],
         ["gallery"],
-        ["freeze-smoke"],
+        ["build"],
+        ["preflight"],
+        ["show"],
     ):
         with pytest.raises(SystemExit, match="0"):
             main([*command, "--help"])
@@ -83,3 +86,41 @@ def test_the_published_policies_say_what_they_are(capsys: pytest.CaptureFixture[
     out = capsys.readouterr().out
     assert "Published results on the genuine substrate" in out
     assert len(out.splitlines()) == 4 + 14
+
+
+def test_what_can_host_which_event_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["eligibility"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 + 7 + 1 + 10 + 1
+    assert lines[1].split() == ["Background", "Textures", *"1076 1076 1076 1076 1076 888 707 296 883".split()]
+
+
+def test_a_track_and_a_case_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "smoke"]) == 0
+    assert "| target_relocation, variant 1 | 2 |" in capsys.readouterr().out
+    assert main(["show", "smoke", "--json"]) == 0
+    manifest = json.loads(capsys.readouterr().out)
+    case_id = manifest["cases"][0]["case_id"]
+    assert main(["show", "smoke", case_id]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"{case_id}: ")
+    assert '"dynamic_phase": "pre_grasp_proximity"' in shown
+
+
+def test_a_case_that_is_not_there_is_answered_with_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "smoke", "libero-object-t00-i00-nothing-d0-p195"]) == 1
+    assert "is not in libero-max-smoke" in capsys.readouterr().err
+
+
+def test_all_tracks_are_shown_and_verified(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show"]) == 0
+    overview = capsys.readouterr().out
+    for heading in ("## Tracks", "## Rejected by the preflight", "## Certificates"):
+        assert heading in overview
+    assert "| max | 8000 | 5600 | 2400 | 0 | 8 |" in overview
+
+
+def test_the_preflight_of_a_manifest_is_printed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    arguments = ["preflight", "smoke", "--limit", "2", "--jobs", "1", "--work", str(tmp_path)]
+    assert main(arguments) == 0
+    assert "2 of 2 cases pass the preflight." in capsys.readouterr().out
