@@ -92,7 +92,7 @@ def test_what_can_host_which_event_is_counted(capsys: pytest.CaptureFixture[str]
     assert main(["eligibility"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 1 + 7 + 1 + 10 + 1
-    assert lines[1].split() == ["Background", "Textures", *"1076 1076 1076 1076 1076 888 707 296 883".split()]
+    assert lines[1].split()[2:] == ["1076"] * 5 + ["888", "707", "296", "883"]
 
 
 def test_a_track_and_a_case_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
