@@ -151,7 +151,7 @@ def _require(installation: Installation, category: str, path: Path) -> None:
 
 def with_occluder(text: str) -> str:
     """A BDDL text with the object that LIBERO-PRO hides the target behind, as its own files add it."""
-    surface = re.search(r"\(:fixtures\s.*?(\S+)\s+-\s+\S*(?:table|floor)\s", text, re.DOTALL)
+    surface = re.search(r"\(:fixtures\s.*?(\S+)\s+-\s+\S*(?:table|floor)(?=[\s)])", text, re.DOTALL)
     if surface is None:
         raise SubstrateError("The task's BDDL file has no table and no floor. Restore it from the package.")
     name, category = occluder((surface.group(1),))

@@ -1,0 +1,30 @@
+"""Cases that no manifest has, from one that there is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pytest_libero_max.cases import Case, parse_case
+from pytest_libero_max.construction.tracks import load_track
+
+
+def case_of(category: str | None, suite: str, index: int, **changes: Any) -> Case:
+    """A case with the event of the smoke track's first one, and another task and source.
+
+    Args:
+        category: As a manifest spells it, ``LIBERO-PRO/task`` for example; None for an unmodified task.
+        suite: LIBERO suite.
+        index: Index of the task in its source's registry.
+        changes: Fields of the record to add or replace.
+    """
+    own = {"substrate_category", "substrate_difficulty", "substrate_variant", "task_name"}
+    record = {key: value for key, value in load_track("smoke").cases[0].record.items() if key not in own}
+    record |= {"task_suite_name": suite, "task_index": index, "init_state_index": 0, "policy_seed": 195}
+    if category is not None:
+        record["substrate_category"] = category
+    return parse_case(record | changes)
+
+
+def pro_case(category: str, suite: str, index: int, **changes: Any) -> Case:
+    """A case of LIBERO-PRO."""
+    return case_of(f"LIBERO-PRO/{category}", suite, index, **changes)
