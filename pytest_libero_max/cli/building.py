@@ -109,7 +109,7 @@ def _eligibility(options: argparse.Namespace) -> None:
 
 
 def _build(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.overview import overview_lines
+    from pytest_libero_max.construction.overview import overview_lines, write_overview
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verdicts import Examiner
     from pytest_libero_max.construction.verification import verify
@@ -117,6 +117,7 @@ def _build(options: argparse.Namespace) -> None:
     with Examiner(options.work, options.expert, options.jobs, _print_progress()) as examiner:
         print(f"Verdicts are kept in {examiner.path}", flush=True)
         write_release(build_release(examiner.examine), options.folder)
+    write_overview(options.folder)
     print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
 
 
@@ -144,10 +145,12 @@ def _print_progress() -> Callable[[Progress], None]:
 
 
 def _freeze(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.overview import write_overview
     from pytest_libero_max.construction.release import write_splits
     from pytest_libero_max.construction.verification import verify
 
     write_splits(options.folder)
+    write_overview(options.folder)
     print("\n".join(verify(options.folder)))
 
 

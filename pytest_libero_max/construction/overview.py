@@ -15,7 +15,19 @@ from pytest_libero_max.construction.release import read_certificates, read_rejec
 from pytest_libero_max.construction.tracks import load_track, track_names
 from pytest_libero_max.errors import OptionError, did_you_mean
 
+OVERVIEW = "README.md"
+
 _WORST = 5  # cells that are named
+
+
+def write_overview(folder: Path) -> None:
+    """Write the ``README.md`` of a folder of tracks.
+
+    Raises:
+        ManifestError: A file is missing or is not the one that was frozen.
+    """
+    head = ["# Frozen cases", "", "Written by `libero-max build` from the files beside it.", ""]
+    (folder / OVERVIEW).write_text("\n".join([*head, *overview_lines(folder), ""]), encoding="utf-8")
 
 
 def overview_lines(folder: Path) -> list[str]:
