@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.registry import SubstrateOptions
@@ -28,11 +28,18 @@ def add_substrate(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--substrate", default="embedded", metavar="NAME", help="embedded or libero (default: %(default)s)"
     )
+    command.add_argument(
+        "--source-variations",
+        default="installed",
+        choices=("installed", "own"),
+        help="On libero: those of the installed forks, or this package's own (default: %(default)s)",
+    )
     add_libero(command)
 
 
 def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
-    """What :func:`add_libero` was told."""
+    """What :func:`add_libero` or :func:`add_substrate` was told."""
     from pytest_libero_max.worlds.registry import SubstrateOptions
 
-    return SubstrateOptions(tuple(options.libero), options.libero_assets)
+    variations: Literal["installed", "own"] = getattr(options, "source_variations", "installed")
+    return SubstrateOptions(tuple(options.libero), options.libero_assets, variations=variations)

@@ -37,6 +37,7 @@ MIN_BRIGHTNESS, MIN_CONTRAST = 8.0, 5.0
 """Smallest mean and standard deviation of all values of an image, 0 to 255."""
 
 Gate = Literal[
+    "substrate",
     "trigger",
     "solved",
     "clearance",

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 from pytest_libero_max.cases import Case, Json, canonical_digest, parse_case
 from pytest_libero_max.construction.catalogue import catalogue, digest_of, open_substrate, variant_of
 from pytest_libero_max.construction.examination import Verdict, examine
+from pytest_libero_max.construction.preflight import Problem
+from pytest_libero_max.errors import ChangeError, SubstrateError
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.worlds.contract import Substrate
@@ -189,7 +191,14 @@ def _begin(expert: str | None, substrate: str, options: SubstrateOptions | None)
 
 
 def _examine(records: Sequence[Json]) -> list[Verdict]:
-    return [examine(_substrate.world(case), case, _expert) for case in map(parse_case, records)]
+    return [_verdict(case) for case in map(parse_case, records)]
+
+
+def _verdict(case: Case) -> Verdict:
+    try:
+        return examine(_substrate.world(case), case, _expert)
+    except (SubstrateError, ChangeError) as error:  # the substrate lacks something that the case needs
+        return Verdict(case.case_id, case.digest, (Problem("substrate", str(error)),), None)
 
 
 def _ignore(progress: Progress) -> None:

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cases import Case
+from pytest_libero_max.changes import MoveObject
 from pytest_libero_max.construction.examination import Certificate, Verdict
 from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.construction.verdicts import BATCH, Examiner, Progress, inputs_digest, read_verdicts
-from tests.construction.test_preflight import insertion, move
+from tests.construction.test_preflight import case_of, insertion, move
 
 NOOP = Path(__file__).parents[2] / "fixtures" / "policies" / "noop.py"
 
@@ -88,3 +89,12 @@ def test_a_verdict_survives_writing_and_reading() -> None:
     failed = Verdict("b", "1" * 64, (Problem("view", "milk_1 is in the picture of no camera"),), None)
     for verdict in (passed, failed):
         assert Verdict.from_dict(json.loads(json.dumps(verdict.to_dict()))) == verdict
+
+
+def test_what_the_substrate_lacks_is_said_of_each_case(tmp_path: Path) -> None:
+    case = case_of("target_relocation", MoveObject("teapot_1", (0.06, 0.0, 0.0)))
+    with Examiner(tmp_path, None, 1, substrate="tiny") as examiner:
+        (verdict,) = examiner.examine([case]).values()
+    (problem,) = verdict.problems
+    assert problem.gate == "substrate"
+    assert "teapot_1" in problem.detail
