@@ -11,6 +11,7 @@ import contextlib
 import importlib
 import pdb
 import random
+import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -74,10 +75,24 @@ def build(installation: Installation, bddl: Path | str, seed: int) -> Built:
                 f"The scene of {Path(bddl).name} could not be laid out in {MAX_RESETS} attempts: {error}"
             ) from error
         except Exception as error:  # the package raises whatever it likes
-            raise SubstrateError(
-                f"The environment of {Path(bddl).name} could not be built: {type(error).__name__}: {error}"
-            ) from error
+            raise SubstrateError(_explained(error, installation, Path(bddl).name)) from error
     return Built(wrapper, env)
+
+
+def _explained(error: Exception, installation: Installation, task: str) -> str:
+    """Why an environment could not be built, as far as the package's error says it."""
+    named = re.search(r"'(.+?)'", str(error))
+    if named is not None and Path(named.group(1)).is_relative_to(installation.assets):
+        return (
+            f"{installation} lacks {named.group(1)!r}, which the scene of {task} is made of: "
+            f"{installation.assets_cure}."
+        )
+    if named is not None and isinstance(error, KeyError):
+        return (
+            f"{installation} knows no {named.group(1)!r}, which {task} asks for. Play it with the LIBERO "
+            "that it was made for, named with --libero-max-libero."
+        )
+    return f"The environment of {task} could not be built by {installation}: {type(error).__name__}: {error}"
 
 
 def _retried(action: Callable[[], Any], randomization_error: type[Exception]) -> Any:

@@ -34,6 +34,14 @@ NOISE_REQUIREMENTS = ("skimage", "wand")
 
 NOISE_INSTALL = "pip install scikit-image wand"
 
+_ASSETS_CURES = {
+    "hf-libero": "download the data set lerobot/libero-assets (`hf download --repo-type dataset "
+    "lerobot/libero-assets`)",
+    "LIBERO": "restore it from the checkout's repository",
+    "LIBERO-Plus": "download assets.zip of the data set Sylvest/LIBERO-plus and unpack it there",
+    "LIBERO-PRO": "restore it from the repository, or from the data set zhouxueyang/LIBERO-Pro",
+}
+
 _HUB_FOLDER = "datasets--lerobot--libero-assets"
 
 
@@ -80,6 +88,11 @@ class Installation:
         """SHA-256 over the names and sizes of all assets, hexadecimal: their content may be gigabytes."""
         sizes = ((path, str(path.stat().st_size).encode()) for path in _files(self.assets))
         return _digest((path.relative_to(self.assets), size) for path, size in sizes)
+
+    @property
+    def assets_cure(self) -> str:
+        """What to do about models or textures that are not there."""
+        return _ASSETS_CURES[self.flavour]
 
     def __str__(self) -> str:
         return f"{self.flavour} {self.version[:12]}"
@@ -198,16 +211,9 @@ def _assets(package: Path, flavour: Flavour, elsewhere: Path | None) -> Path:
 
 
 def _missing(found: Installation, what: str, folder: Path) -> str:
-    cures = {
-        "hf-libero": "download the data set lerobot/libero-assets (`hf download --repo-type dataset "
-        "lerobot/libero-assets`)",
-        "LIBERO": "restore it from the checkout's repository",
-        "LIBERO-Plus": "download assets.zip of the data set Sylvest/LIBERO-plus and unpack it there",
-        "LIBERO-PRO": "restore it from the repository, or from the data set zhouxueyang/LIBERO-Pro",
-    }
     cure = "restore it from the package"
     if what == "assets":
-        cure = f"{cures[found.flavour]}, or name the folder with --libero-max-libero-assets"
+        cure = f"{found.assets_cure}, or name the folder with --libero-max-libero-assets"
     return (
         f"{found.flavour} in {str(found.root)!r} has no {what} folder: {str(folder)!r} does not exist. "
         f"Nothing is downloaded during a run; {cure}."
