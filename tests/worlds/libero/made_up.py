@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.cases import Case, parse_case
@@ -9,7 +11,7 @@ from pytest_libero_max.construction.tracks import load_track
 
 
 def case_of(category: str | None, suite: str, index: int, **changes: Any) -> Case:
-    """A case with the event of the smoke track's first one, and another task and source.
+    """A case with the event of the smoke track's first one that needs no setup, and another task and source.
 
     Args:
         category: As a manifest spells it, ``LIBERO-PRO/task`` for example; None for an unmodified task.
@@ -18,8 +20,10 @@ def case_of(category: str | None, suite: str, index: int, **changes: Any) -> Cas
         changes: Fields of the record to add or replace.
     """
     own = {"substrate_category", "substrate_difficulty", "substrate_variant", "task_name"}
-    record = {key: value for key, value in load_track("smoke").cases[0].record.items() if key not in own}
+    first = next(case for case in load_track("smoke") if not case.event.setup)
+    record = {key: value for key, value in first.record.items() if key not in own}
     record |= {"task_suite_name": suite, "task_index": index, "init_state_index": 0, "policy_seed": 195}
+    record["case_id"] = f"{category or 'plain'}-{suite}-{index}".replace(" ", "-")
     if category is not None:
         record["substrate_category"] = category
     return parse_case(record | changes)
@@ -28,3 +32,9 @@ def case_of(category: str | None, suite: str, index: int, **changes: Any) -> Cas
 def pro_case(category: str, suite: str, index: int, **changes: Any) -> Case:
     """A case of LIBERO-PRO."""
     return case_of(f"LIBERO-PRO/{category}", suite, index, **changes)
+
+
+def manifest_of(path: Path, *cases: Case) -> Path:
+    """Write cases as a manifest."""
+    path.write_text(replace(load_track("smoke"), benchmark_id="made-up", cases=cases).to_json())
+    return path

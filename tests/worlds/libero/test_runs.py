@@ -7,7 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from pytest_libero_max.construction.catalogue import catalogue
+from pytest_libero_max.worlds.libero.installation import Installation
 from tests.worlds.libero.data import DATA, needs_package
+from tests.worlds.libero.forks import SUITE, plus_checkout, pro_checkout
+from tests.worlds.libero.made_up import case_of, manifest_of, pro_case
 
 POLICY = Path(__file__).with_name("reach.py")
 
@@ -55,6 +59,53 @@ def test_semantics_are_part_of_the_record_and_of_what_happens(pytester: pytest.P
     assert first["fingerprints"]["semantics"] == "published"  # type: ignore[index]
     assert second["fingerprints"]["semantics"] == "corrected"  # type: ignore[index]
     assert first["evidence"] != second["evidence"]
+
+
+@needs_package
+def test_both_forks_play_in_one_session(
+    pytester: pytest.Pytester, installation: Installation, tmp_path: Path
+) -> None:
+    """Any worker plays any case: the installations take turns in each process."""
+    plus = plus_checkout(installation, tmp_path / "plus")
+    pro = pro_checkout(installation, tmp_path / "pro")
+    manifest = manifest_of(
+        tmp_path / "both.json",
+        case_of(None, SUITE, 0),
+        case_of("Background Textures", SUITE, 0),
+        pro_case("task", SUITE, 0),
+    )
+    folders = [f"--libero-max-libero={root}" for root in (installation.root, plus.root, pro.root)]
+    result, records = play(pytester, "both", f"--libero-max-manifest={manifest}", *folders, "-n", "2")
+    result.assert_outcomes(passed=3)
+    result.stdout.fnmatch_lines(
+        ["*substrate libero (hf-libero 0.1.4, LIBERO-Plus *, LIBERO-PRO *, published*"]
+    )
+    assert [record["source"] for record in records] == ["libero", "plus", "pro"]
+    made_of = records[0]["fingerprints"]
+    assert {"hf-libero", "LIBERO-Plus", "LIBERO-PRO"} <= set(made_of)  # type: ignore[call-overload]
+
+
+@needs_package
+def test_own_variations_are_said_to_be_own(pytester: pytest.Pytester, tmp_path: Path) -> None:
+    camera, background = (
+        next(v for v in catalogue("plus") if (v.category, v.suite, v.base_index) == (category, SUITE, 0))
+        for category in ("Camera Viewpoints", "Background Textures")
+    )
+    cases = [
+        case_of(v.category, SUITE, v.index, task_name=v.name, substrate_difficulty=v.difficulty)
+        for v in (camera, background)
+    ]
+    manifest = manifest_of(tmp_path / "own.json", *cases)
+    result, records = play(
+        pytester, "own", f"--libero-max-manifest={manifest}", "--libero-max-source-variations=own"
+    )
+    result.stdout.fnmatch_lines(["*published events, own source variations)*"])
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(["*plus/libero_object/0000 needs a scene of its own (surfaces)*"])
+    [record] = [record for record in records if "fingerprints" in record]
+    assert record["fingerprints"]["source_variations"] == "own"  # type: ignore[index]
+    report = json.loads((pytester.path / "own" / "report.json").read_text())
+    assert "own_variations" in [caveat["name"] for caveat in report["caveats"]]
 
 
 def test_options_of_the_substrate_need_the_substrate(pytester: pytest.Pytester) -> None:
