@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -183,11 +184,20 @@ _expert: Policy | None
 def _begin(expert: str | None, substrate: str, options: SubstrateOptions | None) -> None:
     """Set up a process: the worlds, and a policy that never asks for images."""
     global _substrate, _expert
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _substrate = open_substrate(substrate, options)
     _expert = None
     if expert is not None:
         _expert = load_policy(expert)
         _expert.spec = replace(_expert.spec, cameras=())
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed cannot tell its processes to end, and they would wait for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _examine(records: Sequence[Json]) -> list[Verdict]:
