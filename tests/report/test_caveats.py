@@ -109,3 +109,15 @@ def test_every_form_of_the_report_says_so() -> None:
     assert "1 of 2 pairs: The prompt names the variation" in html(report, [], [])
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
     assert not any("published code" in line for line in summary_lines(report | {"caveats": []}))
+
+
+def test_own_variations_are_told_from_the_forks() -> None:
+    """Whatever a fork does wrong in a category, a variation of this package's in its place does not."""
+    where = {"source": "plus", "source_category": "Robot Initial States", "event": "nothing"}
+    genuine = {"substrate": "libero", "semantics": "published"}
+    theirs = pair(fingerprints=genuine | {"source_variations": "installed"}, **where)
+    own = pair(fingerprints=genuine | {"source_variations": "own"}, **where)
+    plain = pair(fingerprints=genuine | {"source_variations": "own"}, source="libero")
+    assert names(theirs, own, plain)["erased_robot_pose"] == 1
+    assert names(theirs, own, plain)["own_variations"] == 1
+    assert "own_variations" not in names(theirs)

@@ -85,6 +85,8 @@ class DarkNoise:
     seed: int
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
+        if camera not in CAMERAS:
+            return image  # no policy sees it
         stream = np.random.default_rng(self.seed + CAMERAS.index(camera))
         noisy = image.astype(np.float32) * self.brightness + stream.normal(0.0, self.sigma, image.shape)
         result: Image = np.clip(noisy, 0, 255).astype(np.uint8)

@@ -90,32 +90,42 @@ def read_config(path: Path, category: str) -> Config:
     Raises:
         SubstrateError: The file cannot be read, or lacks what its category is made of.
     """
-    parsing = importlib.import_module("bddl.parsing")
     try:
-        groups = parsing.scan_tokens(filename=str(path))
-    except Exception as error:  # the package raises whatever it likes
+        sections = _sections(path)
+    except Exception as error:  # the package's parser raises whatever it likes
         raise SubstrateError(f"Cannot read the task {str(path)!r}: {error}.") from error
-    config: dict[str, Section] = {}
-    for group in groups:
-        if group[0] == _BLOCK:
-            for name, *fields in group[1:]:
-                section = {field[0].lstrip(":"): _flat(field[1:]) for field in fields if type(field) is list}
-                if section and _switched_on(section):
-                    config[name.lstrip(":")] = section
+    config = {name: section for name, section in sections.items() if _switched_on(section)}
     for name in SECTIONS[category]:
-        if name not in config:
-            wrong = f"{name} is missing or switched off"
-        elif lacking := [field for field in _FIELDS[name] if field not in config[name]]:
-            wrong = f"{name} lacks {', '.join(lacking)}"
-        elif name in _ONLY_MODE and config[name].get("mode") != (_ONLY_MODE[name],):
-            wrong = f"{name} is not of the mode {_ONLY_MODE[name]!r}"
-        else:
-            continue
-        raise SubstrateError(
-            f"{str(path)!r} does not say what LIBERO-PRO's {category!r} does: {wrong}. Restore the file from "
-            "the data set zhouxueyang/LIBERO-Pro."
-        )
+        wrong = _wrong(name, config.get(name))
+        if wrong:
+            raise SubstrateError(
+                f"{str(path)!r} does not say what LIBERO-PRO's {category!r} does: {wrong}. Restore the file "
+                "from the data set zhouxueyang/LIBERO-Pro."
+            )
     return {name: config[name] for name in SECTIONS[category]}
+
+
+def _sections(path: Path) -> dict[str, Section]:
+    """Every section of a task file's block; none where it has no block."""
+    groups = importlib.import_module("bddl.parsing").scan_tokens(filename=str(path))
+    blocks = [group[1:] for group in groups if group[:1] == [_BLOCK]]
+    return {
+        name.lstrip(":"): {key.lstrip(":"): _flat(values) for key, *values in fields}
+        for block in blocks
+        for name, *fields in block
+        if all(type(field) is list for field in fields)
+    }
+
+
+def _wrong(name: str, section: Section | None) -> str | None:
+    if section is None:
+        return f"{name} is missing or switched off"
+    lacking = [field for field in _FIELDS[name] if field not in section]
+    if lacking:
+        return f"{name} lacks {', '.join(lacking)}"
+    if name in _ONLY_MODE and section.get("mode") != (_ONLY_MODE[name],):
+        return f"{name} is not of the mode {_ONLY_MODE[name]!r}"
+    return None
 
 
 def _switched_on(section: Section) -> bool:

@@ -1,7 +1,7 @@
 """The tasks of LIBERO-PRO: where its files are, and LIBERO's own scene where it needs none.
 
 Its data set goes into the installation's folders of task descriptions and initial states; a case names its
-files in there. Six categories change LIBERO's scene after the reset and can do without; so can the wording,
+files in there. Five categories change LIBERO's scene after the reset and can do without; so can the wording,
 which the case holds, and the occlusion, which adds one object to the scene in the same way for every task.
 """
 
