@@ -29,6 +29,7 @@ EXPERT = Path(__file__).parents[3] / "fixtures" / "policies" / "expert.py"
         ("libero_spatial", 9, 1, "receptacle_relocation"),  # from the top of the cabinet
         ("libero_object", 2, 3, "target_relocation"),
         ("libero_goal", 0, 0, "camera_shift"),  # by the handle of a drawer
+        ("libero_goal", 7, 0, "camera_shift"),  # by a knob
     ],
 )
 def test_the_expert_solves_genuine_tasks_and_finds_its_way_after_events(
