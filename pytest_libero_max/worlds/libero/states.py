@@ -10,8 +10,7 @@ import codecs
 import io
 import pickle
 import zipfile
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -48,65 +47,6 @@ def read_states(path: Path) -> Array:
             "numbers, one row a state. Restore it from the package."
         )
     return np.ascontiguousarray(states, dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class Joints:
-    """Where a compiled scene keeps its joints.
-
-    Attributes:
-        nq, nv: How many positions and velocities there are.
-        spans: By joint name the first and the last but one of its positions and of its velocities.
-    """
-
-    nq: int
-    nv: int
-    spans: Mapping[str, tuple[int, int, int, int]]
-
-    @classmethod
-    def of(cls, model: Any) -> Joints:
-        """The joints of a ``mujoco.MjModel``."""
-        positions = [*model.jnt_qposadr.tolist(), model.nq]
-        velocities = [*model.jnt_dofadr.tolist(), model.nv]
-        spans = {
-            model.joint(number).name: (*positions[number : number + 2], *velocities[number : number + 2])
-            for number in range(model.njnt)
-        }
-        return cls(model.nq, model.nv, spans)
-
-
-def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Array:
-    """Initial states of one scene for another that has more joints.
-
-    Args:
-        states: (n, 1 + nq + nv) of the first.
-        source: Its joints.
-        target: The other's joints.
-        start: (1 + nq + nv,) of the other: what the joints that only it has keep.
-
-    Raises:
-        SubstrateError: The states are not the first scene's, or the other lacks one of its joints or has it
-            of another kind.
-    """
-    if states.shape[1] != 1 + source.nq + source.nv:
-        raise SubstrateError(
-            f"An initial state has {states.shape[1]} numbers, but the scene that it is said to be of has "
-            f"{1 + source.nq + source.nv} (time, positions and velocities). Restore both from one release."
-        )
-    adapted = np.tile(start, (len(states), 1))
-    adapted[:, 0] = states[:, 0]
-    for name, (low, high, first, last) in source.spans.items():
-        there = target.spans.get(name, (0, 0, 0, 0))
-        if (there[1] - there[0], there[3] - there[2]) != (high - low, last - first):
-            raise SubstrateError(
-                f"The initial states hold the joint {name!r}, which the scene that they are for lacks or has "
-                "of another kind. Restore both from one release."
-            )
-        adapted[:, 1 + there[0] : 1 + there[1]] = states[:, 1 + low : 1 + high]
-        adapted[:, 1 + target.nq + there[2] : 1 + target.nq + there[3]] = states[
-            :, 1 + source.nq + first : 1 + source.nq + last
-        ]
-    return adapted
 
 
 def _pickle_of(path: Path) -> bytes:

@@ -14,11 +14,12 @@ from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariant
 from pytest_libero_max.worlds.libero.environment import Built, build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
+from pytest_libero_max.worlds.libero.joints import Joints, by_joint
 from pytest_libero_max.worlds.libero.plus import noise_of, plus_task
 from pytest_libero_max.worlds.libero.pro import ProVariation
 from pytest_libero_max.worlds.libero.pro_config import published_config
 from pytest_libero_max.worlds.libero.pro_tasks import ProTask, pro_task
-from pytest_libero_max.worlds.libero.states import Joints, by_joint, read_states
+from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import Task, task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld
 from pytest_libero_max.worlds.versions import version_notes
