@@ -130,11 +130,19 @@ class LiberoWorld(RobosuiteWorld):
         return bool(self._env._eval_predicate(list(fact.words())))
 
     def joints(self, name: str) -> tuple[str, ...]:
-        """The joints of a fixture, or those that a region of it moves with; none for other places."""
+        """The joints of a fixture, or those that a region of it moves with; none for other places.
+
+        Raises:
+            EntityError: There is no such entity or region.
+        """
         if name in self._entities:
             fixture = self._entities[name].kind == "fixture"
             return tuple(self._env.fixtures_dict[name].joints) if fixture else ()
-        return tuple(self._env.object_sites_dict[name].joints or ())
+        regions = self._env.object_sites_dict
+        if name not in regions:
+            hint = did_you_mean(name, [*self._entities, *regions])
+            raise EntityError(f"{self._scene} has no entity or region {name!r}. {hint}")
+        return tuple(regions[name].joints or ())
 
     @cached_property
     def holdings(self) -> Mapping[str, Holding]:

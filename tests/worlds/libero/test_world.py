@@ -239,7 +239,10 @@ def test_facts_and_joints_are_the_packages_own(installation: Installation) -> No
     assert isinstance(world, PrivilegedWorld)
     (joint,) = world.joints("wooden_cabinet_1_top_region")
     assert joint in world.joints("wooden_cabinet_1")
-    assert world.joints("flat_stove_1_cook_region") == world.joints("plate_1") == ()
+    for place in ("flat_stove_1_cook_region", "main_table_box_region", "plate_1", "main_table"):
+        assert world.joints(place) == ()
+    with pytest.raises(EntityError, match="Did you mean 'flat_stove_1_cook_region'"):
+        world.joints("flat_stove_1_cooking_region")
     drawer = Fact("open", "wooden_cabinet_1_top_region")
     assert world.holds(drawer)
     world.data.joint(joint).qpos[0] = 0.0
