@@ -1,7 +1,7 @@
-"""What published code did to some of the pairs, and how many: found in their records alone.
+"""The pairs whose scenes, prompts or events are not what their names promise: found in their records alone.
 
-Nothing here changes a number. A caveat names the pairs whose scenes, prompts or events are not what their
-names promise, because the authors' code or the forks' does something else.
+Mostly because published code does something else than it says, and here the same. Nothing here changes a
+number.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def _caveat_lines(caveats: Sequence[Json]) -> list[str]:
     if not caveats:
         return []
     counts = ", ".join(f"{caveat['name'].replace('_', ' ')} {caveat['pairs']}" for caveat in caveats)
-    return [f"Read report.md on what published code did to some pairs: {counts}."]
+    return [f"Pairs that are not what their names promise (see report.md): {counts}."]
 
 
 def _noise_lines(noise: Json | None) -> list[str]:

@@ -108,7 +108,7 @@ def test_every_form_of_the_report_says_so() -> None:
     assert "- 1 of 2 pairs: The prompt names the variation" in markdown(report)
     assert "1 of 2 pairs: The prompt names the variation" in html(report, [], [])
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
-    assert not any("published code" in line for line in summary_lines(report | {"caveats": []}))
+    assert not any("their names promise" in line for line in summary_lines(report | {"caveats": []}))
 
 
 def test_own_variations_are_told_from_the_forks() -> None:
