@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from textwrap import wrap
 
 from pytest_libero_max.cases import Json
 
@@ -58,7 +59,7 @@ def _caveat_lines(caveats: Sequence[Json]) -> list[str]:
     if not caveats:
         return []
     counts = ", ".join(f"{caveat['name'].replace('_', ' ')} {caveat['pairs']}" for caveat in caveats)
-    return [f"Pairs that are not what their names promise (see report.md): {counts}."]
+    return wrap(f"Pairs that are not what their names promise (see report.md): {counts}.", 100)
 
 
 def _noise_lines(noise: Json | None) -> list[str]:

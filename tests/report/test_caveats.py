@@ -108,6 +108,8 @@ def test_every_form_of_the_report_says_so() -> None:
     assert "- 1 of 2 pairs: The prompt names the variation" in markdown(report)
     assert "1 of 2 pairs: The prompt names the variation" in html(report, [], [])
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
+    many = report | {"caveats": [{"name": rule.name, "pairs": 12} for rule in RULES]}
+    assert max(map(len, summary_lines(many))) <= 100
     assert not any("their names promise" in line for line in summary_lines(report | {"caveats": []}))
 
 
