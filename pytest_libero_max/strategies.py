@@ -26,7 +26,7 @@ Hypothesis is imported here and nowhere else in the package.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from hypothesis import strategies as st
@@ -53,7 +53,12 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, Entity, Observation
 
+if TYPE_CHECKING:
+    from pytest_libero_max.construction.catalogue import Variant
+
 Entities = Mapping[str, Entity]
+
+SOURCES = ("plus", "pro")
 
 AT_ONCE = (
     "set_lighting",
@@ -194,6 +199,34 @@ def cases(
     return _parse_case(record)
 
 
+def source_variants(source: Literal["plus", "pro"] | None = None) -> SearchStrategy[Variant]:
+    """Source variations of the embedded scenes; by default of both catalogues.
+
+    Args:
+        source: Only this one's.
+    """
+    sources = SOURCES if source is None else (source,)
+    return st.deferred(lambda: st.one_of(*map(_catalogue, sources)))
+
+
+@st.composite
+def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) -> Case:
+    """Cases that the benchmark could hold: a source variation, an event that its scene can host.
+
+    Args:
+        draw: Given by Hypothesis.
+        source: Only on this source's variations.
+    """
+    from pytest_libero_max.construction.catalogue import variant_metadata
+    from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
+    from pytest_libero_max.construction.eligibility import eligible_events
+
+    variant = draw(source_variants(source))
+    event = draw(st.sampled_from(eligible_events(variant_metadata(variant))))
+    init = draw(st.integers(0, PRO_STATES - 1)) if variant.source == "pro" else 0
+    return Configuration(variant, init).case(Cell(variant.category, event, draw(st.integers(0, 1))))
+
+
 def manifests(entities: Entities | None = None, *, max_size: int = 6) -> SearchStrategy[Manifest]:
     """Manifests of up to ``max_size`` distinct cases."""
     distinct = st.lists(cases(entities), min_size=1, max_size=max_size, unique_by=lambda case: case.item_id)
@@ -313,6 +346,12 @@ def scripted_policies(
     kind = RememberingPolicy if remembers else ScriptedPolicy
     table = draw(st.lists(actions(1.0), min_size=1, max_size=8))
     return kind(spec, table, draw(st.integers(interval, horizon)), drift)
+
+
+def _catalogue(source: str) -> SearchStrategy[Variant]:
+    from pytest_libero_max.construction.catalogue import catalogue
+
+    return st.sampled_from(catalogue(source))
 
 
 def _events_of(entities: Entities | None) -> SearchStrategy[Event]:

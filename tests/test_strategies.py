@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.cases import Case, Event, Manifest, parse_manifest
+from pytest_libero_max.cases import Case, Event, Manifest, parse_case, parse_manifest
 from pytest_libero_max.changes import Change, MoveObject, change_from_dict
+from pytest_libero_max.construction.catalogue import Variant, variant_of
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.policies.contract import (
     Episode,
@@ -76,6 +77,20 @@ def test_events_take_out_exactly_what_they_bring_back(event: Event) -> None:
 def test_cases_stand_for_unmodified_tasks(case: Case) -> None:
     assert case.source == "libero"
     assert case.record["scenario"]["change"] == case.event.change
+
+
+@given(strategies.varied_cases())
+@settings(deadline=None)  # the first one makes the catalogues
+def test_varied_cases_name_a_variation_of_the_catalogue(case: Case) -> None:
+    variant = variant_of(case)
+    assert (variant.source, variant.category) == (case.source, case.source_category)
+    assert parse_case(json.loads(json.dumps(case.record))) == case
+
+
+@given(strategies.source_variants("pro"))
+@settings(max_examples=20, deadline=None)
+def test_source_variants_are_of_the_source(variant: Variant) -> None:
+    assert variant.source == "pro"
 
 
 @given(strategies.manifests(ENTITIES))
