@@ -1,18 +1,24 @@
 from collections import Counter
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from pytest_libero_max.cases import EVENTS, Manifest
 from pytest_libero_max.changes import change_from_dict
+from pytest_libero_max.construction.catalogue import open_substrate
 from pytest_libero_max.construction.events import resolve_event
+from pytest_libero_max.construction.examination import examine
 from pytest_libero_max.construction.identity import Identity
 from pytest_libero_max.construction.metadata import task_metadata
-from pytest_libero_max.construction.preflight import problems
 from pytest_libero_max.construction.records import case_record
-from pytest_libero_max.construction.release import read_rejected
+from pytest_libero_max.construction.release import read_certificates, read_rejected
 from pytest_libero_max.construction.smoke import build_smoke
 from pytest_libero_max.construction.tracks import FOLDER, load_track
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.policies.loading import load_policy
+
+EXPERT = Path(__file__).parents[2] / "fixtures" / "policies" / "expert.py"
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +93,13 @@ def test_a_cell_without_configurations_is_an_error() -> None:
         build_smoke(everything)
 
 
-def test_every_case_passes_the_preflight(smoke: Manifest) -> None:
-    from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
-
-    substrate = EmbeddedSubstrate()
-    assert {case.case_id: found for case in smoke if (found := problems(substrate.world(case), case))} == {}
+def test_every_case_passes_the_preflight_and_is_solved_as_certified(smoke: Manifest) -> None:
+    expert = load_policy(str(EXPERT))
+    expert.spec = replace(expert.spec, cameras=())
+    substrate = open_substrate("embedded")
+    certificates = read_certificates(FOLDER)
+    for case in smoke:
+        verdict = examine(substrate.world(case), case, expert)
+        assert verdict.problems == ()
+        assert verdict.certificate == certificates[case.case_id]
     substrate.close()
