@@ -23,6 +23,8 @@ from pytest_libero_max.construction.tracks import (
 from pytest_libero_max.errors import ManifestError
 
 REJECTED, CERTIFICATES = "rejected.tsv.gz", "certificates.tsv.gz"
+FILES = (REJECTED, CERTIFICATES, *(f"{name}.json.gz" for name in ("smoke", "max", *SPLITS)))
+"""Everything that has a checksum."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ def _certificate(verdict: Verdict) -> Certificate:
 def _write_tracks(folder: Path, tracks: Mapping[str, Manifest]) -> None:
     for name, manifest in tracks.items():
         write_frozen(folder / f"{name}.json.gz", manifest.to_json())
-    write_checksums(folder)
+    write_checksums(folder, FILES)
 
 
 def _write_table(path: Path, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 
 from pytest_libero_max.cases import Manifest, load_manifest, read_content
@@ -51,8 +52,8 @@ def require_frozen(path: Path) -> None:
     Raises:
         ManifestError: They differ, or there is none.
     """
-    expected = read_checksums(path.parent).get(_content_name(path), "nothing of it")
-    if hashlib.sha256(content_of(path)).hexdigest() != expected:
+    expected = read_checksums(path.parent).get(path.name.removesuffix(".gz"), "nothing of it")
+    if _digest(path) != expected:
         raise ManifestError(
             f"{path}: the content is not the one that was frozen ({CHECKSUMS} says {expected}). "
             "Restore the file, or give an edited copy by its path as a manifest of your own."
@@ -77,17 +78,15 @@ def write_frozen(path: Path, content: str) -> None:
     path.write_bytes(gzip.compress(raw, mtime=0) if path.suffix == ".gz" else raw)
 
 
-def write_checksums(folder: Path) -> None:
-    """Write ``SHA256SUMS`` for the tracks and tables of a folder."""
-    digests = {
-        _content_name(path): hashlib.sha256(content_of(path)).hexdigest() for path in frozen_files(folder)
-    }
+def write_checksums(folder: Path, files: Iterable[str]) -> None:
+    """Write ``SHA256SUMS`` for some files of a folder."""
+    digests = {name.removesuffix(".gz"): _digest(folder / name) for name in files}
     lines = (f"{digest}  {name}\n" for name, digest in sorted(digests.items()))
     (folder / CHECKSUMS).write_text("".join(lines), encoding="utf-8")
 
 
 def frozen_files(folder: Path) -> tuple[Path, ...]:
-    """The files that have a checksum: manifests and tables, compressed or not, sorted."""
+    """The files that must have a checksum: manifests and tables, compressed or not, sorted."""
     kinds = ("*.json", "*.json.gz", "*.tsv", "*.tsv.gz")
     return tuple(sorted(path for kind in kinds for path in folder.glob(kind)))
 
@@ -105,5 +104,5 @@ def read_checksums(folder: Path) -> dict[str, str]:
     return {name: digest for digest, name in (line.split() for line in lines)}
 
 
-def _content_name(path: Path) -> str:
-    return path.name.removesuffix(".gz")
+def _digest(path: Path) -> str:
+    return hashlib.sha256(content_of(path)).hexdigest()

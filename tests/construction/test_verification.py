@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cases import EVENTS, Case, Json, Manifest
-from pytest_libero_max.construction.release import CERTIFICATES, REJECTED, write_splits
+from pytest_libero_max.construction.release import CERTIFICATES, FILES, REJECTED, write_splits
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.construction.tracks import (
     CHECKSUMS,
@@ -41,7 +41,7 @@ def edit(folder: Path, track: str, change: Edit) -> None:
     document = json.loads(content_of(path))
     change(document)
     write_frozen(path, json.dumps(document, indent=2, sort_keys=True) + "\n")
-    write_checksums(folder)
+    write_checksums(folder, FILES)
 
 
 def test_the_frozen_tracks_are_right() -> None:
@@ -177,7 +177,7 @@ def test_a_case_without_a_certificate_is_found(copied: Path) -> None:
     path = copied / CERTIFICATES
     head, first, *rest = content_of(path).decode().splitlines(keepends=True)
     write_frozen(path, "".join([head, *rest]))
-    write_checksums(copied)
+    write_checksums(copied, FILES)
     case_id = first.partition("\t")[0]
     with pytest.raises(ManifestError, match=f"case '{case_id}' is in a track or in {CERTIFICATES}"):
         verify(copied)
