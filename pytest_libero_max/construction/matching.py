@@ -25,19 +25,18 @@ class Shortage(Exception):
         self.cells, self.needed, self.there = cells, needed, there
 
 
-def fill(fits: Flags, need: Integers, levels: Integers, kept: Integers, cost: Integers) -> Integers:
+def fill(fits: Flags, need: Integers, levels: Integers, cost: Integers) -> Integers:
     """Give every cell as many tasks as it needs, no task to two cells, with the least total cost.
 
-    Among all fillings those count whose levels are most even, counting what is kept already: no other one
-    has a smaller sum of squares of the levels' totals. Costs decide between these. With costs that are drawn
-    at random the solution is unique, and so does not depend on the solver.
+    Among all fillings those count whose levels are most even: no other one has a smaller sum of squares of
+    the numbers of tasks by level. Costs decide between these. With costs that are drawn at random the
+    solution is unique, and so does not depend on the solver.
 
     Args:
         fits: (tasks, cells): which cells a task can be used in.
         need: (cells,): how many tasks each needs.
-        levels: (tasks,): the level of each task, 0 to len(kept) - 1.
-        kept: (levels,): how many tasks of each level are in use from before.
-        cost: (tasks, cells), at least 0.
+        levels: (tasks,): the level of each task, from 0.
+        cost: (tasks, cells), at least 0, all of them together below 2 to the power of 53.
 
     Returns:
         (tasks,): the cell in which each task is used, -1 for none.
@@ -47,12 +46,12 @@ def fill(fits: Flags, need: Integers, levels: Integers, kept: Integers, cost: In
     """
     from scipy.optimize import linear_sum_assignment
 
-    taken = most_even(fits, need, levels, kept)
+    taken = most_even(fits, need, levels)
     slots = np.repeat(np.arange(len(need)), need)
     price = np.where(fits, cost, np.inf)[:, slots].astype(float)
     # Tasks that are left over go to places of their level, as many as are not to be used.
-    spare = np.bincount(levels, minlength=len(kept)) - taken
-    places = np.repeat(np.arange(len(kept)), spare)
+    spare = np.bincount(levels) - taken
+    places = np.repeat(np.arange(len(taken)), spare)
     rest = np.where(levels[:, None] == places, 0.0, np.inf)
     rows, columns = linear_sum_assignment(np.hstack([price, rest]))
     found = np.full(len(fits), -1)
@@ -61,8 +60,8 @@ def fill(fits: Flags, need: Integers, levels: Integers, kept: Integers, cost: In
     return found
 
 
-def most_even(fits: Flags, need: Integers, levels: Integers, kept: Integers) -> Integers:
-    """How many tasks of each level the most even filling takes.
+def most_even(fits: Flags, need: Integers, levels: Integers) -> Integers:
+    """How many tasks of each level the most even filling takes; the arguments are those of :func:`fill`.
 
     The numbers that fillings can take from the levels form an integral polymatroid, on which raising
     the lowest level that can still be raised leads to the smallest sum of squares (Federgruen and
@@ -72,16 +71,16 @@ def most_even(fits: Flags, need: Integers, levels: Integers, kept: Integers) -> 
         Shortage: There is no filling.
     """
     total = int(need.sum())
-    supply = np.bincount(levels[fits.any(axis=1)], minlength=len(kept))
+    supply = np.bincount(levels[fits.any(axis=1)], minlength=int(levels.max(initial=0)) + 1)
     if supply.sum() >= total:
-        best = levelled(kept, supply, total)
+        best = levelled(supply, total)
         if _flow(fits, need, levels, best) == total:
             return best
     if _flow(fits, need, levels, supply) < total:
         raise _shortage(fits, need)
-    taken, open_levels = np.zeros_like(kept), set(range(len(kept)))
+    taken, open_levels = np.zeros_like(supply), set(range(len(supply)))
     while taken.sum() < total:
-        lowest = min(open_levels, key=lambda level: (kept[level] + taken[level], level))
+        lowest = min(open_levels, key=lambda level: (taken[level], level))
         taken[lowest] += 1
         if _flow(fits, need, levels, taken) < taken.sum():
             taken[lowest] -= 1
@@ -89,15 +88,11 @@ def most_even(fits: Flags, need: Integers, levels: Integers, kept: Integers) -> 
     return taken
 
 
-def levelled(kept: Integers, supply: Integers, total: int) -> Integers:
-    """Raise the lowest of the levels ``kept``, one at a time, ``total`` times, as far as the supply goes.
-
-    Returns:
-        By how much each level was raised.
-    """
-    taken = np.zeros_like(kept)
+def levelled(supply: Integers, total: int) -> Integers:
+    """Share ``total`` out over levels, always to the lowest that still has supply."""
+    taken = np.zeros_like(supply)
     for _ in range(total):
-        height = np.where(taken < supply, kept + taken, np.iinfo(kept.dtype).max)
+        height = np.where(taken < supply, taken, np.iinfo(supply.dtype).max)
         taken[int(height.argmin())] += 1
     return taken
 

@@ -2,14 +2,15 @@
 
 Every LIBERO-Plus cell (category, event, parameter variant) gets 50 tasks that no other cell of its category
 uses, difficulties as even as can be; every LIBERO-PRO cell gets 15 pairs of task and initial state, tasks
-used equally often. A case that has passed keeps its place; one that fails is replaced in its own cell.
+used equally often. A case that has passed keeps its place; one that fails is replaced in its own cell. Where
+that cost evenness, because tasks of a difficulty are scarce, as few passing cases as possible make room.
 Outcomes of policies cannot get here: nothing is imported that knows them.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from itertools import product
 
 import numpy as np
@@ -28,8 +29,11 @@ LEVELS = 5
 SAMPLER = "libero-max-embedded-v1.0"
 """Name of the random draws that decide between equally good selections."""
 
-Chosen = Mapping[str, tuple[Cell, Configuration]]
+Places = dict[str, tuple[Cell, Configuration]]
 """Cell and configuration by case id."""
+
+_MOVE = 2**42
+"""Cost of a case that is not kept: more than all ranks of a category together, so that the fewest move."""
 
 Examine = Callable[[Sequence[Case]], Collection[str]]
 """Looks at cases, and returns the ids of those that fail."""
@@ -52,76 +56,78 @@ def select(examine: Examine) -> tuple[Case, ...]:
     Raises:
         ManifestError: A cell cannot be filled; names it.
     """
-    chosen: dict[str, tuple[Cell, Configuration]] = {}
-    cases: dict[str, Case] = {}
+    passed: dict[str, Case] = {}
     failed: set[str] = set()
-    while proposed := propose(chosen, failed):
-        new = {name: configuration.case(cell) for name, (cell, configuration) in proposed.items()}
-        failed_now = set(examine(list(new.values())))
+    places: Places = {}
+    while True:
+        places = propose({name: place for name, place in places.items() if name in passed}, failed)
+        new = [
+            configuration.case(cell) for name, (cell, configuration) in places.items() if name not in passed
+        ]
+        if not new:
+            return tuple(passed[name] for name in sorted(places))
+        failed_now = set(examine(new))
         failed |= failed_now
-        chosen |= {name: place for name, place in proposed.items() if name not in failed_now}
-        cases |= {name: case for name, case in new.items() if name not in failed_now}
-    return tuple(cases[name] for name in sorted(cases))
+        passed |= {case.case_id: case for case in new if case.case_id not in failed_now}
 
 
-def propose(chosen: Chosen, failed: Collection[str]) -> dict[str, tuple[Cell, Configuration]]:
-    """What fills the places that are free.
+def propose(kept: Places, failed: Collection[str]) -> Places:
+    """Fill every cell.
 
     Args:
-        chosen: What stays.
+        kept: What has its place already. A LIBERO-Plus case gives it up only where difficulties could not be
+            as even otherwise.
         failed: Ids of cases that must not be used.
 
     Raises:
         ManifestError: A cell cannot be filled.
     """
     by_category: dict[str, list[tuple[Cell, Configuration]]] = {}
-    for cell, configuration in chosen.values():
+    for cell, configuration in kept.values():
         by_category.setdefault(cell.category, []).append((cell, configuration))
-    proposed = [
-        place
-        for category in PLUS_CATEGORIES
-        for place in _fill_plus(category, by_category.get(category, []), failed)
-    ]
-    proposed += [
-        place
-        for category in PRO_CATEGORIES
-        for place in _fill_pro(category, by_category.get(category, []), failed)
-    ]
-    return {configuration.case_id(cell): (cell, configuration) for cell, configuration in proposed}
+    places: list[tuple[Cell, Configuration]] = []
+    for category in PLUS_CATEGORIES:
+        places += _fill_plus(category, by_category.get(category, []), failed)
+    for category in PRO_CATEGORIES:
+        places += _fill_pro(category, by_category.get(category, []), failed)
+    return {configuration.case_id(cell): (cell, configuration) for cell, configuration in places}
 
 
 def _fill_plus(
-    category: str, chosen: Sequence[tuple[Cell, Configuration]], failed: Collection[str]
-) -> Iterator[tuple[Cell, Configuration]]:
+    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str]
+) -> Iterable[tuple[Cell, Configuration]]:
     cells = cells_of(category)
-    filled = Counter(cell for cell, _ in chosen)
-    need = np.array([PLUS_PER_CELL - filled[cell] for cell in cells])
-    if not need.any():
-        return
-    used = {(configuration.variant.suite, configuration.variant.index) for _, configuration in chosen}
-    free = [
-        (Configuration(variant, 0), events)
-        for variant, events in hosts("plus", category)
-        if (variant.suite, variant.index) not in used
-    ]
+    if len(kept) == PLUS_PER_CELL * len(cells):
+        return kept
+    tasks = [(Configuration(variant, 0), events) for variant, events in hosts("plus", category)]
+    ids = [[one.case_id(cell) for cell in cells] for one, _ in tasks]
+    in_place = {one.case_id(cell) for cell, one in kept}
     fits = np.array(
-        [[cell.event in events and one.case_id(cell) not in failed for cell in cells] for one, events in free]
+        [
+            [cell.event in events and name not in failed for cell, name in zip(cells, names, strict=True)]
+            for (_, events), names in zip(tasks, ids, strict=True)
+        ]
     )
-    cost = np.array([[_rank(cell, one) for cell in cells] for one, _ in free])
-    levels = np.array([_level(one.variant) for one, _ in free])
-    kept = np.bincount([_level(one.variant) for _, one in chosen], minlength=LEVELS)
+    cost = np.array(
+        [
+            [
+                0 if name in in_place else _MOVE + _rank(cell, one)
+                for cell, name in zip(cells, names, strict=True)
+            ]
+            for (one, _), names in zip(tasks, ids, strict=True)
+        ]
+    )
+    levels = np.array([_level(one.variant) for one, _ in tasks])
     try:
-        found = fill(fits, need, levels, kept, cost)
+        found = fill(fits, np.full(len(cells), PLUS_PER_CELL), levels, cost)
     except Shortage as shortage:
         names = "; ".join(str(cells[number]) for number in shortage.cells)
         raise ManifestError(
-            f"The cells ({names}) need {shortage.needed} more tasks between them, but only {shortage.there} "
-            "can still host any of these events: the others lack what they need, are in use or failed the "
-            "preflight. Fewer cases a cell, or scenes in which more of them pass, would help."
+            f"The cells ({names}) need {shortage.needed} tasks between them, but only {shortage.there} can "
+            "host any of these events: the others lack what they need or failed the preflight. Fewer cases "
+            "a cell, or scenes in which more of them pass, would help."
         ) from shortage
-    for (one, _), number in zip(free, found, strict=True):
-        if number >= 0:
-            yield cells[number], one
+    return [(cells[number], one) for (one, _), number in zip(tasks, found, strict=True) if number >= 0]
 
 
 def _level(variant: Variant) -> int:
@@ -130,12 +136,13 @@ def _level(variant: Variant) -> int:
 
 
 def _fill_pro(
-    category: str, chosen: Sequence[tuple[Cell, Configuration]], failed: Collection[str]
-) -> Iterator[tuple[Cell, Configuration]]:
-    filled = Counter(cell for cell, _ in chosen)
-    usage = Counter((one.variant.suite, one.variant.index) for _, one in chosen)
-    taken = {one.case_id(cell) for cell, one in chosen}
+    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str]
+) -> Iterable[tuple[Cell, Configuration]]:
+    usage = Counter((one.variant.suite, one.variant.index) for _, one in kept)
+    taken = {one.case_id(cell) for cell, one in kept}
     for cell in cells_of(category):
+        here = [place for place in kept if place[0] == cell]
+        yield from here
         free = [
             Configuration(variant, init)
             for variant, events in hosts("pro", category)
@@ -143,19 +150,19 @@ def _fill_pro(
             for init in range(PRO_STATES)
         ]
         free = [one for one in free if one.case_id(cell) not in failed and one.case_id(cell) not in taken]
-        here = Counter((one.variant.suite, one.variant.index) for at, one in chosen if at == cell)
-        needed = PRO_PER_CELL - filled[cell]
+        needed = PRO_PER_CELL - len(here)
         if len(free) < needed:
             raise ManifestError(
                 f"The cell ({cell}) needs {needed} more configurations, but only {len(free)} are left: the "
                 "others lack what the event needs, are in use or failed the preflight. Fewer cases a cell, "
                 "or scenes in which more of them pass, would help."
             )
+        used_here = Counter((one.variant.suite, one.variant.index) for _, one in here)
         ranks = {one: _rank(cell, one) for one in free}
         for _ in range(needed):
-            best = min(free, key=lambda one: (*_use(one, here, usage), ranks[one]))
+            best = min(free, key=lambda one: (*_use(one, used_here, usage), ranks[one]))
             free.remove(best)
-            here[best.variant.suite, best.variant.index] += 1
+            used_here[best.variant.suite, best.variant.index] += 1
             usage[best.variant.suite, best.variant.index] += 1
             yield cell, best
 

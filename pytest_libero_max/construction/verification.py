@@ -125,7 +125,7 @@ def _difficulties(whole: Manifest) -> str:
     total = np.zeros(LEVELS, dtype=np.int64)
     for category in PLUS_CATEGORIES:
         supply = _by_difficulty(variant.difficulty for variant, _ in hosts("plus", category))
-        best = levelled(np.zeros_like(supply), supply, 16 * PLUS_PER_CELL)
+        best = levelled(supply, 16 * PLUS_PER_CELL)
         found = _by_difficulty(case.difficulty for case in whole if case.source_category == category)
         if (np.sort(found) != np.sort(best)).any():
             raise ManifestError(f"max: {category} has {found} cases by difficulty, but {best} is more even.")

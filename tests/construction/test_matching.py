@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pytest_libero_max.construction.matching import Flags, Integers, Shortage, fill, levelled, most_even
 
-Problem = tuple[Flags, Integers, Integers, Integers, Integers]
+Problem = tuple[Flags, Integers, Integers, Integers]
 
 
 @st.composite
@@ -22,7 +22,6 @@ def problems(draw: st.DrawFn) -> Problem:
         np.array(draw(bits)).reshape(tasks, cells),
         np.array(draw(st.lists(st.integers(0, 2), min_size=cells, max_size=cells))),
         np.array(draw(st.lists(st.integers(0, 2), min_size=tasks, max_size=tasks))),
-        np.array(draw(st.lists(st.integers(0, 3), min_size=3, max_size=3))),
         np.array(draw(numbers)).reshape(tasks, cells),
     )
 
@@ -36,15 +35,14 @@ def every_filling(fits: Flags, need: Integers) -> set[tuple[int, ...]]:
     return {order for order in orders if all(cell < 0 or fits[i, cell] for i, cell in enumerate(order))}
 
 
-def unevenness(found: tuple[int, ...], levels: Integers, kept: Integers) -> int:
-    used = np.bincount(levels[np.array(found) >= 0], minlength=3)
-    return int(((kept + used) ** 2).sum())
+def unevenness(found: tuple[int, ...], levels: Integers) -> int:
+    return int((np.bincount(levels[np.array(found) >= 0]) ** 2).sum())
 
 
 @settings(deadline=None)  # the first call imports SciPy
 @given(problems())
 def test_the_best_of_all_fillings_is_found(problem: Problem) -> None:
-    fits, need, levels, kept, cost = problem
+    fits, need, levels, cost = problem
     fillings = every_filling(fits, need)
     if not fillings:
         with pytest.raises(Shortage) as caught:
@@ -55,11 +53,11 @@ def test_the_best_of_all_fillings_is_found(problem: Problem) -> None:
         return
     found = tuple(fill(*problem).tolist())
     assert found in fillings
-    assert unevenness(found, levels, kept) == min(unevenness(one, levels, kept) for one in fillings)
-    taken = most_even(fits, need, levels, kept)
+    assert unevenness(found, levels) == min(unevenness(one, levels) for one in fillings)
+    taken = most_even(fits, need, levels)
 
     def price(one: tuple[int, ...]) -> float:
-        if (np.bincount(levels[np.array(one) >= 0], minlength=3) != taken).any():
+        if (np.bincount(levels[np.array(one) >= 0], minlength=len(taken)) != taken).any():
             return float("inf")
         return float(sum(cost[task, cell] for task, cell in enumerate(one) if cell >= 0))
 
@@ -67,12 +65,16 @@ def test_the_best_of_all_fillings_is_found(problem: Problem) -> None:
 
 
 def test_levels_rise_from_the_lowest_as_far_as_the_supply_goes() -> None:
-    kept, supply = np.array([5, 0, 1]), np.array([9, 2, 9])
-    assert levelled(kept, supply, 7).tolist() == [1, 2, 4]
+    assert levelled(np.array([9, 2, 9]), 7).tolist() == [3, 2, 2]
 
 
 def test_a_scarce_level_gives_all_it_can() -> None:
     fits = np.ones((9, 1), dtype=bool)
     levels = np.array([0, 1, 1, 1, 1, 2, 2, 2, 2])
-    taken = most_even(fits, np.array([7]), levels, np.zeros(3, dtype=np.int64))
-    assert taken.tolist() == [1, 3, 3]
+    assert most_even(fits, np.array([7]), levels).tolist() == [1, 3, 3]
+
+
+def test_a_level_that_only_full_cells_can_use_gives_what_fits() -> None:
+    fits = np.array([[True, False]] * 3 + [[True, True]] * 3)
+    levels = np.array([0, 0, 0, 1, 1, 1])
+    assert most_even(fits, np.array([1, 3]), levels).tolist() == [1, 3]

@@ -61,10 +61,21 @@ def test_what_passes_stays_and_what_fails_is_replaced_in_its_cell(
 ) -> None:
     asked = [case for cases in rounds for case in cases]
     assert len({case.case_id for case in asked}) == len(asked)
-    assert {case.case_id for case in selected} == {case.case_id for case in asked if not fails(case)}
+    passed = {case.case_id for case in asked if not fails(case)}
+    used = {case.case_id for case in selected}
+    assert used <= passed
+    assert len(passed - used) < 0.01 * len(used)  # made room for tasks of a scarce difficulty
     for earlier, later in pairwise(rounds):
-        freed = Counter(cell_of(case) for case in earlier if fails(case))
-        assert Counter(cell_of(case) for case in later) == freed
+        freed = Counter(cell_of(case) for case in earlier if fails(case) and case.source == "pro")
+        assert Counter(cell_of(case) for case in later if case.source == "pro") == freed
+
+
+def test_only_scarce_difficulties_move_what_has_passed(
+    selected: tuple[Case, ...], rounds: list[Sequence[Case]]
+) -> None:
+    used = {case.case_id for case in selected}
+    moved = [c for cases in rounds for c in cases if not fails(c) and c.case_id not in used]
+    assert {case.source_category for case in moved} <= {"Background Textures", "Light Conditions"}
 
 
 def test_tasks_are_used_evenly(selected: tuple[Case, ...]) -> None:
@@ -95,8 +106,8 @@ def test_cells_that_want_the_same_tasks_are_named_together() -> None:
     failed = {Configuration(variant, 0).case_id(cell) for variant in hosting[90:] for cell in cells}
     with pytest.raises(ManifestError) as caught:
         propose({}, failed)
-    assert f"The cells ({cells[0]}; {cells[1]}) need 100 more tasks between them" in str(caught.value)
-    assert "only 90 can still host" in str(caught.value)
+    assert f"The cells ({cells[0]}; {cells[1]}) need 100 tasks between them" in str(caught.value)
+    assert "only 90 can host" in str(caught.value)
 
 
 def test_selection_cannot_see_outcomes() -> None:
