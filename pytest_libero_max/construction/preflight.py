@@ -203,7 +203,8 @@ def _apply_and_look(world: World, case: Case, before: _Before, steps: int) -> It
         yield Problem("solved", "the event solves the task")
     for name, (shift, drop) in disturbed.items():
         calm_shift, calm_drop = calm.get(name, (0.0, 0.0))
-        if shift - calm_shift > MAX_SHIFT_M or drop - calm_drop > MAX_DROP_M:
+        sinks = max(0.0, drop) - max(0.0, calm_drop)
+        if shift - calm_shift > MAX_SHIFT_M or sinks > MAX_DROP_M:
             detail = (
                 f"{name} moves by {shift * 1000:.0f} mm, {drop * 1000:.0f} mm of it down, after the event"
             )
