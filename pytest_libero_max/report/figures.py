@@ -22,7 +22,7 @@ from pytest_libero_max.report.svg import (
     text,
 )
 
-_ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 190, 420, 170, 34
+_ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 220, 420, 170, 34
 
 
 def arrow_plot(report: Json, dimension: str = "event") -> str:

@@ -34,6 +34,7 @@ table{border-collapse:collapse;margin:.4rem 0;font-variant-numeric:tabular-nums}
 th,td{padding:.22rem .7rem;border-bottom:1px solid #e6eaee;text-align:left;white-space:nowrap}
 td+td,th+th{text-align:right}svg{max-width:100%;height:auto;display:block}
 details{margin:.5rem 0}summary{cursor:pointer}code{background:#f2f5f7;padding:.1rem .3rem}
+.origin td+td{text-align:left;white-space:normal;overflow-wrap:anywhere}
 .outcomes td{border:1px solid #d8dee4;text-align:center!important;padding:.5rem 1rem}
 """
 
@@ -183,8 +184,8 @@ def _provenance(report: Json) -> list[str]:
     origin = report["provenance"]
     rows = [(name, version or "not installed") for name, version in origin["versions"].items()]
     rows += [("case set", f"{origin['case_set']['name']}, {origin['case_set']['digest'][:12]}")]
-    rows += [("GL backend", origin["gl_backend"] or "none"), ("command", shlex.join(origin["command"]))]
-    return ["<h2>Provenance</h2>", _table(("", ""), rows)]
+    rows += [("MUJOCO_GL", origin["gl_backend"] or "not set"), ("command", shlex.join(origin["command"]))]
+    return ["<h2>Provenance</h2>", _table(("", ""), rows, "origin")]
 
 
 def _card(name: str, rate: Json) -> str:
@@ -197,9 +198,9 @@ def _note(words: str, kind: str = "") -> str:
     return f"<p class='note {kind}'>{escape(words)}</p>"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]], kind: str = "") -> str:
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table><tr>{top}</tr>{body}</table>"
+    return f"<table class='{kind}'><tr>{top}</tr>{body}</table>"

@@ -109,8 +109,8 @@ def test_an_arrow_goes_from_base_to_dynamic() -> None:
         shape.attrib for shape in root if shape.tag.endswith("line") and shape.attrib["stroke-width"] != "1"
     ]
     rings = [float(shape.attrib["cx"]) for shape in root if shape.tag.endswith("circle")]
-    assert [float(line["x1"]) for line in lines] == rings == [610.0, 610.0]
-    assert [float(line["x2"]) for line in lines] == [400.0, 400.0]
+    assert [float(line["x1"]) for line in lines] == rings == [640.0, 640.0]
+    assert [float(line["x2"]) for line in lines] == [430.0, 430.0]
 
 
 def test_figures_are_written_as_files(tmp_path: Path) -> None:
