@@ -71,8 +71,14 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
         upload(self.sim.model._model, self._scene.textures)
 
     def _destroy_sim(self) -> None:
-        """Let go of the model and its data; robosuite would also collect the garbage of the whole process."""
-        if self.sim is not None:
+        """Let go of the model and its data.
+
+        Robosuite also collects the garbage of the whole process, which takes as long as building a scene.
+        Only its own rendering needs that, or its GL context outlives the display.
+        """
+        if self.has_offscreen_renderer:
+            super()._destroy_sim()
+        elif self.sim is not None:
             del self.sim.data, self.sim.model
             self.sim: Any = None
 
