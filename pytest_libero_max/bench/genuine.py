@@ -8,14 +8,13 @@ reset for each rollout, both cameras rendered at every step, the executed prefix
 from __future__ import annotations
 
 import importlib
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
 import numpy as np
 
+from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.bench.pairs import IMAGE_SIZE, QUERY_INTERVAL, Hovering
 from pytest_libero_max.cases import SETTLE_STEPS, Case
 from pytest_libero_max.construction.tracks import load_track
@@ -116,8 +115,8 @@ def _with_pairs(
     final = world.data.qpos.copy()
     forks, plains = [], []
     for _ in range(repeats):
-        forks.append(_seconds(lambda: measure_pair(case, world, policy)))
-        plains.append(_seconds(lambda: _play(seeing, world, case, pair)))
+        forks.append(processor_seconds(lambda: measure_pair(case, world, policy)))
+        plains.append(processor_seconds(lambda: _play(seeing, world, case, pair)))
         if not np.array_equal(seeing.sim.data.qpos, final):
             raise SimulatorError(f"{case.item_id}: the package's loop arrived elsewhere.")
     steps = sum(len(actions) for actions in _rollouts(pair))
@@ -159,7 +158,7 @@ def _steps(world: LiberoWorld, plain: Any, seeing: Any, case: Case, steps: int) 
     for action in np.random.default_rng(0).uniform(-1.0, 1.0, (WARM_UP + steps, ACTION_DIM)):
         _make_current(seeing)
         for env, seconds in zip((world, plain, seeing), times, strict=True):
-            seconds.append(1000.0 * _seconds(lambda env=env, action=action: env.step(action)))  # type: ignore[misc]
+            seconds.append(1000.0 * processor_seconds(lambda env=env, action=action: env.step(action)))
     for env in (plain, seeing):
         if not np.array_equal(env.sim.data.qpos, world.data.qpos):
             raise SimulatorError(f"{world.scene}: our steps and the package's parted.")
@@ -179,9 +178,3 @@ def _rollouts(pair: Pair) -> list[np.ndarray[Any, Any]]:
     settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
     arms = (pair.base, pair.dynamic)
     return [np.concatenate([settle, arm.actions]) for arm in arms if arm is not None]
-
-
-def _seconds(act: Callable[[], object]) -> float:
-    begin = time.process_time()
-    act()
-    return time.process_time() - begin

@@ -7,13 +7,13 @@ nothing else to do would take.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.cases import SETTLE_STEPS, Case
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.construction.tracks import load_track
@@ -98,9 +98,9 @@ def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTim
     final = world.data.qpos.copy()
     times: dict[str, list[float]] = {"fork": [], "replay": [], "plain": [], "plain_hard": []}
     for _ in range(repeats):
-        times["fork"].append(_seconds(lambda: measure_pair(case, world, policy)))
+        times["fork"].append(processor_seconds(lambda: measure_pair(case, world, policy)))
         times["replay"].append(
-            _seconds(lambda: measure_pair(case, world, policy, PairSettings(prefix="replay")))
+            processor_seconds(lambda: measure_pair(case, world, policy, PairSettings(prefix="replay")))
         )
         for hard, env in envs.items():
             times["plain_hard" if hard else "plain"].append(_plain(env, world, case, pair))
@@ -139,9 +139,3 @@ def _rollouts(pair: Pair) -> list[NDArray[np.float64]]:
     settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
     arms = [pair.base] if pair.dynamic is None else [pair.base, pair.dynamic]
     return [np.vstack([settle, arm.actions]) for arm in arms]
-
-
-def _seconds(act: Callable[[], object]) -> float:
-    begin = time.process_time()
-    act()
-    return time.process_time() - begin

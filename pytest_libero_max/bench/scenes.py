@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
 
+from pytest_libero_max.bench.clock import processor_seconds
+from pytest_libero_max.cases import SUITE_BUDGETS
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.embedded.tasks import tasks
 
-_SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 _WARM_UP = 3
 
 
@@ -46,8 +47,8 @@ def measure_scenes(*, steps: int = 40, images: int = 10, size: int = 256) -> Ite
     Raises:
         SimulatorError: No OpenGL backend is available.
     """
-    measure_scene(_SUITES[0], 0, 1, 1, size)  # compiles the loop, opens the driver
-    for suite in _SUITES:
+    measure_scene(next(iter(SUITE_BUDGETS)), 0, 1, 1, size)  # compiles the loop, opens the driver
+    for suite in SUITE_BUDGETS:
         for task in tasks(suite):
             yield measure_scene(suite, task.index, steps, images, size)
 
@@ -58,9 +59,10 @@ def measure_scene(suite: str, index: int, steps: int, images: int, size: int) ->
     world = EmbeddedWorld(build_scene(suite, index))
     build_s = time.process_time() - begin
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (_WARM_UP + steps, ACTION_DIM))
-    step_s = [_seconds(world.step, action) for action in actions]
+    step_s = [processor_seconds(world.step, action) for action in actions]
     image_s = [
-        _seconds(world.observe, CAMERAS[number % 2 :][:1], size) for number in range(_WARM_UP + images)
+        processor_seconds(world.observe, CAMERAS[number % 2 :][:1], size)
+        for number in range(_WARM_UP + images)
     ]
     world.close()
     return SceneCost(
@@ -83,9 +85,3 @@ def cost_lines(costs: list[SceneCost]) -> list[str]:
         f"Median step {step:.2f} ms, median build {build:.2f} s. Processor times.",
     ]
     return lines
-
-
-def _seconds(act: Callable[..., object], *arguments: object) -> float:
-    begin = time.process_time()
-    act(*arguments)
-    return time.process_time() - begin

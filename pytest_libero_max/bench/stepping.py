@@ -7,7 +7,6 @@ would take, also when the machine is busy. Medians are reported.
 
 from __future__ import annotations
 
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from statistics import median
 
 import numpy as np
 
+from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, CONTROL_HZ
@@ -169,6 +169,4 @@ def measure_stepping(
 
 
 def _ms(act: Callable[..., object], *arguments: object) -> float:
-    begin = time.process_time()
-    act(*arguments)
-    return 1000.0 * (time.process_time() - begin)
+    return 1000.0 * processor_seconds(act, *arguments)
