@@ -232,11 +232,26 @@ def load_manifest(path: Path) -> Manifest:
         ManifestError: The file is missing, is not JSON, or breaks the format; names the file and the case.
     """
     try:
-        text = read_content(path).decode()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ManifestError(
-            f"Cannot read manifest {str(path)!r}: {error}. Give the path of a JSON manifest."
-        ) from error
+        content = read_content(path)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return decode_manifest(content, path)
+
+
+def decode_manifest(content: bytes, path: Path) -> Manifest:
+    """Check the unpacked content of a manifest; see :func:`load_manifest`.
+
+    Args:
+        content: What was read.
+        path: Where, for messages.
+
+    Raises:
+        ManifestError: It is not JSON, or breaks the format.
+    """
+    try:
+        text = content.decode()
+    except UnicodeDecodeError as error:
+        raise _unreadable(path, error) from error
     try:
         document = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
@@ -247,6 +262,10 @@ def load_manifest(path: Path) -> Manifest:
         return parse_manifest(document)
     except ManifestError as error:
         raise ManifestError(f"{path}: {error}") from error
+
+
+def _unreadable(path: Path, error: Exception) -> ManifestError:
+    return ManifestError(f"Cannot read manifest {str(path)!r}: {error}. Give the path of a JSON manifest.")
 
 
 def parse_manifest(document: Any) -> Manifest:

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 
-from pytest_libero_max.cases import EVENTS, Case, Json, Manifest, parse_case
+from pytest_libero_max.cases import EVENTS, Case, Manifest, parse_case
 from pytest_libero_max.construction.eligibility import eligible
 from pytest_libero_max.construction.events import resolve_event
 from pytest_libero_max.construction.identity import Identity, seed_of
 from pytest_libero_max.construction.metadata import TaskMetadata, task_metadata
 from pytest_libero_max.construction.records import case_record
 from pytest_libero_max.construction.selection import Examine
+from pytest_libero_max.construction.splits import protocol
 from pytest_libero_max.errors import ManifestError
 
 SUITES = ("libero_spatial", "libero_object")
@@ -26,18 +27,13 @@ TASKS = 10
 INITS = 10
 SAMPLER = "libero-max-smoke-v1.0"
 
-PROTOCOL: Json = {
-    "arms": ["control", "intervention"],
-    "profile": "smoke",
-    "query_interval": 16,
-    "scoring_track": "physical_completion",
-    "selection_contract": (
-        f"{SAMPLER}; 2 cases per change-type/draw cell, one of each suite where both are eligible; "
-        "least used task, least used initial state, then SHA-256 rank; physical preflight; "
-        "independent of policy outcomes"
-    ),
-    "substrate": "LIBERO",
-}
+PROTOCOL = protocol(
+    "smoke",
+    f"{SAMPLER}; 2 cases per change-type/draw cell, one of each suite where both are eligible; "
+    "least used task, least used initial state, then SHA-256 rank; physical preflight; "
+    "independent of policy outcomes",
+    substrate="LIBERO",
+)
 
 
 def build_smoke(rejected: Collection[str] = ()) -> Manifest:

@@ -11,6 +11,7 @@ from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_C
 from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
 from pytest_libero_max.construction.identity import seed_of
 
+SUBSTRATE = "pytest-libero-max embedded"
 BENCHMARK, VERSION = "libero-max-embedded", "1.0.0"
 
 LITE_SEED = 20260830
@@ -20,7 +21,7 @@ DEVELOPMENT = 16
 SAMPLER = "libero-max-embedded-recovery-v1.0"
 
 
-def protocol(profile: str, contract: str) -> Json:
+def protocol(profile: str, contract: str, substrate: str = SUBSTRATE) -> Json:
     """How the cases of a track are played, as manifests say it."""
     return {
         "arms": ["control", "intervention"],
@@ -28,7 +29,7 @@ def protocol(profile: str, contract: str) -> Json:
         "query_interval": 16,
         "scoring_track": "physical_completion",
         "selection_contract": contract,
-        "substrate": "pytest-libero-max embedded",
+        "substrate": substrate,
     }
 
 
@@ -38,8 +39,7 @@ def full(cases: Iterable[Case]) -> Manifest:
         "Plus: 7 categories x 8 events x 2 variants x 50 tasks; PRO: 10 x 8 x 2 x 15 configurations; "
         "physical preflight with replacement in the cell; independent of policy outcomes"
     )
-    ordered = tuple(sorted(cases, key=lambda case: case.case_id))
-    return Manifest(BENCHMARK, VERSION, protocol("max", contract), ordered)
+    return Manifest(BENCHMARK, VERSION, protocol("max", contract), _by_id(cases))
 
 
 def lite(whole: Manifest) -> Manifest:
@@ -48,16 +48,15 @@ def lite(whole: Manifest) -> Manifest:
     chosen: list[Case] = []
     for event, (source, count) in product(sorted(EVENTS), LITE_PER_EVENT.items()):
         pool = (case for case in whole if case.event.name == event and case.source == source)
-        drawn = draw.sample(sorted(pool, key=lambda case: case.case_id), count)
-        chosen += sorted(drawn, key=lambda case: case.case_id)
+        chosen += _by_id(draw.sample(_by_id(pool), count))
     contract = f"100 cases of each event: 70 LIBERO-Plus and 30 LIBERO-PRO; seed {LITE_SEED}"
-    return Manifest(f"{BENCHMARK}-lite", VERSION, protocol("lite", contract), tuple(chosen))
+    return _split("lite", contract, chosen)
 
 
 def camera(whole: Manifest) -> Manifest:
     """Every camera shift."""
-    cases = tuple(case for case in whole if case.event.name == "camera_shift")
-    return Manifest(f"{BENCHMARK}-camera", VERSION, protocol("camera", "every camera_shift"), cases)
+    cases = (case for case in whole if case.event.name == "camera_shift")
+    return _split("camera", "every camera_shift", cases)
 
 
 def recovery(whole: Manifest) -> Manifest:
@@ -72,8 +71,7 @@ def recovery(whole: Manifest) -> Manifest:
         )
         chosen += sorted(pool, key=_rank)[:count]
     contract = f"{SAMPLER}; 210 LIBERO-Plus and 90 LIBERO-PRO, 150 of each corruption, by source category"
-    ordered = tuple(sorted(chosen, key=lambda case: case.case_id))
-    return Manifest(f"{BENCHMARK}-recovery", VERSION, protocol("recovery", contract), ordered)
+    return _split("recovery", contract, _by_id(chosen))
 
 
 def _recovery_cells() -> Iterator[tuple[str, int, int]]:
@@ -100,10 +98,15 @@ def recovery_development(whole: Manifest) -> Manifest:
             spread.setdefault(case.source_category, case)
         chosen += list(spread.values())[: DEVELOPMENT // 2]
     contract = f"{SAMPLER}; disjoint from the recovery track"
-    ordered = tuple(sorted(chosen, key=lambda case: case.case_id))
-    return Manifest(
-        f"{BENCHMARK}-recovery_development", VERSION, protocol("recovery_development", contract), ordered
-    )
+    return _split("recovery_development", contract, _by_id(chosen))
+
+
+def _split(name: str, contract: str, cases: Iterable[Case]) -> Manifest:
+    return Manifest(f"{BENCHMARK}-{name}", VERSION, protocol(name, contract), tuple(cases))
+
+
+def _by_id(cases: Iterable[Case]) -> tuple[Case, ...]:
+    return tuple(sorted(cases, key=lambda case: case.case_id))
 
 
 SPLITS: Mapping[str, Callable[[Manifest], Manifest]] = {

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
-from pytest_libero_max.cases import Manifest, load_manifest, read_content
+from pytest_libero_max.cases import Manifest, decode_manifest, read_content
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 
 FOLDER = Path(__file__).resolve().parents[1] / "tracks"
@@ -42,22 +42,23 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
         ManifestError: Its file differs from its checksum.
     """
     path = track_path(name, folder)
-    require_frozen(path)
-    return load_manifest(path)
+    return decode_manifest(frozen_content(path), path)
 
 
-def require_frozen(path: Path) -> None:
-    """Compare a file with its checksum.
+def frozen_content(path: Path) -> bytes:
+    """The content of a file, compared with its checksum.
 
     Raises:
         ManifestError: They differ, or there is none.
     """
+    content = content_of(path)
     expected = read_checksums(path.parent).get(path.name.removesuffix(".gz"), "nothing of it")
-    if _digest(path) != expected:
+    if hashlib.sha256(content).hexdigest() != expected:
         raise ManifestError(
             f"{path}: the content is not the one that was frozen ({CHECKSUMS} says {expected}). "
             "Restore the file, or give an edited copy by its path as a manifest of your own."
         )
+    return content
 
 
 def content_of(path: Path) -> bytes:
@@ -80,7 +81,9 @@ def write_frozen(path: Path, content: str) -> None:
 
 def write_checksums(folder: Path, files: Iterable[str]) -> None:
     """Write ``SHA256SUMS`` for some files of a folder."""
-    digests = {name.removesuffix(".gz"): _digest(folder / name) for name in files}
+    digests = {
+        name.removesuffix(".gz"): hashlib.sha256(content_of(folder / name)).hexdigest() for name in files
+    }
     lines = (f"{digest}  {name}\n" for name, digest in sorted(digests.items()))
     (folder / CHECKSUMS).write_text("".join(lines), encoding="utf-8")
 
@@ -102,7 +105,3 @@ def read_checksums(folder: Path) -> dict[str, str]:
     except OSError as error:
         raise ManifestError(f"{error}. The installation is incomplete; install the package again.") from error
     return {name: digest for digest, name in (line.split() for line in lines)}
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(content_of(path)).hexdigest()

@@ -39,18 +39,18 @@ class Progress:
     Attributes:
         done: Cases examined, in this session or before.
         total: Cases to examine in all.
-        failed: How many of ``done`` did not pass.
-        seconds_left: At the pace of this session; None before anything was measured.
+        failed: How many did not pass in this session.
+        seconds_left: At the pace of this session.
     """
 
     done: int
     total: int
     failed: int
-    seconds_left: float | None
+    seconds_left: float
 
     def __str__(self) -> str:
-        left = "" if self.seconds_left is None else f", {self.seconds_left / 60:.0f} min left"
-        return f"{self.done} of {self.total} cases examined, {self.failed} failed{left}"
+        left = f"{self.seconds_left / 60:.0f} min left"
+        return f"{self.done} of {self.total} cases examined, {self.failed} failed, {left}"
 
 
 class Examiner:
@@ -103,7 +103,7 @@ class Examiner:
 
         Raises:
             AdapterError: The expert broke its contract, or cannot be loaded.
-            LiberoMaxError: A case cannot be played at all.
+            SimulatorError: The simulation breaks after an event that passed.
         """
         todo = sorted((case for case in cases if not self._knows(case)), key=_scene)
         if todo:
