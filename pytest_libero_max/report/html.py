@@ -185,7 +185,7 @@ def _provenance(report: Json) -> list[str]:
     rows = [(name, version or "not installed") for name, version in origin["versions"].items()]
     rows += [("case set", f"{origin['case_set']['name']}, {origin['case_set']['digest'][:12]}")]
     rows += [("MUJOCO_GL", origin["gl_backend"] or "not set"), ("command", shlex.join(origin["command"]))]
-    return ["<h2>Provenance</h2>", _table(("", ""), rows, "origin")]
+    return ["<h2>Provenance</h2>", "<div class='origin'>", _table(("", ""), rows), "</div>"]
 
 
 def _card(name: str, rate: Json) -> str:
@@ -198,9 +198,9 @@ def _note(words: str, kind: str = "") -> str:
     return f"<p class='note {kind}'>{escape(words)}</p>"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]], kind: str = "") -> str:
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table class='{kind}'><tr>{top}</tr>{body}</table>"
+    return f"<table><tr>{top}</tr>{body}</table>"
