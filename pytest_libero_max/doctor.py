@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
-from pytest_libero_max.worlds import egl, gl
 from pytest_libero_max.worlds.registry import SubstrateOptions
+from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 
 Level = Literal["ok", "note", "missing"]

@@ -33,8 +33,11 @@ from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 from numpy.typing import NDArray
 
-from pytest_libero_max.cases import EVENTS, SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event, Manifest, Trigger
-from pytest_libero_max.cases import parse_case as _parse_case
+from pytest_libero_max.benchmark.cases import EVENTS, SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event, Trigger
+from pytest_libero_max.benchmark.cases import parse_case as _parse_case
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.changes import (
     Change,
     InsertDistractors,
@@ -47,14 +50,12 @@ from pytest_libero_max.changes import (
     SetVisualTheme,
     ShiftCamera,
 )
-from pytest_libero_max.construction.identity import Identity
-from pytest_libero_max.construction.records import case_record
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, Entity, Observation
 
 if TYPE_CHECKING:
-    from pytest_libero_max.construction.catalogue import Variant
+    from pytest_libero_max.sources import Variant
 
 Entities = Mapping[str, Entity]
 
@@ -217,9 +218,9 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
         draw: Given by Hypothesis.
         source: Only on this source's variations.
     """
-    from pytest_libero_max.construction.catalogue import variant_metadata
     from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
-    from pytest_libero_max.construction.eligibility import eligible_events
+    from pytest_libero_max.events.eligibility import eligible_events
+    from pytest_libero_max.sources import variant_metadata
 
     variant = draw(source_variants(source))
     event = draw(st.sampled_from(eligible_events(variant_metadata(variant))))
@@ -349,7 +350,7 @@ def scripted_policies(
 
 
 def _catalogue(source: str) -> SearchStrategy[Variant]:
-    from pytest_libero_max.construction.catalogue import catalogue
+    from pytest_libero_max.sources import catalogue
 
     return st.sampled_from(catalogue(source))
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.cases import Case, Event, Manifest, parse_case, parse_manifest
+from pytest_libero_max.benchmark.cases import Case, Event, parse_case
+from pytest_libero_max.benchmark.manifests import Manifest, parse_manifest
 from pytest_libero_max.changes import Change, MoveObject, change_from_dict
-from pytest_libero_max.construction.catalogue import Variant, variant_of
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.policies.contract import (
     Episode,
@@ -20,6 +20,7 @@ from pytest_libero_max.policies.contract import (
     RemembersPolicy,
     query_seed,
 )
+from pytest_libero_max.sources import Variant, variant_of
 from pytest_libero_max.worlds.contract import Entity, Observation
 
 ENTITIES = {
@@ -144,7 +145,7 @@ def test_memory_reaches_the_actions() -> None:
 
 def test_only_this_module_needs_hypothesis() -> None:
     code = (
-        "import sys, pytest_libero_max.changes, pytest_libero_max.construction.events\n"
+        "import sys, pytest_libero_max.changes, pytest_libero_max.events.parameters\n"
         "sys.exit('hypothesis' in sys.modules or 'mujoco' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

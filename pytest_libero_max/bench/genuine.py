@@ -16,8 +16,8 @@ import numpy as np
 
 from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.bench.pairs import IMAGE_SIZE, QUERY_INTERVAL, Hovering
-from pytest_libero_max.cases import SETTLE_STEPS, Case
-from pytest_libero_max.construction.tracks import load_track
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.pairing.runner import Pair, measure_pair
 from pytest_libero_max.worlds.contract import ACTION_DIM, NOOP_ACTION

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.bench.clock import processor_seconds
-from pytest_libero_max.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes.registry import change_from_dict
-from pytest_libero_max.construction.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query

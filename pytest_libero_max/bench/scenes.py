@@ -10,7 +10,7 @@ from statistics import median
 import numpy as np
 
 from pytest_libero_max.bench.clock import processor_seconds
-from pytest_libero_max.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld

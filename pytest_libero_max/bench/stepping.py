@@ -16,10 +16,10 @@ import numpy as np
 
 from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.errors import SimulatorError
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, CONTROL_HZ
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes.assignment import SetInstruction, SetTask
 from pytest_libero_max.changes.base import Change
 from pytest_libero_max.changes.camera import ShiftCamera

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.substrates import add_substrate, substrate_options
 
 if TYPE_CHECKING:
-    from pytest_libero_max.cases import Manifest
+    from pytest_libero_max.benchmark.manifests import Manifest
     from pytest_libero_max.construction.verdicts import Progress
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -80,15 +80,15 @@ def _add_examination(command: argparse.ArgumentParser, *, required: bool) -> Non
 
 
 def _catalogue(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.catalogue import count_lines
+    from pytest_libero_max.sources import count_lines
 
     print("\n".join(count_lines()))
 
 
 def _gallery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.catalogue import variant_of
-    from pytest_libero_max.construction.catalogue.sheets import write_plus_sheet, write_pro_sheet
     from pytest_libero_max.construction.pictures import write_event_sheet
+    from pytest_libero_max.sources import variant_of
+    from pytest_libero_max.sources.sheets import write_plus_sheet, write_pro_sheet
     from pytest_libero_max.worlds.embedded.gallery import write_contact_sheet
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
@@ -122,8 +122,8 @@ def _build(options: argparse.Namespace) -> None:
 
 
 def _preflight(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.sampling import stratified
     from pytest_libero_max.construction.overview import examination_lines
-    from pytest_libero_max.construction.subset import stratified
     from pytest_libero_max.construction.verdicts import Examiner
 
     cases = _manifest(options.cases).cases
@@ -155,15 +155,15 @@ def _freeze(options: argparse.Namespace) -> None:
 
 
 def _verify(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.tracks import FOLDER
+    from pytest_libero_max.benchmark.tracks import FOLDER
     from pytest_libero_max.construction.verification import verify
 
     print("\n".join(verify(options.folder or FOLDER)))
 
 
 def _show(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.tracks import FOLDER
     from pytest_libero_max.construction.overview import case_lines, manifest_lines, overview_lines
-    from pytest_libero_max.construction.tracks import FOLDER
 
     if options.cases is None:
         print("\n".join(overview_lines(FOLDER)))
@@ -179,7 +179,7 @@ def _show(options: argparse.Namespace) -> None:
 
 def _manifest(name: str) -> Manifest:
     """A track by its name, or a manifest by its path."""
-    from pytest_libero_max.cases import load_manifest
-    from pytest_libero_max.construction.tracks import load_track
+    from pytest_libero_max.benchmark.manifests import load_manifest
+    from pytest_libero_max.benchmark.tracks import load_track
 
     return load_manifest(Path(name)) if Path(name).suffix in (".json", ".gz") else load_track(name)

@@ -6,14 +6,14 @@ from collections import Counter
 from functools import cache
 from typing import NamedTuple
 
-from pytest_libero_max.cases import EVENTS, Case, parse_case
-from pytest_libero_max.construction.catalogue import Variant, catalogue, variant_metadata
-from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.construction.eligibility import eligible_events
-from pytest_libero_max.construction.events import resolve_event
-from pytest_libero_max.construction.identity import Identity
-from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.benchmark.cases import EVENTS, Case, parse_case
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.events.eligibility import eligible_events
+from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.sources import Variant, catalogue, variant_metadata
+from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
 PRO_STATES = 10
 """Initial states of a LIBERO-PRO task; LIBERO-Plus has one, number 0."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.construction.preflight import Problem, problems
 from pytest_libero_max.pairing.prefix import BranchPoint, return_to
 from pytest_libero_max.pairing.runner import continue_rollout, inject, play_prefix

@@ -7,12 +7,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from pytest_libero_max.cases import EVENTS, Case, Manifest
+from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.tracks import load_track, track_names
 from pytest_libero_max.construction.configurations import cell_of
 from pytest_libero_max.construction.examination import Certificate, Verdict
 from pytest_libero_max.construction.preflight import GATES
 from pytest_libero_max.construction.release import read_certificates, read_rejected
-from pytest_libero_max.construction.tracks import load_track, track_names
 from pytest_libero_max.errors import OptionError, did_you_mean
 
 OVERVIEW = "README.md"

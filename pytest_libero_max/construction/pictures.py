@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.cases import EVENTS, Case
+from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.preflight import straight_approach
-from pytest_libero_max.construction.tracks import load_track
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate, World
-from pytest_libero_max.worlds.sheets import captioned, write_sheet
+from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
 
 _PAIRS_A_ROW = 2
 

@@ -15,7 +15,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from pytest_libero_max.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.changes import Change, change_from_dict
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, NOOP_ACTION, Array, Image, World

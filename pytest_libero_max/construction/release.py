@@ -7,18 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from pytest_libero_max.cases import Case, Manifest
-from pytest_libero_max.construction.examination import Certificate, Verdict
-from pytest_libero_max.construction.preflight import Gate, Problem
-from pytest_libero_max.construction.selection import select
-from pytest_libero_max.construction.smoke import select_smoke
-from pytest_libero_max.construction.splits import SPLITS, full
-from pytest_libero_max.construction.tracks import (
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.tracks import (
     frozen_content,
     load_track,
     write_checksums,
     write_frozen,
 )
+from pytest_libero_max.construction.examination import Certificate, Verdict
+from pytest_libero_max.construction.preflight import Gate, Problem
+from pytest_libero_max.construction.selection import select
+from pytest_libero_max.construction.smoke import select_smoke
+from pytest_libero_max.construction.splits import SPLITS, full
 from pytest_libero_max.errors import ManifestError
 
 REJECTED, CERTIFICATES = "rejected.tsv.gz", "certificates.tsv.gz"

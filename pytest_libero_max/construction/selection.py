@@ -15,14 +15,14 @@ from itertools import product
 
 import numpy as np
 
-from pytest_libero_max.cases import EVENTS, Case
-from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.construction.catalogue.variant import Variant
+from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration, hosts
-from pytest_libero_max.construction.identity import seed_of
 from pytest_libero_max.construction.matching import Shortage, fill
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.sources.variation import Variant
 
 PLUS_PER_CELL, PRO_PER_CELL = 50, 15
 LEVELS = 5

@@ -12,15 +12,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 
-from pytest_libero_max.cases import EVENTS, Case, Manifest, parse_case
-from pytest_libero_max.construction.eligibility import eligible
-from pytest_libero_max.construction.events import resolve_event
-from pytest_libero_max.construction.identity import Identity, seed_of
-from pytest_libero_max.construction.metadata import TaskMetadata, task_metadata
-from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.benchmark.cases import EVENTS, Case, parse_case
+from pytest_libero_max.benchmark.identity import Identity, seed_of
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.construction.selection import Examine
 from pytest_libero_max.construction.splits import protocol
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.eligibility import eligible
+from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.sources.metadata import TaskMetadata, task_metadata
 
 SUITES = ("libero_spatial", "libero_object")
 TASKS = 10

@@ -6,10 +6,12 @@ import random
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 
-from pytest_libero_max.cases import EVENTS, Case, Json, Manifest
-from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.construction.identity import seed_of
+from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.identity import seed_of
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
 SUBSTRATE = "pytest-libero-max embedded"
 BENCHMARK, VERSION = "libero-max-embedded", "1.0.0"

@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pytest_libero_max.cases import Case, Json, canonical_digest, parse_case
-from pytest_libero_max.construction.catalogue import catalogue, digest_of, open_substrate, variant_of
+from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.construction.examination import Verdict, examine
 from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.errors import ChangeError, SubstrateError
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.sources import catalogue, digest_of, open_substrate, variant_of
 from pytest_libero_max.worlds.contract import Substrate
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 

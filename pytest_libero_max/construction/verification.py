@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.cases import Case, Manifest
-from pytest_libero_max.construction.catalogue import variant_of
-from pytest_libero_max.construction.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.construction.catalogue.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.tracks import CHECKSUMS, frozen_files, load_track, read_checksums
 from pytest_libero_max.construction.configurations import Cell, Configuration, cell_of, hosts
 from pytest_libero_max.construction.matching import levelled
 from pytest_libero_max.construction.release import CERTIFICATES, REJECTED, read_certificates, read_rejected
@@ -24,8 +23,10 @@ from pytest_libero_max.construction.selection import (
 )
 from pytest_libero_max.construction.smoke import build_smoke
 from pytest_libero_max.construction.splits import SPLITS
-from pytest_libero_max.construction.tracks import CHECKSUMS, frozen_files, load_track, read_checksums
 from pytest_libero_max.errors import ManifestError, SubstrateError
+from pytest_libero_max.sources import variant_of
+from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
 
 def verify(folder: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.pairing.clock import Clock

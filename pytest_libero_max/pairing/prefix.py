@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.episode import ask_policy, begin_policy, begin_world, make_query

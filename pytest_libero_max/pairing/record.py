@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from pytest_libero_max.cases import Case, Json
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError, did_you_mean
 
 RECORD_VERSION = 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.episode import ask_policy, begin_policy, begin_world, make_query
 from pytest_libero_max.pairing.prefix import Answer, BranchPoint, event_link, first_link, next_link

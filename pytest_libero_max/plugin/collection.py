@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.cases import EVENTS, FAMILIES, SUITE_BUDGETS, Case, Manifest, load_manifest
+from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES, SUITE_BUDGETS, Case
+from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.plugin import options
 from pytest_libero_max.plugin.keys import MANIFEST, NOISE_CASES, SETTINGS
@@ -43,8 +44,8 @@ def manifest_of(config: pytest.Config) -> Manifest:
         pytest.UsageError: The track is unknown or the manifest is unusable.
     """
     if MANIFEST not in config.stash:
+        from pytest_libero_max.benchmark.tracks import load_track
         from pytest_libero_max.changes import check_changes
-        from pytest_libero_max.construction.tracks import load_track
 
         settings = settings_of(config)
         try:
@@ -58,7 +59,7 @@ def manifest_of(config: pytest.Config) -> Manifest:
 
 def cases_of(config: pytest.Config) -> tuple[Case, ...]:
     """The cases of the run before ``-k`` and ``-m``, sorted by item id."""
-    from pytest_libero_max.construction.subset import stratified
+    from pytest_libero_max.benchmark.sampling import stratified
 
     settings = settings_of(config)
     cases = manifest_of(config).cases
@@ -75,7 +76,7 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
 def noise_cases_of(config: pytest.Config) -> frozenset[str]:
     """Item ids of the cases of the run whose Base is played twice."""
     if NOISE_CASES not in config.stash:
-        from pytest_libero_max.construction.subset import stratified
+        from pytest_libero_max.benchmark.sampling import stratified
 
         count = settings_of(config).noise_floor
         chosen = stratified(cases_of(config), count) if count else ()

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.cases import Case, Json
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of, cases_of, manifest_of, settings_of

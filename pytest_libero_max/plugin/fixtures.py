@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pytest_libero_max.cases import Case, Json
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
@@ -50,7 +51,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
 @pytest.fixture(scope="session")
 def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     """What builds the worlds; every scene is built once a worker."""
-    from pytest_libero_max.construction.catalogue import open_substrate
+    from pytest_libero_max.sources import open_substrate
 
     substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
     yield substrate

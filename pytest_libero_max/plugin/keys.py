@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_libero_max.cases import Json, Manifest
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.plugin.options import Settings
 
 SETTINGS = pytest.StashKey[Settings]()

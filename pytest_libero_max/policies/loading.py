@@ -25,6 +25,11 @@ DEFAULT_NAME = "policy"
 HORIZON_FLAG = "--libero-max-horizon"
 QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
 
+BUILT_IN = {
+    name: f"pytest_libero_max.experts.{name}" for name in ("expert", "stale_expert", "noop", "random")
+}
+"""Policies that ship with the package, by the name that loads them."""
+
 _PRIVATE = "_pytest_libero_max_adapter_"
 _FORMS = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE or PACKAGE.MODULE:NAME."
 
@@ -115,6 +120,7 @@ def _parse(reference: str) -> tuple[str, str]:
             f"policy={reference!r} is the address of a policy server, which is not supported yet. {_FORMS} "
             "An adapter may talk to a server itself, in predict."
         )
+    reference = BUILT_IN.get(reference, reference)
     target, colon, name = reference.rpartition(":")
     if not colon or "/" in name or "\\" in name:  # the second: a Windows drive
         target, name = reference, DEFAULT_NAME

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.stats.breakdown import MacroAverage, Split, at_floor
 from pytest_libero_max.stats.comparison import Contrast
 from pytest_libero_max.stats.exposure import Exposure

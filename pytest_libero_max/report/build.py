@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from pytest_libero_max.cases import EVENTS, FAMILIES, Case, Json
+from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES, Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.blocks import (

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.cases import EVENTS, Json
+from pytest_libero_max.benchmark.cases import EVENTS
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.blocks import change_json, contrast_json, number, result_json

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.summary import (
     count_text,

@@ -23,7 +23,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pytest_libero_max.cases import EVENTS, FAMILIES, Json
+from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, did_you_mean
 
 Verdict = Literal["passed", "failed", "undecidable"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.summary import (
     change_text,

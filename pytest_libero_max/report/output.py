@@ -6,7 +6,7 @@ import json
 import os
 from pathlib import Path
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report import raster
 from pytest_libero_max.report.build import REPORT_VERSION, build_report

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from pytest_libero_max.cases import EVENTS, Json
+from pytest_libero_max.benchmark.cases import EVENTS
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
 

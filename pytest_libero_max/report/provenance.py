@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 
 PACKAGES = (
     "pytest-libero-max",

@@ -14,7 +14,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.cases import Json, canonical_digest
+from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.plan import Run

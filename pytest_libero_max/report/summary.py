@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from textwrap import wrap
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 
 
 def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:

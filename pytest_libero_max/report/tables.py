@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.summary import title_text
 
 CSV_COLUMNS = (

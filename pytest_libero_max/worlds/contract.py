@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import mujoco
 
-    from pytest_libero_max.cases import Case
+    from pytest_libero_max.benchmark.cases import Case
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

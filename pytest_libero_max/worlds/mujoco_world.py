@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ActionError, EntityError, SimulatorError, SubstrateError, did_you_mean
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import (
     ACTION_DIM,
     CAMERAS,
@@ -31,13 +30,14 @@ from pytest_libero_max.worlds.contract import (
     Semantics,
     WorldState,
 )
+from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()  # MuJoCo reads the backend while it is imported
 
 import mujoco  # noqa: E402
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.rendering import Renderer
+    from pytest_libero_max.worlds.rendering.renderer import Renderer
 
 ALTERABLE = (
     "body_pos",
@@ -412,7 +412,7 @@ class MujocoWorld(ABC):
         return self._renderer.render(camera, size)
 
     def _new_renderer(self) -> Renderer:
-        from pytest_libero_max.worlds.rendering import Renderer
+        from pytest_libero_max.worlds.rendering.renderer import Renderer
 
         return Renderer(self._model, self._data)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 
 if TYPE_CHECKING:
-    from pytest_libero_max.cases import Case
+    from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.worlds.contract import SourceVariant, Substrate
     from pytest_libero_max.worlds.libero.installation import Installation
 
@@ -75,7 +75,7 @@ def open_substrate(
         elif variant_of is None:
             raise SubstrateError(
                 "variations='own', but no catalogue of them was given. Open the substrate with one, as "
-                "pytest_libero_max.construction.catalogue.open_substrate does."
+                "pytest_libero_max.sources.open_substrate does."
             )
         return LiberoSubstrate(_installations(options), options.semantics, options.instruction, variant_of)
     if name == "tiny":

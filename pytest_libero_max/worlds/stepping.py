@@ -30,8 +30,8 @@ from numba.core.cgutils import ir
 from numba.extending import intrinsic
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import ACTION_DIM, Array
+from pytest_libero_max.worlds.rendering import gl
 
 gl.import_robosuite()
 

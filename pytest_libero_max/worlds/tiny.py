@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()
 
 import mujoco  # noqa: E402
 
 if TYPE_CHECKING:
-    from pytest_libero_max.cases import Case
+    from pytest_libero_max.benchmark.cases import Case
 
 INITS = 10
 """Number of initial states."""

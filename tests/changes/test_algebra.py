@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.cases import Event
+from pytest_libero_max.benchmark.cases import Event
 from pytest_libero_max.changes import Change, MoveObject, Nothing, ShiftCamera, change_from_dict
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.tiny import TinyWorld

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.construction.tracks import load_track
 from pytest_libero_max.worlds.contract import CAMERAS
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 from tests.changes.world_comparison import (

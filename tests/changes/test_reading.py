@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes import OPERATIONS, change_from_dict
 from pytest_libero_max.errors import ChangeError
 

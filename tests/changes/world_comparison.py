@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from pytest_libero_max.cases import Event
+from pytest_libero_max.benchmark.cases import Event
 from pytest_libero_max.changes import Change, change_from_dict
 from pytest_libero_max.worlds.contract import World
 

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import Case, Json, load_manifest
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.manifests import load_manifest
+from pytest_libero_max.benchmark.records import scenario_record
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.construction.eligibility import eligible_events
-from pytest_libero_max.construction.events import resolve_event
-from pytest_libero_max.construction.identity import Identity
-from pytest_libero_max.construction.metadata import TaskMetadata, metadata_from_catalog, task_metadata
-from pytest_libero_max.construction.records import scenario_record
+from pytest_libero_max.events.eligibility import eligible_events
+from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.sources.metadata import TaskMetadata, metadata_from_catalog, task_metadata
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", REPOSITORY.parent / "shared" / "official"))

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pytest_libero_max.cases import Case, Event, Trigger, parse_case
+from pytest_libero_max.benchmark.cases import Case, Event, Trigger, parse_case
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.changes import Change, InsertObstacle, MoveObject, RemoveObject, ShiftCamera
-from pytest_libero_max.construction.identity import Identity
 from pytest_libero_max.construction.preflight import problems
-from pytest_libero_max.construction.records import case_record
 from pytest_libero_max.worlds.tiny import TinyWorld
 
 WORLD = TinyWorld()

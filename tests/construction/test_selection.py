@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.construction.configurations import Configuration, cell_of, hosts
 from pytest_libero_max.construction.selection import cells_of, propose, select
 from pytest_libero_max.errors import ManifestError

@@ -1,24 +1,22 @@
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import EVENTS, Manifest
+from pytest_libero_max.benchmark.cases import EVENTS
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.benchmark.tracks import FOLDER, load_track
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.construction.catalogue import open_substrate
-from pytest_libero_max.construction.events import resolve_event
 from pytest_libero_max.construction.examination import examine
-from pytest_libero_max.construction.identity import Identity
-from pytest_libero_max.construction.metadata import task_metadata
-from pytest_libero_max.construction.records import case_record
 from pytest_libero_max.construction.release import read_certificates, read_rejected
 from pytest_libero_max.construction.smoke import build_smoke
-from pytest_libero_max.construction.tracks import FOLDER, load_track
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.parameters import resolve_event
 from pytest_libero_max.policies.loading import load_policy
-
-EXPERT = Path(__file__).parents[2] / "fixtures" / "policies" / "expert.py"
+from pytest_libero_max.sources import open_substrate
+from pytest_libero_max.sources.metadata import task_metadata
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +92,7 @@ def test_a_cell_without_configurations_is_an_error() -> None:
 
 
 def test_every_case_passes_the_preflight_and_is_solved_as_certified(smoke: Manifest) -> None:
-    expert = load_policy(str(EXPERT))
+    expert = load_policy("expert")
     expert.spec = replace(expert.spec, cameras=())
     substrate = open_substrate("embedded")
     certificates = read_certificates(FOLDER)

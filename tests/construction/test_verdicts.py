@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes import MoveObject
 from pytest_libero_max.construction.examination import Certificate, Verdict
 from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.construction.verdicts import BATCH, Examiner, Progress, inputs_digest, read_verdicts
+from pytest_libero_max.experts import noop
 from tests.construction.test_preflight import case_of, insertion, move
 
-NOOP = Path(__file__).parents[2] / "fixtures" / "policies" / "noop.py"
+NOOP = Path(noop.__file__)
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import EVENTS, Case, Json, Manifest
-from pytest_libero_max.construction.release import CERTIFICATES, FILES, REJECTED, write_splits
-from pytest_libero_max.construction.splits import SPLITS
-from pytest_libero_max.construction.tracks import (
+from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.tracks import (
     CHECKSUMS,
     FOLDER,
     content_of,
@@ -19,6 +19,8 @@ from pytest_libero_max.construction.tracks import (
     write_checksums,
     write_frozen,
 )
+from pytest_libero_max.construction.release import CERTIFICATES, FILES, REJECTED, write_splits
+from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.construction.verification import verify
 from pytest_libero_max.errors import ManifestError
 

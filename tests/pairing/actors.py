@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.cases import Case, Event, Trigger
+from pytest_libero_max.benchmark.cases import Case, Event, Trigger
 from pytest_libero_max.changes import MoveObject, SetSensorCorruption, ShiftCamera
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation

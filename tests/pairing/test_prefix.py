@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.prefix import PrefixMode, event_link, first_link, next_link, return_to
 from pytest_libero_max.pairing.runner import PairSettings, continue_rollout, inject, play_pair, play_prefix

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes import MoveObject, Nothing
 from pytest_libero_max.errors import ActionError, AdapterError, EntityError, ProtocolError, SimulatorError
 from pytest_libero_max.pairing.record import PairRecord

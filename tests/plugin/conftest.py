@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.cases import EVENTS
-from pytest_libero_max.construction.events import resolve_event
-from pytest_libero_max.construction.identity import Identity
-from pytest_libero_max.construction.metadata import InitialPlacement, Relation, TaskMetadata
-from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.benchmark.cases import EVENTS
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.events.parameters import resolve_event
 from pytest_libero_max.pairing import runner, trace
 from pytest_libero_max.report import output
+from pytest_libero_max.sources.metadata import InitialPlacement, Relation, TaskMetadata
 from pytest_libero_max.worlds import tiny
 
 # An in-process run forgets what it imported, and NumPy cannot be imported twice: import it all here first.

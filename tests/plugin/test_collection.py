@@ -88,7 +88,7 @@ def test_an_unused_plugin_imports_no_simulator_and_prints_nothing(pytester: pyte
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
     code = (
-        "import sys, pytest_libero_max, pytest_libero_max.cases, pytest_libero_max.plugin.hooks\n"
+        "import sys, pytest_libero_max, pytest_libero_max.benchmark.cases, pytest_libero_max.plugin.hooks\n"
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
 from pytest_libero_max.worlds.tiny import TinyWorld
 
-FOLDER = Path(__file__).parents[2] / "fixtures" / "policies"
 EPISODE = Episode("libero_spatial", 0, "do it", 195, 220)
 
 
@@ -25,7 +23,7 @@ def world() -> Iterator[TinyWorld]:
 
 
 def test_noop_holds_still_and_sees_nothing(world: TinyWorld) -> None:
-    policy = load_policy(str(FOLDER / "noop.py"))
+    policy = load_policy("noop")
     policy.reset(EPISODE)
     assert policy.spec.cameras == ()
     actions = policy.predict(world.observe((), 64), Query(0, 0, "", 1))
@@ -33,7 +31,7 @@ def test_noop_holds_still_and_sees_nothing(world: TinyWorld) -> None:
 
 
 def test_random_draws_from_the_querys_seed_alone(world: TinyWorld) -> None:
-    policy = load_policy(str(FOLDER / "random.py"), horizon=30, query_interval=30)
+    policy = load_policy("random", horizon=30, query_interval=30)
     assert policy.spec.cameras == CAMERAS
     queries = [Query(index, 30 * index, "", query_seed(195, index)) for index in range(4)]
     chunks: list[dict[int, bytes]] = []

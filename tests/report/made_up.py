@@ -8,7 +8,8 @@ from dataclasses import asdict
 from itertools import product
 from typing import Any
 
-from pytest_libero_max.cases import EVENTS, Json, canonical_digest
+from pytest_libero_max.benchmark.cases import EVENTS
+from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.plan import PlannedPair
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.compare import common_cases, compare_folders, compare_runs, replay_command
 from pytest_libero_max.report.compare_text import comparison_lines

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.merge import merge_folders, merge_runs
 from pytest_libero_max.report.output import report_json, report_of

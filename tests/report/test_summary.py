@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from itertools import cycle
 
-from pytest_libero_max.cases import Json
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.markdown import markdown

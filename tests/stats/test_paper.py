@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.cases import EVENTS, FAMILIES
+from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES
 from pytest_libero_max.report.published import published_policies
 from pytest_libero_max.stats.comparison import profile_agreement
 from pytest_libero_max.stats.intervals import mean_change

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import NOOP_ACTION, World
 from pytest_libero_max.worlds.embedded.robot import outline

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import CONTROL_HZ, WorldState
 from pytest_libero_max.worlds.embedded.predicates import all_hold
 from pytest_libero_max.worlds.embedded.robot import add_robot
 from pytest_libero_max.worlds.embedded.scene import Scene
 from pytest_libero_max.worlds.embedded.textures import upload
+from pytest_libero_max.worlds.rendering import gl
 
 gl.import_robosuite()
 

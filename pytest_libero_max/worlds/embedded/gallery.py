@@ -8,7 +8,7 @@ from textwrap import wrap
 
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.tasks import SUITES, Task, tasks
-from pytest_libero_max.worlds.sheets import captioned, write_sheet
+from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
 
 _LETTER = 5.4
 """Pixels that a letter of a caption takes on average."""

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Array, Goal, SourceVariant
 from pytest_libero_max.worlds.embedded.grips import holdings
 from pytest_libero_max.worlds.embedded.placement import initial_state
@@ -19,6 +18,7 @@ from pytest_libero_max.worlds.embedded.predicates import Predicate, all_hold
 from pytest_libero_max.worlds.embedded.remodel import Remodel, remodelled, waiting_place
 from pytest_libero_max.worlds.embedded.scene import Scene, build_scene, joints_of, resolve
 from pytest_libero_max.worlds.privileged import Fact, Holding, facts
+from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
 gl.prepare()
@@ -28,7 +28,7 @@ import mujoco  # noqa: E402
 from pytest_libero_max.worlds.embedded.env import SceneEnv  # noqa: E402
 
 if TYPE_CHECKING:
-    from pytest_libero_max.cases import Case
+    from pytest_libero_max.benchmark.cases import Case
 
 NAME = "embedded"
 SCENES = 12
@@ -148,7 +148,7 @@ class EmbeddedSubstrate:
 
     Args:
         variant_of: Finds the source variation that a case of LIBERO-Plus or LIBERO-PRO plays; see
-            :func:`pytest_libero_max.construction.catalogue.variant_of`. Without it only unmodified tasks can
+            :func:`pytest_libero_max.sources.variant_of`. Without it only unmodified tasks can
             be built.
         scenes: How many compiled scenes are kept at most; each takes some 20 MB, and 0.2 s to build anew.
     """

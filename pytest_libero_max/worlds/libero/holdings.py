@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.privileged import Holding
+from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()
 

@@ -25,7 +25,6 @@ from types import ModuleType
 from typing import Any
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.libero.installation import (
     INSTALL,
     REQUIREMENTS_INSTALL,
@@ -33,6 +32,7 @@ from pytest_libero_max.worlds.libero.installation import (
     importable,
     missing_requirements,
 )
+from pytest_libero_max.worlds.rendering import gl
 
 _CONFIG_VARIABLE = "LIBERO_CONFIG_PATH"
 _OPTIONAL = {

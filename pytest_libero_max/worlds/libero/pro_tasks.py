@@ -21,7 +21,7 @@ from pytest_libero_max.worlds.libero.pro_config import Config, check_category, o
 from pytest_libero_max.worlds.libero.tasks import Task, check_name, task_of, words_of
 
 if TYPE_CHECKING:
-    from pytest_libero_max.cases import Case
+    from pytest_libero_max.benchmark.cases import Case
 
 DATA_SET = "zhouxueyang/LIBERO-Pro"
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds import gl
 from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariant
 from pytest_libero_max.worlds.libero.environment import Built, build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
@@ -22,10 +21,11 @@ from pytest_libero_max.worlds.libero.pro_tasks import ProTask, pro_task
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import Task, task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld
+from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.versions import version_notes
 
 if TYPE_CHECKING:
-    from pytest_libero_max.cases import Case
+    from pytest_libero_max.benchmark.cases import Case
 
 NAME = "libero"
 KEPT_WORLDS = 8

@@ -28,7 +28,7 @@ from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, I
 from pytest_libero_max.worlds.libero.environment import Built
 from pytest_libero_max.worlds.libero.holdings import holdings_of
 from pytest_libero_max.worlds.privileged import Fact, Holding, facts
-from pytest_libero_max.worlds.rendering import Renderer
+from pytest_libero_max.worlds.rendering.renderer import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
 import mujoco  # isort: skip - the rooms above have settled its backend

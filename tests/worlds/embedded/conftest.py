@@ -1,3 +1,3 @@
-from pytest_libero_max.worlds import gl
+from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()  # before any test module imports MuJoCo

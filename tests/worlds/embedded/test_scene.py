@@ -12,7 +12,7 @@ from pytest_libero_max.worlds.embedded.predicates import In, Joints, OnObject, O
 from pytest_libero_max.worlds.embedded.scene import build_scene, resolve
 from pytest_libero_max.worlds.embedded.tasks import Fact
 from pytest_libero_max.worlds.embedded.textures import upload
-from pytest_libero_max.worlds.rendering import Renderer
+from pytest_libero_max.worlds.rendering.renderer import Renderer
 
 from .scenes import ALL, IDS, at_start, compiled
 

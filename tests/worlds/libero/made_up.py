@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.cases import Case, parse_case
-from pytest_libero_max.construction.tracks import load_track
+from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.tracks import load_track
 
 
 def case_of(category: str | None, suite: str, index: int, **changes: Any) -> Case:

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cases import parse_case
-from pytest_libero_max.construction.events import resolve_event
-from pytest_libero_max.construction.identity import Identity
-from pytest_libero_max.construction.metadata import task_metadata
-from pytest_libero_max.construction.records import case_record
+from pytest_libero_max.benchmark.cases import parse_case
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.events.parameters import resolve_event
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.sources.metadata import task_metadata
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from tests.worlds.libero.data import needs_package
 
 pytestmark = needs_package
-
-EXPERT = Path(__file__).parents[3] / "fixtures" / "policies" / "expert.py"
 
 
 @pytest.mark.parametrize(
@@ -38,7 +35,7 @@ def test_the_expert_solves_genuine_tasks_and_finds_its_way_after_events(
     metadata, identity = task_metadata(suite, task), Identity("libero", suite, task, init)
     resolved = resolve_event(event, 0, metadata, identity)
     case = parse_case(case_record(identity, resolved, metadata.name))
-    policy = load_policy(str(EXPERT))
+    policy = load_policy("expert")
     policy.spec = replace(policy.spec, cameras=())
     record = play_pair(case, substrate.world(case), policy)
     assert record.outcome == "preserved_success"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pytest_libero_max.cases import load_manifest
+from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Array
 from pytest_libero_max.worlds.libero.pro import DarkNoise, ProVariation

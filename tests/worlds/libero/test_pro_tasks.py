@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pytest_libero_max.cases import Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.libero.installation import Installation

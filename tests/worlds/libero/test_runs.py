@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.construction.catalogue import catalogue
+from pytest_libero_max.sources import catalogue
 from pytest_libero_max.worlds.libero.installation import Installation
 from tests.worlds.libero.data import DATA, needs_package
 from tests.worlds.libero.forks import SUITE, plus_checkout, pro_checkout

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pytest_libero_max.cases import Case
-from pytest_libero_max.construction.catalogue import catalogue, open_substrate, variant_of
-from pytest_libero_max.construction.catalogue.variant import Variant
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.sources import catalogue, open_substrate, variant_of
+from pytest_libero_max.sources.variation import Variant
 from pytest_libero_max.worlds.libero.installation import Installation
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.registry import SubstrateOptions

@@ -1,0 +1,1 @@
+"""Cases, manifests, tracks and samples of them: pure data, no simulator, no pytest."""

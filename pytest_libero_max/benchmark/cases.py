@@ -1,0 +1,304 @@
+"""Cases: the frozen benchmark units. Pure data, in the format of the manifests of LIBERO-MAX's authors."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pytest_libero_max.benchmark.documents import (
+    Json,
+    canonical_digest,
+    require_count,
+    require_keys,
+    require_object,
+    require_text,
+)
+from pytest_libero_max.errors import ManifestError, did_you_mean
+
+Source = Literal["libero", "plus", "pro"]
+
+SUITE_BUDGETS: Mapping[str, int] = {
+    "libero_spatial": 220,
+    "libero_object": 280,
+    "libero_goal": 300,
+    "libero_10": 520,
+}
+"""Policy steps an episode may take after the settle steps (1 step = 50 ms)."""
+
+SETTLE_STEPS = 10
+"""Control steps with the no-op action before the first query."""
+
+TRIGGER_DISTANCE_M = 0.18
+
+FAMILIES = ("geometry", "observation", "appearance_and_clutter", "path_constraint")
+
+
+@dataclass(frozen=True)
+class EventKind:
+    """One of the eight events: what never differs between two of its cases.
+
+    Attributes:
+        family: The paper's family, by which results are grouped.
+        code: The family code of the manifests.
+        severity: Severity of variant 0 and variant 1.
+        response: What a policy is expected to do: ``continue`` or ``replan``.
+    """
+
+    name: str
+    family: str
+    code: str
+    severity: tuple[str, str]
+    response: str
+
+
+EVENTS: Mapping[str, EventKind] = {
+    kind.name: kind
+    for kind in (
+        EventKind("illumination_switch", "appearance_and_clutter", "OBS", ("high", "high"), "continue"),
+        EventKind("camera_shift", "observation", "OBS", ("high", "high"), "continue"),
+        EventKind("visual_theme_switch", "appearance_and_clutter", "OBS", ("high", "high"), "continue"),
+        EventKind("sensor_noise_onset", "observation", "OBS", ("high", "high"), "continue"),
+        EventKind("target_relocation", "geometry", "GEO", ("medium", "high"), "replan"),
+        EventKind("receptacle_relocation", "geometry", "GEO", ("medium", "high"), "replan"),
+        EventKind("distractor_burst", "appearance_and_clutter", "CLUTTER", ("high", "high"), "continue"),
+        EventKind("obstacle_insertion", "path_constraint", "OBSTACLE", ("high", "high"), "replan"),
+    )
+}
+"""The eight events in the benchmark's order."""
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """When an event fires: the first step with the end effector within ``distance_m`` of ``entity``."""
+
+    entity: str
+    distance_m: float = TRIGGER_DISTANCE_M
+    kind: Literal["on_proximity"] = "on_proximity"
+
+    def to_dict(self) -> Json:
+        return {"distance_m": self.distance_m, "type": self.kind, "value": self.entity}
+
+
+@dataclass(frozen=True)
+class Event:
+    """A change in the middle of an episode.
+
+    Attributes:
+        name: One of :data:`EVENTS`.
+        variant: Parameter variant, 0 or 1 (``draw_id`` in the manifests).
+        seed: Scenario seed; whatever an event draws at run time is drawn from it.
+        change: The change as the manifest spells it: an ``operation`` and its parameters.
+        setup: Changes both arms share, applied right after reset.
+        trigger: When the change happens.
+    """
+
+    name: str
+    variant: int
+    seed: int
+    severity: str
+    change: Json
+    setup: tuple[Json, ...]
+    trigger: Trigger
+
+    @property
+    def kind(self) -> EventKind:
+        return EVENTS[self.name]
+
+    @property
+    def family(self) -> str:
+        return self.kind.family
+
+
+@dataclass(frozen=True)
+class Case:
+    """One frozen unit of the benchmark; the evaluation of a case is a pair of rollouts.
+
+    Attributes:
+        case_id: Unique in its manifest.
+        suite: LIBERO suite, for example ``libero_spatial``.
+        task_index: Index in the source's own registry (LIBERO-Plus: its long list; otherwise 0 to 9).
+        init_state_index: Which frozen initial state.
+        policy_seed: Seed of the policy, the same in both rollouts.
+        event: The one change of the Dynamic rollout.
+        source: ``plus``, ``pro``, or ``libero`` for an unmodified task.
+        source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
+        difficulty: LIBERO-Plus difficulty 1 to 5, or None.
+        instruction: Prompt fixed by the manifest, or None where the substrate's task gives it.
+        record: The case exactly as its manifest spells it.
+    """
+
+    case_id: str
+    suite: str
+    task_index: int
+    init_state_index: int
+    policy_seed: int
+    event: Event
+    source: Source
+    source_category: str
+    difficulty: int | None
+    instruction: str | None
+    record: Json
+
+    def __hash__(self) -> int:
+        return hash(self.case_id)
+
+    @property
+    def budget(self) -> int:
+        """Policy steps after the settle steps."""
+        return SUITE_BUDGETS[self.suite]
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the canonical JSON of the case, hexadecimal."""
+        return canonical_digest(self.record)
+
+    @property
+    def item_id(self) -> str:
+        """Name of the case's test item, for example ``libero-spatial-t00-i00-camera_shift-v1``."""
+        category = "" if self.source == "libero" else f"-{_slug(self.source_category)}"
+        suite = self.suite.removeprefix("libero_")
+        width = 4 if self.source == "plus" else 2
+        return (
+            f"{self.source}{category}-{suite}-t{self.task_index:0{width}d}-i{self.init_state_index:02d}"
+            f"-{self.event.name}-v{self.event.variant}"
+        )
+
+
+_CASE_REQUIRED = {
+    "case_id",
+    "task_suite_name",
+    "task_index",
+    "init_state_index",
+    "policy_seed",
+    "timing_bucket",
+    "scenario",
+}
+_CASE_OPTIONAL = {
+    "task_name",
+    "substrate_category",
+    "substrate_difficulty",
+    "substrate_variant",
+    "dynamic_phase",
+}
+_SCENARIO_REQUIRED = {
+    "scenario_id",
+    "base_task_id",
+    "seed",
+    "change_family",
+    "change_type",
+    "severity",
+    "trigger",
+    "change",
+    "expected_response_mode",
+    "safety_constraints",
+}
+_SCENARIO_OPTIONAL = {"setup", "randomization"}
+
+
+def parse_case(record: Any, where: str = "case") -> Case:
+    """Check one case of a manifest.
+
+    Args:
+        record: The decoded JSON object.
+        where: How to name it in an error.
+
+    Raises:
+        ManifestError: It breaks the format.
+    """
+    case = require_object(record, where)
+    require_keys(case, where, _CASE_REQUIRED, _CASE_OPTIONAL)
+    case_id = require_text(case, "case_id", where)
+    where = f"case {case_id!r}"
+    suite = require_text(case, "task_suite_name", where)
+    if suite not in SUITE_BUDGETS:
+        raise ManifestError(f"{where}: task_suite_name={suite!r}. {did_you_mean(suite, SUITE_BUDGETS)}")
+    variant = case.get("substrate_variant")
+    instruction = (
+        None
+        if variant is None
+        else require_text(require_object(variant, where), "language", f"{where}: substrate_variant")
+    )
+    source, category = _source(case, where)
+    difficulty = case.get("substrate_difficulty")
+    if difficulty is not None and (type(difficulty) is not int or not 1 <= difficulty <= 5):
+        raise ManifestError(f"{where}: substrate_difficulty={difficulty!r}, but must be null or 1 to 5.")
+    return Case(
+        case_id=case_id,
+        suite=suite,
+        task_index=require_count(case, "task_index", where),
+        init_state_index=require_count(case, "init_state_index", where),
+        policy_seed=require_count(case, "policy_seed", where),
+        event=_parse_event(case["scenario"], where),
+        source=source,
+        source_category=category,
+        difficulty=difficulty,
+        instruction=instruction,
+        record=dict(case),
+    )
+
+
+def _parse_event(value: Any, where: str) -> Event:
+    scenario = require_object(value, f"{where}: scenario")
+    where = f"{where}: scenario"
+    require_keys(scenario, where, _SCENARIO_REQUIRED, _SCENARIO_OPTIONAL)
+    name = require_text(scenario, "change_type", where)
+    if name not in EVENTS:
+        raise ManifestError(f"{where}.change_type={name!r} is not an event. {did_you_mean(name, EVENTS)}")
+    randomization = require_object(scenario.get("randomization", {"draw_id": 0}), f"{where}.randomization")
+    draw = randomization.get("draw_id")
+    if type(draw) is not int or draw not in (0, 1):
+        raise ManifestError(f"{where}.randomization.draw_id={draw!r}, but an event has the variants 0 and 1.")
+    kind = EVENTS[name]
+    if scenario["change_family"] != kind.code:
+        raise ManifestError(
+            f"{where}.change_family={scenario['change_family']!r}, but {name} belongs to {kind.code!r}."
+        )
+    setup = scenario.get("setup", [])
+    if not isinstance(setup, list):
+        raise ManifestError(f"{where}.setup must be a list of changes.")
+    return Event(
+        name=name,
+        variant=draw,
+        seed=require_count(scenario, "seed", where),
+        severity=require_text(scenario, "severity", where),
+        change=_change(scenario["change"], f"{where}.change"),
+        setup=tuple(_change(item, f"{where}.setup[{i}]") for i, item in enumerate(setup)),
+        trigger=_parse_trigger(scenario["trigger"], f"{where}.trigger"),
+    )
+
+
+def _parse_trigger(value: Any, where: str) -> Trigger:
+    trigger = require_object(value, where)
+    require_keys(trigger, where, {"type", "value"}, {"distance_m"})
+    if trigger["type"] != "on_proximity":
+        raise ManifestError(
+            f"{where}.type={trigger['type']!r}; every event of the benchmark fires 'on_proximity'."
+        )
+    distance = trigger.get("distance_m")
+    longest = sys.float_info.max
+    if isinstance(distance, bool) or not isinstance(distance, int | float) or not 0 < distance <= longest:
+        raise ManifestError(f"{where}.distance_m={distance!r}, but must be a length in metres above 0.")
+    return Trigger(entity=require_text(trigger, "value", where), distance_m=float(distance))
+
+
+def _source(case: Json, where: str) -> tuple[Source, str]:
+    category = case.get("substrate_category")
+    if category is None:
+        return "libero", "Unmodified"
+    if not isinstance(category, str) or not category:
+        raise ManifestError(f"{where}: substrate_category={category!r}, but must be a non-empty string.")
+    if category.startswith("LIBERO-PRO/"):
+        return "pro", category.removeprefix("LIBERO-PRO/")
+    return "plus", category
+
+
+def _change(value: Any, where: str) -> Json:
+    change = require_object(value, where)
+    require_text(change, "operation", where)
+    return dict(change)
+
+
+def _slug(text: str) -> str:
+    return text.lower().replace(" ", "_")

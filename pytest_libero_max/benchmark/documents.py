@@ -1,0 +1,92 @@
+"""JSON documents of the benchmark: canonical form, digests, compressed files, and checked fields."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pytest_libero_max.errors import ManifestError, did_you_mean
+
+Json = dict[str, Any]
+
+
+def canonical_json(value: Any) -> str:
+    """JSON with sorted keys and no spaces; refuses NaN and infinities."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def canonical_digest(value: Any) -> str:
+    """SHA-256 of :func:`canonical_json`, hexadecimal."""
+    return hashlib.sha256(canonical_json(value).encode()).hexdigest()
+
+
+def read_content(path: Path) -> bytes:
+    """The bytes of a file, unpacked where its name ends in ``.gz``.
+
+    Raises:
+        OSError: It cannot be read, or is damaged.
+    """
+    content = path.read_bytes()
+    if path.suffix != ".gz":
+        return content
+    try:
+        return gzip.decompress(content)
+    except (EOFError, zlib.error) as error:
+        raise OSError(f"{path}: {error}") from error
+
+
+def require_object(value: Any, where: str) -> Json:
+    """The value as a JSON object.
+
+    Raises:
+        ManifestError: It is not one.
+    """
+    if not isinstance(value, dict):
+        raise ManifestError(f"{where} must be a JSON object, not {type(value).__name__}.")
+    return value
+
+
+def require_keys(
+    value: Json, where: str, required: set[str], optional: Sequence[str] | set[str] = ()
+) -> None:
+    """Check that an object has all required fields and no unknown one.
+
+    Raises:
+        ManifestError: It lacks one, or has an unknown one.
+    """
+    missing = sorted(required - value.keys())
+    if missing:
+        raise ManifestError(f"{where} lacks {', '.join(missing)}.")
+    known = required | set(optional)
+    for key in value:
+        if key not in known:
+            raise ManifestError(f"{where} has the unknown field {key!r}. {did_you_mean(key, known)}")
+
+
+def require_text(value: Json, key: str, where: str) -> str:
+    """The field as a non-empty string.
+
+    Raises:
+        ManifestError: It is not one.
+    """
+    text = value.get(key)
+    if not isinstance(text, str) or not text:
+        raise ManifestError(f"{where}.{key}={text!r}, but must be a non-empty string.")
+    return text
+
+
+def require_count(value: Json, key: str, where: str) -> int:
+    """The field as an integer of at least 0.
+
+    Raises:
+        ManifestError: It is not one.
+    """
+    number = value.get(key)
+    if isinstance(number, bool) or not isinstance(number, int) or number < 0:
+        raise ManifestError(f"{where}.{key}={number!r}, but must be an integer of at least 0.")
+    return number

@@ -1,0 +1,78 @@
+"""Names and seeds of cases: functions of what a case is, never of when or where it was made."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+from pytest_libero_max.benchmark.cases import Source
+
+SAMPLERS: dict[Source, str] = {
+    "plus": "libero-max-hard-v2.0",
+    "pro": "libero-max-pro-hard-v1.0",
+    "libero": "libero-max-base-v1.0",
+}
+"""Names of the random draws, by source. Those of ``plus`` and ``pro`` are the released benchmark's."""
+
+DIRECTION_SAMPLER = SAMPLERS["plus"]
+"""Relocation directions use one name for every source, so that all variations of a task share them."""
+
+POLICY_SEED = 195
+
+
+def seed_of(*parts: object) -> int:
+    """The first 32 bits of SHA-256 of the parts joined by ``|``."""
+    return int(hashlib.sha256("|".join(str(part) for part in parts).encode()).hexdigest()[:8], 16)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Which configuration a case stands for, apart from its event.
+
+    Attributes:
+        source: Where the task comes from.
+        suite: For example ``libero_spatial``.
+        task_index: Index in the source's registry.
+        init_state_index: Which initial state.
+        category: Source category of a LIBERO-PRO task, for example ``view_occlusion``; otherwise empty.
+    """
+
+    source: Source
+    suite: str
+    task_index: int
+    init_state_index: int
+    category: str = ""
+
+    @property
+    def sampler(self) -> str:
+        return SAMPLERS[self.source]
+
+    @property
+    def base_task_id(self) -> str:
+        if self.source == "pro":
+            return f"libero-pro/{self.category}/{self.suite}/task_{self.task_index}"
+        prefix = "libero/" if self.source == "libero" else ""
+        return f"{prefix}{self.suite}/task_{self.task_index}"
+
+    def seed(self, event: str, variant: int) -> int:
+        """Scenario seed of an event on this configuration."""
+        if self.source == "plus":
+            return seed_of(self.sampler, self.suite, self.task_index, event, variant)
+        where = (self.category,) if self.source == "pro" else ()
+        return seed_of(
+            self.sampler, *where, self.suite, self.task_index, self.init_state_index, event, variant
+        )
+
+    def direction_index(self, event: str) -> int:
+        """Which of the eight relocation directions; the same for every variant and initial state."""
+        return seed_of(DIRECTION_SAMPLER, self.suite, self.task_index, event, "direction") % 8
+
+    def scenario_id(self, event: str, variant: int) -> str:
+        if self.source == "plus":
+            return f"{self.suite}-t{self.task_index:04d}-{event}-d{variant}"
+        short = self.suite.removeprefix("libero_")
+        prefix = f"pro-{self.category.replace('_', '-')}" if self.source == "pro" else "libero"
+        return f"{prefix}-{short}-t{self.task_index:02d}-i{self.init_state_index:02d}-{event}-d{variant}"
+
+    def case_id(self, event: str, variant: int) -> str:
+        return f"{self.scenario_id(event, variant)}-p{POLICY_SEED}"

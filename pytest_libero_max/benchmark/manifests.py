@@ -1,0 +1,136 @@
+"""Manifests: frozen sets of cases.
+
+The file format is that of the manifests released by the authors of LIBERO-MAX, so theirs load here and ours
+load there; a manifest that is read and written again has the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.documents import (
+    Json,
+    canonical_digest,
+    read_content,
+    require_keys,
+    require_object,
+    require_text,
+)
+from pytest_libero_max.errors import ManifestError
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A frozen set of cases with the protocol under which they are played."""
+
+    benchmark_id: str
+    version: str
+    protocol: Json
+    cases: tuple[Case, ...]
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    def __iter__(self) -> Iterator[Case]:
+        return iter(self.cases)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over the cases in manifest order, hexadecimal: the identity of the case set."""
+        return canonical_digest([case.record for case in self.cases])
+
+    def to_json(self) -> str:
+        """The manifest's file content: sorted keys, two spaces, a final newline."""
+        document = {
+            "benchmark_id": self.benchmark_id,
+            "benchmark_version": self.version,
+            "protocol": self.protocol,
+            "cases": [case.record for case in self.cases],
+        }
+        return json.dumps(document, indent=2, sort_keys=True) + "\n"
+
+
+def load_manifest(path: Path) -> Manifest:
+    """Read and check a manifest, ``.json`` or ``.json.gz``.
+
+    Raises:
+        ManifestError: The file is missing, is not JSON, or breaks the format; names the file and the case.
+    """
+    try:
+        content = read_content(path)
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return decode_manifest(content, path)
+
+
+def decode_manifest(content: bytes, path: Path) -> Manifest:
+    """Check the unpacked content of a manifest; see :func:`load_manifest`.
+
+    Args:
+        content: What was read.
+        path: Where, for messages.
+
+    Raises:
+        ManifestError: It is not JSON, or breaks the format.
+    """
+    try:
+        text = content.decode()
+    except UnicodeDecodeError as error:
+        raise _unreadable(path, error) from error
+    try:
+        document = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise ManifestError(
+            f"{path}: not a JSON document ({error}). The file is damaged or is not a manifest; restore it."
+        ) from error
+    try:
+        return parse_manifest(document)
+    except ManifestError as error:
+        raise ManifestError(f"{path}: {error}") from error
+
+
+def _unreadable(path: Path, error: Exception) -> ManifestError:
+    return ManifestError(f"Cannot read manifest {str(path)!r}: {error}. Give the path of a JSON manifest.")
+
+
+def parse_manifest(document: Any) -> Manifest:
+    """Check a decoded manifest.
+
+    Raises:
+        ManifestError: It breaks the format or contradicts itself.
+    """
+    top = require_object(document, "manifest")
+    require_keys(top, "manifest", {"benchmark_id", "benchmark_version", "protocol", "cases"})
+    protocol = require_object(top["protocol"], "protocol")
+    if protocol.get("arms") != ["control", "intervention"]:
+        raise ManifestError(
+            f"protocol.arms={protocol.get('arms')!r}, but must be ['control', 'intervention']."
+        )
+    raw = top["cases"]
+    if not isinstance(raw, list) or not raw:
+        raise ManifestError("cases must be a non-empty list.")
+    cases = tuple(parse_case(record, f"cases[{i}]") for i, record in enumerate(raw))
+    for case_id, count in Counter(case.case_id for case in cases).items():
+        if count > 1:
+            raise ManifestError(f"case_id={case_id!r} occurs {count} times; ids must be unique.")
+    for item_id, count in Counter(case.item_id for case in cases).items():
+        if count > 1:
+            raise ManifestError(
+                f"{count} cases describe the same configuration {item_id!r}; keep one of them."
+            )
+    return Manifest(
+        benchmark_id=require_text(top, "benchmark_id", "manifest"),
+        version=require_text(top, "benchmark_version", "manifest"),
+        protocol=dict(protocol),
+        cases=cases,
+    )
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not JSON")

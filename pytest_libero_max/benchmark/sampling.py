@@ -1,0 +1,60 @@
+"""Small samples of a manifest that still look like it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import OptionError
+
+Cell = tuple[str, int, str, str]
+"""Event, variant, source, suite."""
+
+
+def stratified(cases: Iterable[Case], limit: int) -> tuple[Case, ...]:
+    """At most ``limit`` cases, spread as evenly as possible, in their original order.
+
+    Cases are taken one by one, each from the cell of (event, variant, source, suite) that is behind most:
+    first by its event, then event and variant, variant, source and suite. Within a cell the order is that
+    of a hash of the case id, so a larger limit only adds cases, and no outcome has a say.
+
+    Raises:
+        OptionError: ``limit`` is below 1.
+    """
+    cases = tuple(cases)
+    if limit < 1:
+        raise OptionError(f"limit={limit!r}, but must be at least 1.")
+    if limit >= len(cases):
+        return cases
+    waiting: dict[Cell, list[Case]] = {}
+    for case in sorted(cases, key=lambda case: _rank(case.case_id), reverse=True):
+        waiting.setdefault(_cell(case), []).append(case)
+    taken: Counter[object] = Counter()
+    chosen: set[str] = set()
+    while len(chosen) < limit:
+        cell = min(waiting, key=lambda cell: _priority(cell, taken))
+        chosen.add(waiting[cell].pop().case_id)
+        taken.update(_shares(cell))
+        if not waiting[cell]:
+            del waiting[cell]
+    return tuple(case for case in cases if case.case_id in chosen)
+
+
+def _cell(case: Case) -> Cell:
+    return case.event.name, case.event.variant, case.source, case.suite
+
+
+def _shares(cell: Cell) -> tuple[object, ...]:
+    """What one case of the cell counts towards, the most important first."""
+    event, variant, source, suite = cell
+    return event, (event, variant), variant, source, suite, cell
+
+
+def _priority(cell: Cell, taken: Counter[object]) -> tuple[object, ...]:
+    return (*(taken[share] for share in _shares(cell)), _rank("|".join(map(str, cell))))
+
+
+def _rank(text: str) -> str:
+    return hashlib.sha256(f"libero-max-subset|{text}".encode()).hexdigest()

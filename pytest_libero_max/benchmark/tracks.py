@@ -1,0 +1,108 @@
+"""The frozen sets of cases that come with the package."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+
+from pytest_libero_max.benchmark.documents import read_content
+from pytest_libero_max.benchmark.manifests import Manifest, decode_manifest
+from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
+
+FOLDER = Path(__file__).resolve().parents[1] / "tracks"
+"""In a source checkout this is a link to ``cases``; an installed package has the files themselves."""
+
+CHECKSUMS = "SHA256SUMS"
+"""Digests of the files' contents, without compression: a name in it has no ``.gz``."""
+
+
+def track_names(folder: Path = FOLDER) -> tuple[str, ...]:
+    """The tracks there are, sorted."""
+    return tuple(sorted(path.name.partition(".json")[0] for path in folder.glob("*.json*")))
+
+
+def track_path(name: str, folder: Path = FOLDER) -> Path:
+    """The manifest of a track.
+
+    Raises:
+        OptionError: There is no such track; suggests the closest.
+    """
+    if name not in track_names(folder):
+        raise OptionError(f"track={name!r} is not a track. {did_you_mean(name, track_names(folder))}")
+    plain = folder / f"{name}.json"
+    return plain if plain.exists() else folder / f"{name}.json.gz"
+
+
+def load_track(name: str, folder: Path = FOLDER) -> Manifest:
+    """Read a track and check that it is the one that was frozen.
+
+    Raises:
+        OptionError: There is no such track.
+        ManifestError: Its file differs from its checksum.
+    """
+    path = track_path(name, folder)
+    return decode_manifest(frozen_content(path), path)
+
+
+def frozen_content(path: Path) -> bytes:
+    """The content of a file, compared with its checksum.
+
+    Raises:
+        ManifestError: They differ, or there is none.
+    """
+    content = content_of(path)
+    expected = read_checksums(path.parent).get(path.name.removesuffix(".gz"), "nothing of it")
+    if hashlib.sha256(content).hexdigest() != expected:
+        raise ManifestError(
+            f"{path}: the content is not the one that was frozen ({CHECKSUMS} says {expected}). "
+            "Restore the file, or give an edited copy by its path as a manifest of your own."
+        )
+    return content
+
+
+def content_of(path: Path) -> bytes:
+    """The bytes of a file, unpacked where it is compressed.
+
+    Raises:
+        ManifestError: It cannot be read or is damaged.
+    """
+    try:
+        return read_content(path)
+    except OSError as error:
+        raise ManifestError(f"{error}. The file is missing or damaged; restore it.") from error
+
+
+def write_frozen(path: Path, content: str) -> None:
+    """Write a file, compressed where its name says so, the same bytes every time."""
+    raw = content.encode()
+    path.write_bytes(gzip.compress(raw, mtime=0) if path.suffix == ".gz" else raw)
+
+
+def write_checksums(folder: Path, files: Iterable[str]) -> None:
+    """Write ``SHA256SUMS`` for some files of a folder."""
+    digests = {
+        name.removesuffix(".gz"): hashlib.sha256(content_of(folder / name)).hexdigest() for name in files
+    }
+    lines = (f"{digest}  {name}\n" for name, digest in sorted(digests.items()))
+    (folder / CHECKSUMS).write_text("".join(lines), encoding="utf-8")
+
+
+def frozen_files(folder: Path) -> tuple[Path, ...]:
+    """The files that must have a checksum: manifests and tables, compressed or not, sorted."""
+    kinds = ("*.json", "*.json.gz", "*.tsv", "*.tsv.gz")
+    return tuple(sorted(path for kind in kinds for path in folder.glob(kind)))
+
+
+def read_checksums(folder: Path) -> dict[str, str]:
+    """Digests of contents by name without ``.gz``.
+
+    Raises:
+        ManifestError: The list is missing.
+    """
+    try:
+        lines = (folder / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise ManifestError(f"{error}. The installation is incomplete; install the package again.") from error
+    return {name: digest for digest, name in (line.split() for line in lines)}

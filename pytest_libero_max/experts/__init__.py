@@ -1,0 +1,1 @@
+"""Scripted policies that ship with the package; the expert is the instrument of certificates."""

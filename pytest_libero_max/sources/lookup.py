@@ -1,0 +1,168 @@
+"""Finding variations: all of a source, the one a case plays, and what its scene contains."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import ManifestError, SubstrateError, did_you_mean
+from pytest_libero_max.sources.counts import CATEGORIES, SUITES
+from pytest_libero_max.sources.metadata import (
+    InitialPlacement,
+    Relation,
+    TaskMetadata,
+    owner,
+    task_metadata,
+)
+from pytest_libero_max.sources.plus import plus_suite
+from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.sources.pro import pro_suite, pro_variants
+from pytest_libero_max.sources.variation import Variant, digest_of
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.contract import Substrate
+    from pytest_libero_max.worlds.registry import SubstrateOptions
+
+Counts = Mapping[tuple[str, str, "int | None"], int]
+"""Variations by category, suite and difficulty."""
+
+
+def catalogue(source: str) -> tuple[Variant, ...]:
+    """Every variation of ``plus`` or ``pro``, in order.
+
+    Raises:
+        ManifestError: Another source.
+    """
+    if source == "plus":
+        return tuple(variant for suite in SUITES for variant in plus_suite(suite))
+    if source == "pro":
+        return pro_variants()
+    raise ManifestError(f"source={source!r} has no catalogue. {did_you_mean(source, ('plus', 'pro'))}")
+
+
+def variant_of(case: Case) -> Variant:
+    """The variation that a case plays on the embedded substrate.
+
+    Raises:
+        SubstrateError: The case names none of the embedded catalogues': it belongs to the genuine LIBERO-Plus
+            or LIBERO-PRO, or to another version of these.
+    """
+    if case.source == "plus":
+        suite = plus_suite(case.suite)
+        if case.task_index >= len(suite):
+            raise SubstrateError(
+                f"case {case.case_id!r}: task_index={case.task_index!r}, but the embedded catalogue of "
+                f"{case.suite} has {len(suite)} variations."
+            )
+        variant = suite[case.task_index]
+    elif case.source_category in PRO_CATEGORIES and 0 <= case.task_index < 10:
+        variant = pro_suite(case.source_category, case.suite)[case.task_index]
+    else:
+        raise SubstrateError(
+            f"case {case.case_id!r}: there is no LIBERO-PRO variation {case.source_category!r} of task "
+            f"{case.task_index!r}. {did_you_mean(case.source_category, PRO_CATEGORIES)}"
+        )
+    said = (case.record.get("task_name", variant.name), case.source_category, case.difficulty)
+    if said != (variant.name, variant.category, variant.difficulty):
+        raise SubstrateError(
+            f"case {case.case_id!r} names {said[0]!r} ({said[1]}, difficulty {said[2]}), but number "
+            f"{case.task_index} of the embedded catalogue is {variant.name!r} ({variant.category}, "
+            f"difficulty {variant.difficulty}). Cases of the genuine "
+            "LIBERO-Plus and LIBERO-PRO need substrate libero."
+        )
+    return variant
+
+
+def variant_metadata(variant: Variant) -> TaskMetadata:
+    """What the scene of a variation contains, as far as the choice of an event depends on it."""
+    task = task_metadata(variant.suite, variant.base_index)
+    for old, new, category in variant.scene.get("recast", ()):
+        task = _recast(task, old, new, category)
+    surface = next(name for name, kind in task.fixtures.items() if kind == "floor" or "table" in kind)
+    for name, category in variant.scene.get("extras", ()):
+        placement = InitialPlacement("On", f"{surface}_{name}_region", surface)
+        task = replace(
+            task,
+            objects={**task.objects, name: category},
+            placements={**task.placements, name: placement},
+            # What LIBERO-PRO adds hides the target, and no event may take it away.
+            reserved=task.reserved | {name} if variant.source == "pro" else task.reserved,
+        )
+    for change in variant.changes:
+        if change["operation"] == "put_object":
+            placement = InitialPlacement("On", f"{change['onto']}_put_region", change["onto"])
+            if change["object"] != change.get("relative_to"):
+                task = replace(task, placements={**task.placements, change["object"]: placement})
+        elif change["operation"] in ("set_instruction", "set_task"):
+            task = replace(task, language=change["instruction"])
+            if "goal" in change:
+                goal = tuple(Relation(word.capitalize(), tuple(names)) for word, *names in change["goal"])
+                named = {task.entity_of(name) for relation in goal for name in relation.arguments}
+                task = replace(
+                    task, goal=goal, objects_of_interest=frozenset(name for name in named if name is not None)
+                )
+    return replace(task, name=variant.name)
+
+
+def _recast(task: TaskMetadata, old: str, new: str, category: str) -> TaskMetadata:
+    def name(text: str) -> str:
+        owned = owner(text, [*task.objects, *task.fixtures]) == old
+        return new + text[len(old) :] if owned else text
+
+    def support(placement: InitialPlacement) -> str | None:
+        return None if placement.support is None else name(placement.support)
+
+    return replace(
+        task,
+        objects={name(key): category if key == old else kind for key, kind in task.objects.items()},
+        fixtures={name(key): category if key == old else kind for key, kind in task.fixtures.items()},
+        objects_of_interest=frozenset(name(one) for one in task.objects_of_interest),
+        goal=tuple(
+            Relation(fact.predicate, tuple(name(one) for one in fact.arguments)) for fact in task.goal
+        ),
+        placements={
+            name(key): InitialPlacement(placement.predicate, name(placement.region), support(placement))
+            for key, placement in task.placements.items()
+        },
+    )
+
+
+def count_lines() -> list[str]:
+    """Variations by category, suite and difficulty, and the catalogues' digests: what a command prints."""
+    plus = catalogue("plus")
+    counts: Counts = Counter((variant.category, variant.suite, variant.difficulty) for variant in plus)
+    levels: tuple[int | None, ...] = (1, 2, 3, 4, 5, None)
+    head = "".join(f"{'none' if level is None else f'd{level}':>6}" for level in levels)
+    lines = [f"{'category':<24}{'suite':<16}{head}{'total':>7}"]
+    groups = [*((category, suite) for category in CATEGORIES for suite in (*SUITES, None)), (None, None)]
+    for category, suite in groups:
+        row = [
+            sum(
+                count
+                for (one, other, found), count in counts.items()
+                if category in (one, None) and suite in (other, None) and found == level
+            )
+            for level in levels
+        ]
+        numbers = "".join(f"{number:>6}" for number in row)
+        lines.append(f"{category or 'all':<24}{suite or 'all':<16}{numbers}{sum(row):>7}")
+    pro = catalogue("pro")
+    lines.append(f"LIBERO-Plus: {len(plus)} variations, digest {digest_of(plus)}")
+    lines.append(
+        f"LIBERO-PRO: {len(pro)} variations in {len(PRO_CATEGORIES)} categories, digest {digest_of(pro)}"
+    )
+    return lines
+
+
+def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
+    """The substrate called ``name``, with these catalogues for variations of the package's own.
+
+    Raises:
+        SubstrateError: There is none of that name, or it cannot be imported.
+    """
+    from pytest_libero_max.worlds.registry import open_substrate as open_by_name
+
+    return open_by_name(name, options, variant_of)

@@ -1,0 +1,1 @@
+"""Pictures of a world: the GL library, the device, the renderer, contact sheets."""

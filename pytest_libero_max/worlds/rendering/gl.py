@@ -1,0 +1,134 @@
+"""Choosing the OpenGL backend, once per process and before MuJoCo is imported.
+
+MuJoCo and robosuite read ``MUJOCO_GL`` while they are imported, and an import with a backend whose
+libraries are missing fails as a whole. So every module of this room that needs MuJoCo calls
+:func:`prepare` first: it settles the variable on something that loads. Where nothing loads, physics
+works all the same, and :func:`require` says what to install when an image is asked for.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import os
+import sys
+import types
+from functools import cache
+
+from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
+from pytest_libero_max.worlds.rendering import egl
+
+VARIABLE = "MUJOCO_GL"
+OFFSCREEN = ("egl", "osmesa")
+"""Backends that need no display, in the order in which they are tried."""
+
+DISABLED = ("disable", "disabled", "off", "false", "0")
+"""Spellings by which a user renounces images; the first is what we write ourselves."""
+
+_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
+
+
+def prepare() -> str:
+    """Settle ``MUJOCO_GL`` and robosuite's macros; the name of the backend, or ``disable``.
+
+    An explicit ``MUJOCO_GL`` is kept if its libraries load. Otherwise EGL is tried, then OSMesa. The
+    choice is made once: later changes of the environment have no effect on this process.
+
+    Raises:
+        OptionError: ``MUJOCO_GL`` is set to a word that is no backend for offscreen images.
+    """
+    return _choice()[0]
+
+
+def require() -> str:
+    """The backend for images.
+
+    Raises:
+        SimulatorError: No backend loads; the message names the packages that would cure it.
+    """
+    backend, asked = _choice()
+    if backend in OFFSCREEN:
+        return backend
+    cures = " or ".join(f"`{_PACKAGES[name]}`" for name in ([asked] if asked in OFFSCREEN else OFFSCREEN))
+    raise SimulatorError(
+        f"An image was asked for, but no OpenGL backend is available ({VARIABLE}={asked!r} at the start). "
+        f"Stepping works without one; images need the Debian packages {cures}, and {VARIABLE} unset or one "
+        f"of {', '.join(OFFSCREEN)}."
+    )
+
+
+def import_robosuite() -> None:
+    """Import robosuite as :func:`prepare` settles it, whatever device draws."""
+    prepare()
+    with egl.unasked():
+        importlib.import_module("robosuite")
+
+
+def fingerprint() -> dict[str, str]:
+    """The backend and what draws with it, for the record: pictures depend on both.
+
+    Raises:
+        OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.
+        SimulatorError: None of EGL's devices answers.
+    """
+    backend = prepare()
+    return {"gl": backend, "gl_device": egl.chosen()[0].name} if backend == "egl" else {"gl": backend}
+
+
+@cache
+def _choice() -> tuple[str, str]:
+    """The backend settled on, and what ``MUJOCO_GL`` said before."""
+    asked = os.environ.get(VARIABLE, "").lower().strip()
+    if asked and asked not in (*OFFSCREEN, *DISABLED):
+        raise OptionError(
+            f"{VARIABLE}={asked!r} is no backend for offscreen images. "
+            f"{did_you_mean(asked, (*OFFSCREEN, DISABLED[0]))} Unset it to have one chosen."
+        )
+    tried = () if asked in DISABLED else (asked,) if asked else OFFSCREEN
+    # With none, MuJoCo must be told so: it would raise while it is imported, and physics needs no backend.
+    backend = next((name for name in tried if loads(name)), DISABLED[0])
+    os.environ[VARIABLE] = backend
+    _quiet_robosuite()
+    return backend, asked
+
+
+def loads(backend: str) -> bool:
+    """Whether the libraries of ``backend`` load and, for EGL, one of its devices answers."""
+    platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    if platform and platform != backend:
+        return False  # PyOpenGL takes one platform per process, and somebody has chosen another
+    if backend == "osmesa":
+        return _library("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so") is not None
+    return _library("libOpenGL.so.0", "libGL.so.1") is not None and egl.answers()
+
+
+def _library(*names: str) -> ctypes.CDLL | None:
+    for name in names:
+        try:
+            return ctypes.CDLL(name)
+        except OSError:
+            continue
+    return None
+
+
+def _quiet_robosuite() -> None:
+    """Give robosuite the private macros it asks for: no warnings, no log file, no backend forced on it.
+
+    robosuite replaces every ``MUJOCO_GL`` but two by ``egl`` while its macro for GPU rendering is on,
+    which makes its import fail on a machine without EGL. It also makes results depend on a file that a
+    user may have put beside it, so the macros that matter here are stated.
+    """
+    name = "robosuite.macros_private"
+    if "robosuite" in sys.modules or name in sys.modules:
+        return
+    macros = types.ModuleType(name)
+    vars(macros).update(
+        SIMULATION_TIMESTEP=0.002,
+        IMAGE_CONVENTION="opengl",
+        ENABLE_NUMBA=True,
+        CACHE_NUMBA=True,
+        MUJOCO_GPU_RENDERING=False,
+        CONSOLE_LOGGING_LEVEL=None,
+        FILE_LOGGING_LEVEL=None,
+    )
+    sys.modules[name] = macros

@@ -1,0 +1,150 @@
+"""Images of a world, straight from MuJoCo: OpenGL row order, shadows only of lights told to cast them."""
+
+from __future__ import annotations
+
+import atexit
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
+from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.rendering import egl, gl
+
+gl.prepare()
+
+import mujoco  # noqa: E402
+
+OFFSAMPLES = 4
+"""Samples per pixel, as in LIBERO. In software, 4 take twice the time of none (7 instead of 4 ms for a
+256 pixel image of a tabletop scene, on one core) and keep fingers, rims and lettering from fraying; 2
+take as long as 4."""
+
+MAX_GEOMS = 2000
+MAX_SIZE = 4096
+DRAWN_GROUPS = (1, 2)
+"""Geom groups in an image, as in LIBERO: 0 holds collision shapes, 3 and more are never drawn."""
+
+SHADOW_MAP = 2048
+"""Side of the shadow map in texels, where a light casts shadows. With it an image takes some ten times as
+long in software, so that the light events and most scenes do without."""
+
+SHADOW_REACH = 3.0
+"""Half the width of what a directional light's shadow map covers, in extents of the model: the whole room.
+A narrower one leaves the map's own texels as shadows on everything."""
+
+
+class Renderer:
+    """Draws one model from its cameras.
+
+    All renderers of a process share one GL context, made with the first image and current whenever one
+    of them draws, so that any number of worlds can be looked at in turns.
+
+    Args:
+        model: Its textures are uploaded with the first image and not again.
+        data: Its derived values must be up to date whenever :meth:`render` is called.
+        reflections: Whether reflective surfaces reflect; each of them draws the whole scene once more.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, reflections: bool = False) -> None:
+        self._model = model
+        self._data = data
+        self._reflections = reflections
+        self._context: Any = None
+        self._scene: Any = None
+        self._side = 0
+        self._shadows = False
+
+    def render(self, camera: str, size: int) -> Image:
+        """One image, (size, size, 3) uint8, freshly allocated, bottom row first.
+
+        Raises:
+            SubstrateError: No such camera, or a size that cannot be drawn.
+            SimulatorError: No OpenGL backend is available.
+        """
+        number = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+        if number < 0:
+            known = [self._model.camera(i).name for i in range(self._model.ncam)]
+            hint = did_you_mean(camera, known)
+            raise SubstrateError(f"camera={camera!r} does not exist in this scene. {hint}")
+        if not 1 <= size <= MAX_SIZE:
+            raise SubstrateError(f"size={size!r}: images are 1 to {MAX_SIZE} pixels wide.")
+        self._prepare(size)
+        self._camera.fixedcamid = number
+        mujoco.mjv_updateScene(
+            self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
+        viewport = mujoco.MjrRect(0, 0, size, size)
+        mujoco.mjr_render(viewport, self._scene, self._context)
+        image: Image = np.empty((size, size, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(image, None, viewport, self._context)
+        return image
+
+    def close(self) -> None:
+        """Free buffers, meshes and textures. The renderer makes them again if it is used again."""
+        if self._context is not None:
+            _shared_context().make_current()
+            self._context.free()
+            self._context = self._scene = None
+
+    def _prepare(self, size: int) -> None:
+        _shared_context().make_current()
+        shadows = bool(self._model.light_castshadow.any())
+        if self._context is not None and (size > self._side or shadows != self._shadows):
+            self.close()
+        self._shadows = shadows
+        if self._context is None:
+            self._open(max(size, 256))
+        # The framebuffer in use belongs to the GL context, and another renderer may have drawn last.
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        # The context keeps its own copy of which texture a material shows.
+        self._context.mat_texid[: self._model.mat_texid.size] = self._model.mat_texid.ravel()
+        self._context.mat_texrepeat[: self._model.mat_texrepeat.size] = self._model.mat_texrepeat.ravel()
+
+    def _open(self, side: int) -> None:
+        self._side = side
+        self._model.vis.global_.offwidth = side
+        self._model.vis.global_.offheight = side
+        self._model.vis.quality.offsamples = OFFSAMPLES
+        self._model.vis.quality.shadowsize = SHADOW_MAP if self._shadows else 0
+        self._model.vis.map.shadowclip = SHADOW_REACH
+        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._shadows
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = self._reflections
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+
+
+@cache
+def _shared_context() -> Any:
+    """The GL context of this process. Everything is drawn into framebuffer objects, so its size is none."""
+    backend = gl.require()
+    try:
+        if backend == "egl":
+            from mujoco.egl import GLContext
+
+            with egl.selected():
+                context = GLContext(1, 1)
+        else:
+            from mujoco.osmesa import GLContext
+
+            context = GLContext(1, 1)
+        context.make_current()
+    except LiberoMaxError:
+        raise
+    except Exception as error:  # whatever a driver raises, it means that images cannot be had
+        raise SimulatorError(f"The OpenGL backend {backend!r} gives no context: {error}") from error
+    atexit.register(_free, context)
+    return context
+
+
+def _free(context: Any) -> None:
+    """Free the GL context before the interpreter does, which would come too late and complain about it."""
+    try:
+        context.free()
+    except Exception:  # robosuite, where it has rendered as well, has closed the display already
+        context._context = None

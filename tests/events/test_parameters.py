@@ -1,0 +1,140 @@
+"""Seeds, directions, eligibility and parameters, against published values."""
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import EVENTS, Event
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.eligibility import eligible, eligible_events
+from pytest_libero_max.events.parameters import DIRECTIONS, resolve_event
+from pytest_libero_max.sources.metadata import task_metadata
+
+
+@pytest.mark.parametrize(
+    ("identity", "event", "variant", "seed"),
+    [
+        (Identity("pro", "libero_10", 0, 1, "camera_view_angle"), "sensor_noise_onset", 0, 2342431568),
+        (Identity("pro", "libero_10", 1, 6, "camera_view_angle"), "distractor_burst", 0, 318522221),
+        (Identity("plus", "libero_object", 646, 0), "target_relocation", 1, 1425746499),
+    ],
+)
+def test_published_seeds(identity: Identity, event: str, variant: int, seed: int) -> None:
+    assert identity.seed(event, variant) == seed
+
+
+@pytest.mark.parametrize(
+    ("suite", "task", "event", "direction"),
+    [("libero_10", 5, "target_relocation", 6), ("libero_10", 6, "receptacle_relocation", 1)],
+)
+def test_published_directions(suite: str, task: int, event: str, direction: int) -> None:
+    for source in ("libero", "plus", "pro"):
+        assert Identity(source, suite, task, 3, "object").direction_index(event) == direction
+
+
+def test_names() -> None:
+    pro = Identity("pro", "libero_10", 1, 6, "camera_view_angle")
+    assert pro.case_id("distractor_burst", 0) == "pro-camera-view-angle-10-t01-i06-distractor_burst-d0-p195"
+    assert pro.base_task_id == "libero-pro/camera_view_angle/libero_10/task_1"
+    plus = Identity("plus", "libero_object", 646, 0)
+    assert plus.scenario_id("target_relocation", 1) == "libero_object-t0646-target_relocation-d1"
+    assert plus.base_task_id == "libero_object/task_646"
+    libero = Identity("libero", "libero_spatial", 3, 4)
+    assert libero.case_id("camera_shift", 1) == "libero-spatial-t03-i04-camera_shift-d1-p195"
+    assert libero.base_task_id == "libero/libero_spatial/task_3"
+
+
+def test_the_eight_directions_are_unit_vectors() -> None:
+    assert len({*DIRECTIONS}) == 8
+    assert all(math.isclose(math.hypot(*direction), 1.0) for direction in DIRECTIONS)
+
+
+# Which of the ten tasks of a suite can host an event.
+ELIGIBLE = {
+    ("libero_spatial", "target_relocation"): {0, 1, 2, 6, 8},
+    ("libero_spatial", "receptacle_relocation"): set(range(10)),
+    ("libero_spatial", "distractor_burst"): set(),
+    ("libero_spatial", "obstacle_insertion"): {0, 1, 2, 4, 6, 8},
+    ("libero_object", "target_relocation"): set(range(10)),
+    ("libero_object", "receptacle_relocation"): set(range(10)),
+    ("libero_object", "distractor_burst"): set(range(10)),
+    ("libero_object", "obstacle_insertion"): set(range(10)),
+}
+
+
+@pytest.mark.parametrize(("suite", "event"), ELIGIBLE)
+def test_eligible_tasks(suite: str, event: str) -> None:
+    assert {i for i in range(10) if eligible(event, task_metadata(suite, i))} == ELIGIBLE[suite, event]
+
+
+def test_every_task_can_host_what_is_only_seen() -> None:
+    seen = ("illumination_switch", "camera_shift", "visual_theme_switch", "sensor_noise_onset")
+    for suite in ("libero_spatial", "libero_object"):
+        for index in range(10):
+            assert set(seen) <= set(eligible_events(task_metadata(suite, index)))
+
+
+def resolve(event: str, variant: int, suite: str = "libero_object", task: int = 0) -> Event:
+    return resolve_event(event, variant, task_metadata(suite, task), Identity("libero", suite, task, 0))
+
+
+@pytest.mark.parametrize("variant", [0, 1])
+@pytest.mark.parametrize("name", EVENTS)
+def test_an_event_carries_its_severity_and_trigger(name: str, variant: int) -> None:
+    event = resolve(name, variant)
+    assert event.severity == EVENTS[name].severity[variant]
+    assert (event.trigger.entity, event.trigger.distance_m) == ("alphabet_soup_1", 0.18)
+
+
+def test_the_second_variant_goes_twice_as_far_the_same_way() -> None:
+    near, far = (resolve("target_relocation", variant).change for variant in (0, 1))
+    assert near["direction_xy"] == far["direction_xy"]
+    assert [2 * value for value in near["delta_position_m"]] == pytest.approx(
+        far["delta_position_m"], abs=1e-8
+    )
+
+
+@pytest.mark.parametrize("variant", [0, 1])
+def test_a_burst_surrounds_the_target_with_five_objects(variant: int) -> None:
+    event = resolve("distractor_burst", variant)
+    placements = event.change["placements"]
+    assert len({placement["object"] for placement in placements}) == 5
+    assert [removal["object"] for removal in event.setup] == [p["object"] for p in placements]
+    angles = []
+    for placement in placements:
+        x, y, z = placement["offset_m"]
+        assert 0.09 <= math.hypot(x, y) <= 0.17
+        assert z == 0.0
+        angles.append(math.atan2(y, x))
+    turns = [(after - before) % (2 * math.pi) for before, after in pairwise(angles)]
+    assert turns == pytest.approx([2 * math.pi / 5] * 4, abs=1e-6)
+    assert "alphabet_soup_1" not in {p["object"] for p in placements}
+
+
+def test_removed_objects_are_kept_apart() -> None:
+    kept = [removal["offworld_position_m"] for removal in resolve("distractor_burst", 0).setup]
+    assert [position[0] for position in kept] == pytest.approx([-2.0, -2.2, -2.4, -2.6, -2.8])
+
+
+def test_the_two_obstacles_differ_in_object_and_place() -> None:
+    first, second = (resolve("obstacle_insertion", variant).change for variant in (0, 1))
+    assert (first["object"], second["object"]) == ("butter_1", "cream_cheese_1")
+    assert (first["offset_m"], second["offset_m"]) == ([0.14, 0.0, 0.0], [0.0, -0.14, 0.0])
+
+
+def test_an_event_a_task_cannot_host_is_refused() -> None:
+    with pytest.raises(
+        ManifestError, match=r"'distractor_burst' is not possible in .*Possible: illumination_switch,"
+    ):
+        resolve("distractor_burst", 0, "libero_spatial")
+
+
+def test_an_unknown_event_or_variant_is_refused() -> None:
+    with pytest.raises(
+        ManifestError, match=r"event='camera_shit' is not an event\. Did you mean 'camera_shift'"
+    ):
+        resolve("camera_shit", 0)
+    with pytest.raises(ManifestError, match="variant=2, but an event has the variants 0 and 1"):
+        resolve("camera_shift", 2)

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.errors import ManifestError, SubstrateError
+from pytest_libero_max.events.eligibility import eligible
+from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.pairing.runner import PairSettings, play_pair
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.sources import catalogue, open_substrate, variant_metadata, variant_of
+from pytest_libero_max.sources.variation import Variant, share, some
+from pytest_libero_max.strategies import ScriptedPolicy
+
+
+def case_of(variant: Variant, event: str = "camera_shift", init: int = 0, **record: object) -> Case:
+    category = variant.category if variant.source == "pro" else ""
+    identity = Identity(variant.source, variant.suite, variant.index, init, category)
+    raw = case_record(identity, resolve_event(event, 0, variant_metadata(variant), identity), variant.name)
+    prefix = "LIBERO-PRO/" if variant.source == "pro" else ""
+    raw["substrate_category"] = prefix + variant.category
+    raw["substrate_difficulty"] = variant.difficulty
+    return parse_case({**raw, **record})
+
+
+PLUS, PRO = catalogue("plus"), catalogue("pro")
+
+
+@pytest.mark.parametrize("variant", [*PLUS[::997], *PRO[::41]], ids=lambda variant: variant.key)
+def test_a_case_names_its_variation(variant: Variant) -> None:
+    assert variant_of(case_of(variant)) is variant
+
+
+@pytest.mark.parametrize(
+    ("record", "message"),
+    [
+        (
+            {"task_name": "something_view_0_0_100_0_0_initstate_4"},
+            "LIBERO-PRO need substrate libero",
+        ),
+        ({"substrate_difficulty": 5, "task_index": 3}, "number 3 of the embedded catalogue is"),
+        ({"task_index": 2402}, "has 2402 variations"),
+        ({"substrate_category": "LIBERO-PRO/environment"}, "there is no LIBERO-PRO variation 'environment'"),
+        ({"substrate_category": "Sensor Nose"}, "Sensor Nose"),
+    ],
+)
+def test_a_case_of_another_catalogue_is_refused(record: Json, message: str) -> None:
+    with pytest.raises(SubstrateError, match=message):
+        variant_of(case_of(PLUS[0], **record))
+
+
+def test_another_source_has_no_catalogue() -> None:
+    with pytest.raises(ManifestError, match="source='plas'"):
+        catalogue("plas")
+
+
+def test_draws_are_shares_that_depend_on_their_parts_alone() -> None:
+    assert share("a", 1) == share("a", 1) != share("a", 2)
+    numbers = [share("spread", n) for n in range(2000)]
+    assert 0.0 < min(numbers) < 0.01 < 0.99 < max(numbers) < 1.0
+    assert sum(numbers) / 2000 == pytest.approx(0.5, abs=0.02)
+    kept = some(range(50), 20, "x")
+    assert kept == sorted(set(kept))
+    assert len(kept) == 20
+
+
+def test_confounders_may_burst_in_and_occluders_may_not() -> None:
+    added = next(v for v in PLUS if v.suite == "libero_spatial" and v.kind == "add" and v.difficulty == 5)
+    assert eligible("distractor_burst", variant_metadata(added))
+    hidden = next(v for v in PRO if v.category == "view_occlusion")
+    assert "black_book_occluder_1" not in variant_metadata(hidden).distractors
+
+
+def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replays() -> None:
+    substrate = open_substrate("embedded")
+    spec = PolicySpec("scripted", 8, 8, (), image_size=32)
+    policy = ScriptedPolicy(spec, [(0.2, 0.3, -0.9, 0.0, 0.1, 0.0, -1.0)] * 3, 8)
+    try:
+        for variant in (
+            next(v for v in PRO if v.category == "object" and v.suite == "libero_spatial"),
+            next(v for v in PLUS if v.category == "Robot Initial States" and v.difficulty == 5),
+        ):
+            case = case_of(variant, "obstacle_insertion")
+            records = [
+                play_pair(case, substrate.world(case), policy, PairSettings(prefix=prefix)).identity()
+                for prefix in ("fork", "replay")
+            ]
+            assert records[0] == records[1]
+            assert records[0]["instruction"] == variant_metadata(variant).language
+    finally:
+        substrate.close()
+
+
+def test_other_substrates_open_as_ever() -> None:
+    assert open_substrate("tiny").name == "tiny"
+    with pytest.raises(SubstrateError, match="substrate='embeded'"):
+        open_substrate("embeded")

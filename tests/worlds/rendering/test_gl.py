@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+STEP = """
+from pytest_libero_max.worlds.embedded.scene import build_scene
+from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+world = EmbeddedWorld(build_scene("libero_object", 0))
+world.step((0.1, 0, 0, 0, 0, 0, -1))
+print("digest", world.digest().hex())
+"""
+LOOK = "print('image', world.observe(['agentview'], 32)['agentview_image'].shape)\n"
+WITHOUT_LIBRARIES = """
+import ctypes
+from pytest_libero_max.worlds.rendering import gl
+gl._library = lambda *names: None
+"""
+
+
+def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    kept = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    return subprocess.run(
+        [sys.executable, "-c", code], env=kept | environment, capture_output=True, text=True, timeout=180
+    )
+
+
+def digest_of(output: str) -> str:
+    return next(line for line in output.splitlines() if line.startswith("digest"))
+
+
+def test_stepping_needs_no_opengl_and_gives_the_same_bits() -> None:
+    blind = run(WITHOUT_LIBRARIES + STEP)
+    seeing = run(STEP + LOOK)
+    assert blind.returncode == 0, blind.stderr
+    assert seeing.returncode == 0, seeing.stderr
+    assert "image (32, 32, 3)" in seeing.stdout
+    assert digest_of(blind.stdout) == digest_of(seeing.stdout)
+    assert (blind.stderr, seeing.stderr) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("environment", "packages"),
+    [
+        ({}, ("libegl1 libgl1-mesa-dri libopengl0", "libosmesa6")),
+        ({"MUJOCO_GL": "osmesa"}, ("libosmesa6",)),
+        ({"MUJOCO_GL": "egl"}, ("libegl1 libgl1-mesa-dri libopengl0",)),
+    ],
+)
+def test_an_image_without_opengl_names_the_packages_to_install(
+    environment: dict[str, str], packages: tuple[str, ...]
+) -> None:
+    code = WITHOUT_LIBRARIES + (
+        "from pytest_libero_max.worlds.tiny import TinyWorld\nworld = TinyWorld()\nworld.step((0,) * 7)\n"
+    )
+    result = run(code + LOOK, **environment)
+    assert result.returncode == 1
+    message = result.stderr.splitlines()[-1]
+    assert message.startswith("pytest_libero_max.errors.SimulatorError: An image was asked for")
+    assert all(f"`{package}`" in message for package in packages)
+    assert message.count("`") == 2 * len(packages)
+
+
+def test_renouncing_images_is_honoured() -> None:
+    code = "from pytest_libero_max.worlds.tiny import TinyWorld\nworld = TinyWorld()\nprint(world.digest())\n"
+    assert run(code, MUJOCO_GL="disable").returncode == 0
+    refused = run(code + LOOK, MUJOCO_GL="off")
+    assert "no OpenGL backend is available (MUJOCO_GL='off' at the start)" in refused.stderr
+
+
+@pytest.mark.parametrize("word", ["glfw", "osmessa"])
+def test_a_word_that_is_no_backend_is_refused_with_the_valid_ones(word: str) -> None:
+    result = run("from pytest_libero_max.worlds.rendering import gl\ngl.prepare()\n", MUJOCO_GL=word)
+    assert result.returncode == 1
+    assert f"OptionError: MUJOCO_GL='{word}'" in result.stderr
+    assert "disable, egl, osmesa" in result.stderr
+    assert ("Did you mean 'osmesa'" in result.stderr) == (word == "osmessa")
+
+
+@pytest.mark.parametrize("backend", ["egl", "osmesa"])
+def test_an_explicit_backend_is_kept(backend: str) -> None:
+    code = "from pytest_libero_max.worlds.rendering import gl\nprint(gl.loads({!r}), gl.prepare())\n"
+    loads, chosen = run(code.format(backend), MUJOCO_GL=backend).stdout.split()
+    assert chosen == (backend if loads == "True" else "disable")
+
+
+def test_robosuite_is_imported_without_a_word() -> None:
+    result = run("from pytest_libero_max.worlds import stepping")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_the_plugin_and_the_cases_load_no_simulator() -> None:
+    code = (
+        "import sys, pytest_libero_max, pytest_libero_max.benchmark.cases\n"
+        "import pytest_libero_max.worlds.contract\n"
+        "print([name for name in ('mujoco', 'robosuite', 'numba', 'cv2', 'scipy') if name in sys.modules])"
+    )
+    assert run(code).stdout.strip() == "[]"
