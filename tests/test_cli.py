@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.report.plan import Run
+from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore
 from tests.report.made_up import PROVENANCE, plan, records_of
 

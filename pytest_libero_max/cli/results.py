@@ -68,7 +68,7 @@ def add_commands(commands: Commands) -> None:
 
 def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report import raster
-    from pytest_libero_max.report.output import write_figures, write_reports, write_text
+    from pytest_libero_max.report.files import write_figures, write_reports, write_text
     from pytest_libero_max.report.summary import summary_lines
     from pytest_libero_max.report.tables import csv_text, latex_text
 
@@ -88,7 +88,7 @@ def _report(options: argparse.Namespace) -> None:
 def _compare(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.compare import compare_folders
     from pytest_libero_max.report.compare_text import comparison_lines
-    from pytest_libero_max.report.output import report_json, write_text
+    from pytest_libero_max.report.files import report_json, write_text
 
     comparison = compare_folders(options.folders, options.restrict)
     if options.json:
@@ -103,8 +103,8 @@ def _published(options: argparse.Namespace) -> None:
 
 
 def _merge(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.files import write_reports
     from pytest_libero_max.report.merge import merge_folders
-    from pytest_libero_max.report.output import write_reports
     from pytest_libero_max.report.summary import summary_lines
 
     merge_folders(options.folders, options.output)
@@ -113,8 +113,8 @@ def _merge(options: argparse.Namespace) -> None:
 
 
 def _power(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.output import read_report
-    from pytest_libero_max.report.planning import Expectation, expectations_of, power_lines
+    from pytest_libero_max.report.files import read_report
+    from pytest_libero_max.report.power_text import Expectation, expectations_of, power_lines
 
     if options.folder:
         expected = expectations_of(read_report(options.folder))

@@ -11,8 +11,8 @@ from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES, SUITE_BUDGETS, C
 from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.plugin import options
-from pytest_libero_max.plugin.keys import MANIFEST, NOISE_CASES, SETTINGS
 from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.stash_keys import MANIFEST, NOISE_CASES, SETTINGS
 
 PSEUDO_PATH = "libero-max"
 """Stands for the pairs on the command line and begins their node ids, wherever the package is installed."""

@@ -14,10 +14,10 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of, cases_of, manifest_of, settings_of
-from pytest_libero_max.plugin.keys import MEASURED_INPUT, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
-from pytest_libero_max.report.plan import Run
+from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
 from pytest_libero_max.worlds.registry import describe_substrate
 
@@ -135,8 +135,8 @@ class RunController:
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if self.store is None:
             return
-        from pytest_libero_max.report.gating import decide, gate_lines, github_annotations
-        from pytest_libero_max.report.output import write_reports
+        from pytest_libero_max.report.files import write_reports
+        from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
         from pytest_libero_max.report.summary import summary_lines
 
         self.store.close()

@@ -17,8 +17,8 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
-from pytest_libero_max.plugin.keys import RESULT
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
+from pytest_libero_max.plugin.stash_keys import RESULT
 from pytest_libero_max.report.junit import properties
 
 if TYPE_CHECKING:

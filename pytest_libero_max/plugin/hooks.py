@@ -19,7 +19,7 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_substrate,
     libero_max_world,
 )
-from pytest_libero_max.plugin.keys import MEASURED_INPUT, RESULT, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, RESULT, RESULT_ATTRIBUTE
 
 __all__ = [
     "libero_max_inject",
@@ -108,6 +108,6 @@ def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is None or "kind" in result or report.when != "call" or not report.passed:
         return None
-    from pytest_libero_max.plugin.letters import status
+    from pytest_libero_max.plugin.outcome_letters import status
 
     return status(PairRecord.from_dict(result))

@@ -8,7 +8,9 @@ from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES, Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.blocks import (
+from pytest_libero_max.report.caveats import caveats_of
+from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.report.statistics_json import (
     change_json,
     macro_json,
     outcomes_json,
@@ -17,8 +19,6 @@ from pytest_libero_max.report.blocks import (
     result_json,
     split_json,
 )
-from pytest_libero_max.report.caveats import caveats_of
-from pytest_libero_max.report.plan import PlannedPair
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
     breakdown,

@@ -12,9 +12,9 @@ from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.blocks import change_json, contrast_json, number, result_json
 from pytest_libero_max.report.build import columns_of, substrate_json
-from pytest_libero_max.report.plan import PlannedPair
+from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.report.statistics_json import change_json, contrast_json, number, result_json
 from pytest_libero_max.report.store import StoredRun, read_pairs
 from pytest_libero_max.stats.breakdown import breakdown
 from pytest_libero_max.stats.comparison import contrasts, profile_agreement, ranks

@@ -8,7 +8,7 @@ from pathlib import Path
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.plan import PlannedPair, Run
+from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
 
 _MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")

@@ -17,7 +17,7 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.plan import Run
+from pytest_libero_max.report.run import Run
 
 PAIRS_NAME = "pairs.jsonl"
 

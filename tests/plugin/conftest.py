@@ -12,12 +12,12 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.parameters import resolve_event
 from pytest_libero_max.pairing import runner, trace
-from pytest_libero_max.report import output
+from pytest_libero_max.report import files
 from pytest_libero_max.sources.metadata import InitialPlacement, Relation, TaskMetadata
 from pytest_libero_max.worlds import tiny
 
 # An in-process run forgets what it imported, and NumPy cannot be imported twice: import it all here first.
-IMPORTED_ONCE = (output, runner, tiny, trace)
+IMPORTED_ONCE = (files, runner, tiny, trace)
 
 ON_TABLE = InitialPlacement("On", "main_table_region", "main_table")
 CLUTTER = {f"clutter_{number}": "clutter" for number in range(1, 6)}

@@ -11,7 +11,7 @@ from typing import Any
 from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.plan import PlannedPair
+from pytest_libero_max.report.run import PlannedPair
 
 POLICY: Json = {
     "name": "scripted",

@@ -8,9 +8,9 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.compare import common_cases, compare_folders, compare_runs, replay_command
 from pytest_libero_max.report.compare_text import comparison_lines
+from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
 from pytest_libero_max.report.gates import parse_gates
-from pytest_libero_max.report.gating import decide, gate_lines, github_annotations
-from pytest_libero_max.report.plan import PlannedPair, Run
+from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun
 from tests.report.made_up import PROVENANCE, plan, record_of
 

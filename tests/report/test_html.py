@@ -9,8 +9,8 @@ import pytest
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.figures import FIGURES
+from pytest_libero_max.report.files import write_figures
 from pytest_libero_max.report.html import html
-from pytest_libero_max.report.output import write_figures
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
 PAIRS = plan(per_cell=2)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.files import report_json, report_of
 from pytest_libero_max.report.merge import merge_folders, merge_runs
-from pytest_libero_max.report.output import report_json, report_of
-from pytest_libero_max.report.plan import PlannedPair, Run
+from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
 from tests.report.made_up import PROVENANCE, error_of, plan, records_of
 

@@ -51,7 +51,7 @@ def test_the_git_state_is_commit_and_dirt(tmp_path: Path) -> None:
 
 def test_collecting_imports_no_simulator() -> None:
     code = (
-        "import sys; from pytest_libero_max.report import provenance, store, junit, plan;"
+        "import sys; from pytest_libero_max.report import provenance, store, junit, run;"
         "provenance.collect(policy={'reference': 'a.py'}, substrate={'name': 'embedded'}, case_set={},"
         " protocol={}, command=[]);"
         "heavy = {'mujoco', 'robosuite', 'numpy', 'scipy', 'numba', 'cv2'} & set(sys.modules);"

@@ -10,8 +10,8 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.compare import compare_runs
-from pytest_libero_max.report.output import read_report, report_json, write_reports
-from pytest_libero_max.report.plan import Run
+from pytest_libero_max.report.files import read_report, report_json, write_reports
+from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore, StoredRun
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 

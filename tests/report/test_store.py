@@ -8,7 +8,7 @@ import pytest
 
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.plan import Run
+from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, error_of, plan, record_of
 

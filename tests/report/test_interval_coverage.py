@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pytest_libero_max.stats.calibration import bootstrap_coverage, markdown, wilson_coverage
+from pytest_libero_max.report.interval_coverage import bootstrap_coverage, markdown, wilson_coverage
 from pytest_libero_max.stats.intervals import mean_change
 
 REPORT = Path(__file__).parents[2] / "reports" / "interval-coverage.md"

@@ -1,6 +1,6 @@
 """How often the 95% intervals hold the truth: the numbers behind ``reports/interval-coverage.md``.
 
-``python -m pytest_libero_max.stats.calibration`` prints that file.
+``python -m pytest_libero_max.report.interval_coverage`` prints that file.
 """
 
 from __future__ import annotations

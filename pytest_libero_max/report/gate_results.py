@@ -7,10 +7,10 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.blocks import contrast_json
 from pytest_libero_max.report.compare import common_cases
+from pytest_libero_max.report.files import report_of
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate
-from pytest_libero_max.report.output import report_of
+from pytest_libero_max.report.statistics_json import contrast_json
 from pytest_libero_max.report.store import StoredRun, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
 

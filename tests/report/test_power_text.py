@@ -4,7 +4,7 @@ import pytest
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.planning import Expectation, expectations_of, power_lines
+from pytest_libero_max.report.power_text import Expectation, expectations_of, power_lines
 from tests.report.made_up import PROVENANCE, plan, records_of
 
 POWER = """\
