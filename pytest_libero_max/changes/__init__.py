@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.changes.assignment import SetInstruction, SetTask
 from pytest_libero_max.changes.base import Change, Evidence, Factor
-from pytest_libero_max.changes.camera import ShiftCamera
-from pytest_libero_max.changes.corruption import CorruptPicture, Glare, PictureCorruption, SetGlare
-from pytest_libero_max.changes.lamps import SetLamps
-from pytest_libero_max.changes.light import SetLighting
-from pytest_libero_max.changes.material import SetVisualTheme
+from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
+from pytest_libero_max.changes.instruction import SetInstruction, SetTask
+from pytest_libero_max.changes.light import SetLamps, SetLighting
+from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
 from pytest_libero_max.changes.nothing import Nothing
-from pytest_libero_max.changes.pixels import Brightness, SensorCorruption, SetSensorCorruption
+from pytest_libero_max.changes.pixels import (
+    Brightness,
+    CorruptPicture,
+    Glare,
+    PictureCorruption,
+    SensorCorruption,
+    SetGlare,
+    SetSensorCorruption,
+)
 from pytest_libero_max.changes.poses import (
     InsertDistractors,
     InsertObstacle,
     MoveObject,
     Placement,
+    PutObject,
     RemoveObject,
+    TurnObject,
 )
-from pytest_libero_max.changes.putting import PutObject, TurnObject
 from pytest_libero_max.changes.registry import OPERATIONS, change_from_dict, check_changes
 from pytest_libero_max.changes.robot import OffsetArm
-from pytest_libero_max.changes.surfaces import CoverEntity, SetTexture
-from pytest_libero_max.changes.viewpoint import OrbitCamera, PlaceCamera
 
 __all__ = [
     "OPERATIONS",

@@ -1,4 +1,4 @@
-"""Changes of a camera: where it stands, where it looks, how wide it sees."""
+"""Changes of a camera: shifted by a little, carried around the scene, or placed elsewhere."""
 
 from __future__ import annotations
 
@@ -7,10 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from pytest_libero_max.changes.base import Evidence, Factor
-from pytest_libero_max.changes.fields import ManifestFields, Vector3, number, strength_of, text, vector3
+from pytest_libero_max.changes.fields import (
+    ManifestFields,
+    Vector3,
+    items,
+    number,
+    strength_of,
+    text,
+    vector3,
+)
 from pytest_libero_max.errors import ChangeError, did_you_mean
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import Array, World
 
 FOVY_RANGE_DEG = (5.0, 150.0)
 """Vertical field of view a shifted camera may have."""
@@ -120,3 +130,203 @@ def measure_camera(world: World, index: int) -> dict[str, Any]:
         "camera_quaternion_wxyz": [float(value) for value in model.cam_quat[index]],
         "camera_fovy_deg": float(model.cam_fovy[index]),
     }
+
+
+Quaternion4 = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class OrbitCamera(ManifestFields):
+    """Carry a fixed camera around the scene: up, sideways, away; then turn it on the spot.
+
+    In this order, in the world frame: elevation about the y axis through the pivot, azimuth about the z axis
+    of the world, distance from the pivot, yaw about z and pitch about y without moving. A part that is zero
+    (or a distance factor of 1) is left out, so an orbit by nothing leaves the camera bit-identical.
+
+    Attributes:
+        camera: A camera that the world itself carries, for example ``agentview``.
+        pivot_m: What it turns about and moves away from.
+        elevation_degrees: Upwards.
+        azimuth_degrees: Counter-clockwise seen from above.
+        distance_scale: Factor on the distance from the pivot, above 0.
+        yaw_degrees: Turn on the spot, counter-clockwise seen from above.
+        pitch_degrees: Turn on the spot, downwards for a camera that looks along -x.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "orbit_camera"
+
+    camera: str
+    pivot_m: Vector3
+    elevation_degrees: float = 0.0
+    azimuth_degrees: float = 0.0
+    distance_scale: float = 1.0
+    yaw_degrees: float = 0.0
+    pitch_degrees: float = 0.0
+
+    def __post_init__(self) -> None:
+        where = self.operation
+        text(f"{where}.camera", self.camera)
+        self._set("pivot_m", vector3(f"{where}.pivot_m", self.pivot_m))
+        for name in ("elevation_degrees", "azimuth_degrees", "yaw_degrees", "pitch_degrees"):
+            self._set(name, number(f"{where}.{name}", getattr(self, name), -180.0, 180.0))
+        self._set("distance_scale", number(f"{where}.distance_scale", self.distance_scale, 0.05, 20.0))
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({f"camera:{self.camera}"})
+
+    def apply(self, world: World) -> Evidence:
+        index = camera_index(world, self.operation, self.camera)
+        before = measure_camera(world, index)
+        pivot = np.array(self.pivot_m)
+        place, turn = world.model.cam_pos[index].copy(), world.model.cam_quat[index].copy()
+        if self.elevation_degrees:
+            tilt = _about((0.0, 1.0, 0.0), -self.elevation_degrees)
+            place, turn = pivot + _rotated(tilt, place - pivot), _product(tilt, turn)
+        if self.azimuth_degrees:
+            swing = _about((0.0, 0.0, 1.0), self.azimuth_degrees)
+            place, turn = _rotated(swing, place), _product(swing, turn)
+        if self.distance_scale != 1.0:
+            place = pivot + (place - pivot) * self.distance_scale
+        if self.yaw_degrees:
+            turn = _product(_about((0.0, 0.0, 1.0), self.yaw_degrees), turn)
+        if self.pitch_degrees:
+            turn = _product(_about((0.0, 1.0, 0.0), -self.pitch_degrees), turn)
+        _write(world, index, place, turn)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
+
+    def scaled(self, strength: float) -> OrbitCamera:
+        """Every angle multiplied by ``strength``, the distance factor moved from 1 towards its value."""
+        s = strength_of(self.operation, strength)
+        return replace(
+            self,
+            elevation_degrees=self.elevation_degrees * s,
+            azimuth_degrees=self.azimuth_degrees * s,
+            distance_scale=1.0 + (self.distance_scale - 1.0) * s if s != 1.0 else self.distance_scale,
+            yaw_degrees=self.yaw_degrees * s,
+            pitch_degrees=self.pitch_degrees * s,
+        )
+
+
+@dataclass(frozen=True)
+class PlaceCamera(ManifestFields):
+    """Put a camera at a pose, or part of the way there.
+
+    Attributes:
+        camera: Camera name.
+        position_m: In the frame of the body that carries it, the world for LIBERO's fixed cameras.
+        quaternion_wxyz: Unit quaternion in that frame.
+        blend: Share of the way, 0 to 1; None means all of it.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "place_camera"
+
+    camera: str
+    position_m: Vector3
+    quaternion_wxyz: Quaternion4
+    blend: float | None = None
+
+    def __post_init__(self) -> None:
+        where = self.operation
+        text(f"{where}.camera", self.camera)
+        self._set("position_m", vector3(f"{where}.position_m", self.position_m))
+        given = items(f"{where}.quaternion_wxyz", self.quaternion_wxyz, 4)
+        turn = tuple(number(f"{where}.quaternion_wxyz[{i}]", v, -1.0, 1.0) for i, v in enumerate(given))
+        if abs(math.hypot(*turn) - 1.0) > 1e-3:
+            raise ChangeError(f"{where}.quaternion_wxyz={list(turn)!r}, but must have unit length.")
+        self._set("quaternion_wxyz", turn)
+        if self.blend is not None:
+            self._set("blend", number(f"{where}.blend", self.blend, 0.0, 1.0))
+
+    @classmethod
+    def looking_at(cls, camera: str, position_m: Vector3, aim_m: Vector3) -> PlaceCamera:
+        """Put a camera at a position, upright, so that ``aim_m`` is in the middle of its picture."""
+        back = np.subtract(position_m, aim_m)
+        back /= np.linalg.norm(back)
+        right = np.array([-back[1], back[0], 0.0]) / math.hypot(back[0], back[1])
+        up = np.cross(back, right)
+        turn = _of_axes(right, up, back)
+        return cls(camera, position_m, tuple(round(float(part), 8) for part in turn))  # type: ignore[arg-type]
+
+    @property
+    def share(self) -> float:
+        """Share of the way, 0 to 1."""
+        return 1.0 if self.blend is None else self.blend
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({f"camera:{self.camera}"})
+
+    def apply(self, world: World) -> Evidence:
+        index = camera_index(world, self.operation, self.camera)
+        before = measure_camera(world, index)
+        if self.share:
+            place, turn = world.model.cam_pos[index], world.model.cam_quat[index]
+            goal_place, goal_turn = np.array(self.position_m), np.array(self.quaternion_wxyz)
+            if self.share != 1.0:
+                goal_place = place + (goal_place - place) * self.share
+                goal_turn = _between(turn, goal_turn, self.share)
+            _write(world, index, goal_place, goal_turn)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
+
+    def scaled(self, strength: float) -> PlaceCamera:
+        """The pose approached by the share ``strength`` of the way."""
+        s = strength_of(self.operation, strength)
+        return self if s == 1.0 else replace(self, blend=self.share * s)
+
+
+def _write(world: World, index: int, place: Array, turn: Array) -> None:
+    if not np.array_equal(place, world.model.cam_pos[index]):
+        world.alter("cam_pos", index, place)
+    if not np.array_equal(turn, world.model.cam_quat[index]):
+        world.alter("cam_quat", index, turn / np.linalg.norm(turn))
+
+
+def _about(axis: Vector3, degrees: float) -> Array:
+    half = math.radians(degrees) / 2
+    return np.array([math.cos(half), *(part * math.sin(half) for part in axis)])
+
+
+def _product(first: Array, second: Array) -> Array:
+    w, x, y, z = first
+    a, b, c, d = second
+    return np.array(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ]
+    )
+
+
+def _rotated(turn: Array, vector: Array) -> Array:
+    back = turn * np.array([1.0, -1.0, -1.0, -1.0])
+    rotated: Array = _product(_product(turn, np.array([0.0, *vector])), back)[1:]
+    return rotated
+
+
+def _of_axes(x: Array, y: Array, z: Array) -> Array:
+    """The quaternion of the frame whose axes these are; the first two do not lie opposite to the world's."""
+    w = math.sqrt(max(1.0 + x[0] + y[1] + z[2], 0.0)) / 2
+    if w < 1e-6:
+        raise ChangeError("A camera that looks straight back has no single upright orientation.")
+    return np.array([w, (y[2] - z[1]) / (4 * w), (z[0] - x[2]) / (4 * w), (x[1] - y[0]) / (4 * w)])
+
+
+def _between(start: Array, end: Array, share: float) -> Array:
+    """The quaternion a share of the way along the shorter arc."""
+    cosine = float(start @ end)
+    if cosine < 0.0:
+        cosine, end = -cosine, -end
+    angle = math.acos(min(cosine, 1.0))
+    if angle < 1e-9:
+        return start.copy()
+    mixed: Array = (math.sin((1 - share) * angle) * start + math.sin(share * angle) * end) / math.sin(angle)
+    return mixed

@@ -1,14 +1,18 @@
-"""Changes of the light: the lamps of the scene, and the exposure that goes with them."""
+"""Changes of the light: the intensity of the lamps with the exposure, and each property of the lamps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from pytest_libero_max.changes.base import Evidence, Factor
-from pytest_libero_max.changes.fields import ManifestFields, number, strength_of
+from pytest_libero_max.changes.fields import ManifestFields, Vector3, flag, number, strength_of, vector3
 from pytest_libero_max.changes.pixels import Brightness, filter_records
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.worlds.contract import Array, World
 
 LIGHT_FIELDS = ("light_ambient", "light_diffuse", "light_specular")
 DARKENED, BRIGHTENED = 0.75, 1.25
@@ -50,13 +54,13 @@ class SetLighting(ManifestFields):
         return frozenset({"light", "pixels"})
 
     def apply(self, world: World) -> Evidence:
-        before = _measure(world)
+        before = _measure_lighting(world)
         if self.scale != 1.0:
             for field in LIGHT_FIELDS:
                 world.alter(field, slice(None), getattr(world.model, field) * self.scale)
         if self.pixel_brightness != 1.0:
             world.add_filter(Brightness(self.pixel_brightness))
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lighting(world))
 
     def scaled(self, strength: float) -> SetLighting:
         """Both factors moved from 1 towards their full value: ``1 + (factor - 1) * strength``."""
@@ -66,6 +70,107 @@ class SetLighting(ManifestFields):
         return SetLighting(1.0 + (self.scale - 1.0) * s, 1.0 + (self.pixel_brightness - 1.0) * s)
 
 
-def _measure(world: World) -> dict[str, Any]:
+def _measure_lighting(world: World) -> dict[str, Any]:
     lamps: dict[str, Any] = {field: getattr(world.model, field).tolist() for field in LIGHT_FIELDS}
     return {**lamps, "filters": filter_records(world)}
+
+
+_LAMP_FIELDS = ("light_ambient", "light_castshadow", "light_diffuse", "light_dir", "light_specular")
+_LOWEST_LAMP_DEG = 80.0
+"""A lamp is never turned closer to the horizon than 10 degrees."""
+
+
+@dataclass(frozen=True)
+class SetLamps(ManifestFields):
+    """Alter every lamp of the scene; what is not given stays as it is.
+
+    Attributes:
+        levels: Ambient, diffuse and specular intensity of every lamp, absolute, the same for all channels.
+        diffuse_factor: Factor on the red, green and blue of the diffuse and ambient light.
+        specular: Specular intensity of every lamp, absolute.
+        azimuth_degrees: Turn of the lamps' direction about the vertical.
+        tilt_degrees: Turn of the lamps' direction away from the vertical; negative towards it.
+        cast_shadows: True lets the first lamp, the main one, cast shadows.
+        blend: Share of all that, 0 to 1; None means all of it.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "set_lamps"
+
+    levels: Vector3 | None = None
+    diffuse_factor: Vector3 | None = None
+    specular: float | None = None
+    azimuth_degrees: float | None = None
+    tilt_degrees: float | None = None
+    cast_shadows: bool | None = None
+    blend: float | None = None
+
+    def __post_init__(self) -> None:
+        where = self.operation
+        for name in ("levels", "diffuse_factor"):
+            if getattr(self, name) is not None:
+                self._set(name, vector3(f"{where}.{name}", getattr(self, name), 0.0))
+        bounds = {
+            "specular": (0.0, 10.0),
+            "azimuth_degrees": (-180.0, 180.0),
+            "tilt_degrees": (-90.0, 90.0),
+            "blend": (0.0, 1.0),
+        }
+        for name, (low, high) in bounds.items():
+            if getattr(self, name) is not None:
+                self._set(name, number(f"{where}.{name}", getattr(self, name), low, high))
+        if self.cast_shadows is not None:
+            flag(f"{where}.cast_shadows", self.cast_shadows)
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"light"})
+
+    def apply(self, world: World) -> Evidence:
+        before = _measure_lamps(world)
+        share = 1.0 if self.blend is None else self.blend
+        if share > 0.0:
+            self._alter(world, share)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lamps(world))
+
+    def scaled(self, strength: float) -> SetLamps:
+        """The share ``strength`` of it; shadows are there or not, so a change with shadows takes 0 and 1."""
+        s = strength_of(self.operation, strength)
+        if self.cast_shadows is not None and s not in (0.0, 1.0):
+            raise ChangeError(
+                f"strength={strength!r}, but {self.operation} with shadows is all or nothing. Use 0 or 1."
+            )
+        return self if s == 1.0 else replace(self, blend=(1.0 if self.blend is None else self.blend) * s)
+
+    def _alter(self, world: World, share: float) -> None:
+        model = world.model
+        for position, field in enumerate(("light_ambient", "light_diffuse", "light_specular")):
+            old = getattr(model, field).astype(np.float64)
+            new = old.copy()
+            if self.levels is not None:
+                new[:] = self.levels[position]
+            if self.diffuse_factor is not None and field != "light_specular":
+                new *= self.diffuse_factor
+            if self.specular is not None and field == "light_specular":
+                new[:] = self.specular
+            if not np.array_equal(new, old):
+                world.alter(field, slice(None), old + (new - old) * share)
+        if self.azimuth_degrees or self.tilt_degrees:
+            turned = [self._direction(direction, share) for direction in model.light_dir]
+            world.alter("light_dir", slice(None), turned)
+        if self.cast_shadows is not None:
+            world.alter("light_castshadow", 0, self.cast_shadows)
+
+    def _direction(self, direction: Array, share: float) -> list[float]:
+        x, y, z = (float(part) for part in direction)
+        azimuth = math.atan2(y, x) + math.radians((self.azimuth_degrees or 0.0) * share)
+        polar = math.degrees(math.acos(max(-1.0, min(1.0, -z / math.hypot(x, y, z)))))
+        polar = min(max(polar + (self.tilt_degrees or 0.0) * share, 0.0), _LOWEST_LAMP_DEG)
+        away = math.sin(math.radians(polar))
+        return [math.cos(azimuth) * away, math.sin(azimuth) * away, -math.cos(math.radians(polar))]
+
+
+def _measure_lamps(world: World) -> dict[str, Any]:
+    return {field: getattr(world.model, field).tolist() for field in _LAMP_FIELDS}

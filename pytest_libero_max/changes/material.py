@@ -1,26 +1,29 @@
-"""Changes of what surfaces look like."""
+"""Changes of what surfaces look like: their colours, and the textures they show."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import (
     ManifestFields,
     Vector3,
+    all_or_nothing,
     integer,
     items,
     number,
     strength_of,
+    text,
     vector3,
 )
-from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import World
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 COLOUR_FIELDS = ("geom_rgba", "mat_rgba")
 
@@ -67,11 +70,11 @@ class SetVisualTheme(ManifestFields):
         return frozenset({"material"})
 
     def apply(self, world: World) -> Evidence:
-        before = _measure(world)
+        before = _mean_colours(world)
         if self.share > 0.0:
             for field in COLOUR_FIELDS:
                 world.alter(field, slice(None), self._recoloured(getattr(world.model, field)))
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _mean_colours(world))
 
     def scaled(self, strength: float) -> SetVisualTheme:
         """The theme blended into the original colours: its share multiplied by ``strength``."""
@@ -85,10 +88,150 @@ class SetVisualTheme(ManifestFields):
         return new
 
 
-def _measure(world: World) -> dict[str, Any]:
+def _mean_colours(world: World) -> dict[str, Any]:
     """Mean colours: enough to see the transform, small enough for every record."""
     means = {}
     for field in COLOUR_FIELDS:
         rgba = getattr(world.model, field)
         means[f"{field}_mean"] = [float(value) for value in rgba.mean(axis=0)] if len(rgba) else None
     return means
+
+
+COLOUR_ROLE = 1
+"""Column of ``mat_texid`` that holds the colour texture (mjTEXROLE_RGB)."""
+
+_DRAWN_GROUP = 1
+
+
+@dataclass(frozen=True)
+class SetTexture(ManifestFields):
+    """Show another texture of the scene on a material.
+
+    Attributes:
+        material: Name of the material, for example ``room_table``.
+        texture: Name of a texture that the scene has loaded.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "set_texture"
+
+    material: str
+    texture: str
+
+    def __post_init__(self) -> None:
+        text("set_texture.material", self.material)
+        text("set_texture.texture", self.texture)
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"material"})
+
+    def apply(self, world: World) -> Evidence:
+        material = _number_of(world, "mat", "set_texture.material", self.material)
+        texture = _number_of(world, "tex", "set_texture.texture", self.texture)
+        before = _measure_materials(world, [material])
+        _show(world, material, texture, None)
+        return Evidence(
+            self.operation, tuple(sorted(self.factors)), before, _measure_materials(world, [material])
+        )
+
+    def scaled(self, strength: float) -> SetTexture | Nothing:
+        """The texture at strength 1, nothing at strength 0; there is nothing between."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+
+@dataclass(frozen=True)
+class CoverEntity(ManifestFields):
+    """Cover an entity with a texture, or paint it in one colour: its own textures are not seen any more.
+
+    Materials belong to a category, so every instance of the entity's category looks like that afterwards.
+
+    Attributes:
+        entity: What to cover.
+        rgb: Colour, 0 to 1; multiplies the texture.
+        texture: Name of a texture that the scene has loaded; None paints without any.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "cover_entity"
+
+    entity: str
+    rgb: Vector3
+    texture: str | None = None
+
+    def __post_init__(self) -> None:
+        text("cover_entity.entity", self.entity)
+        given = items("cover_entity.rgb", self.rgb, 3)
+        rgb = tuple(number(f"cover_entity.rgb[{i}]", part, 0.0, 1.0) for i, part in enumerate(given))
+        self._set("rgb", rgb)
+        if self.texture is not None:
+            text("cover_entity.texture", self.texture)
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"material"})
+
+    def apply(self, world: World) -> Evidence:
+        materials = _materials_of(world, self.entity)
+        texture = -1
+        if self.texture is not None:
+            texture = _number_of(world, "tex", "cover_entity.texture", self.texture)
+        before = _measure_materials(world, materials)
+        for material in materials:
+            _show(world, material, texture, self.rgb)
+        return Evidence(
+            self.operation, tuple(sorted(self.factors)), before, _measure_materials(world, materials)
+        )
+
+    def scaled(self, strength: float) -> CoverEntity | Nothing:
+        """The cover at strength 1, nothing at strength 0; there is nothing between."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+
+def _show(world: World, material: int, texture: int, rgb: Vector3 | None) -> None:
+    row = world.model.mat_texid[material].copy()
+    row[COLOUR_ROLE] = texture
+    world.alter("mat_texid", material, row)
+    if rgb is not None:
+        world.alter("mat_rgba", material, [*rgb, world.model.mat_rgba[material][3]])
+        for geom in np.flatnonzero(world.model.geom_matid == material):
+            world.alter("geom_rgba", int(geom), [*rgb, world.model.geom_rgba[geom][3]])
+
+
+def _materials_of(world: World, entity: str) -> list[int]:
+    if entity not in world.entities:
+        raise EntityError(f"entity={entity!r} is not in the scene. {did_you_mean(entity, world.entities)}")
+    model = world.model
+    root = model.body(world.entities[entity].body).id
+    inside = {root}
+    for body in range(root + 1, model.nbody):
+        if int(model.body_parentid[body]) in inside:
+            inside.add(body)
+    drawn = [
+        int(model.geom_matid[geom])
+        for geom in range(model.ngeom)
+        if int(model.geom_bodyid[geom]) in inside and model.geom_group[geom] == _DRAWN_GROUP
+    ]
+    return sorted({material for material in drawn if material >= 0})
+
+
+def _number_of(world: World, kind: str, where: str, name: str) -> int:
+    model = world.model
+    count, named = (model.nmat, model.mat) if kind == "mat" else (model.ntex, model.tex)
+    known = [named(number).name for number in range(count)]
+    if name not in known:
+        raise ChangeError(f"{where}={name!r} is not in the scene. {did_you_mean(name, known)}")
+    return known.index(name)
+
+
+def _measure_materials(world: World, materials: Sequence[int]) -> dict[str, Any]:
+    model = world.model
+    return {
+        "materials": [model.mat(material).name for material in materials],
+        "textures": [int(model.mat_texid[material][COLOUR_ROLE]) for material in materials],
+        "mat_rgba": [model.mat_rgba[material].tolist() for material in materials],
+    }

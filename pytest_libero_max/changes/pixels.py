@@ -1,13 +1,14 @@
 """Changes of what the cameras deliver, and the pixel filters that do it.
 
 A filter is a frozen value: its image is a function of the image, the camera, the steps since it was added
-and its own fields, and of nothing else. How often or in which order anybody looks does not matter.
+and its own fields, and of nothing else. How often or in which order images are asked for does not matter.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
@@ -16,10 +17,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.changes import image_corruptions
 from pytest_libero_max.changes.base import Evidence, Factor
-from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of
-from pytest_libero_max.changes.published import PublishedSensorCorruption
-from pytest_libero_max.worlds.contract import Image, World
+from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of, text
+from pytest_libero_max.errors import ChangeError, did_you_mean
+from pytest_libero_max.worlds.contract import CAMERAS, Image, World
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class SensorCorruption:
     The authors draw from one stream over both cameras in the order in which they are rendered, counted in
     looks. Here each camera has its own stream, counted in control steps, so a policy that asks for one
     camera sees the pixels it would see beside another. Where published results are to be matched,
-    :class:`.published.PublishedSensorCorruption` stands in.
+    :class:`PublishedSensorCorruption` stands in.
 
     Attributes:
         noise_std: Standard deviation of the noise, grey levels (0 to 255).
@@ -72,6 +74,105 @@ class SensorCorruption:
         noisy[top : top + tall, left : left + wide] = 0.0
         corrupted: Image = noisy.clip(0.0, 255.0).astype(np.uint8)
         return corrupted
+
+
+@dataclass(frozen=True)
+class PublishedSensorCorruption:
+    """Gaussian noise on every channel, then one black rectangle: one stream over both cameras.
+
+    The stream is NumPy's ``RandomState`` seeded with the event's seed plus the observations since onset,
+    one a control step. It is spent on the cameras in LIBERO's order, so the second camera's noise is found
+    by drawing the first one's. Both images are taken to be of one size, as they are in the benchmark.
+
+    Attributes:
+        noise_std: Standard deviation of the noise, grey levels (0 to 255).
+        occlusion_fraction: Share of the image's area that the rectangle covers, 0 to 1.
+        seed: Seed of the event.
+    """
+
+    noise_std: float
+    occlusion_fraction: float
+    seed: int
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        if camera not in CAMERAS:
+            return image  # the authors' observations hold no other
+        stream = np.random.RandomState((self.seed + step) % 2**32)
+        height, width = image.shape[:2]
+        side = math.sqrt(self.occlusion_fraction)
+        tall, wide = max(1, round(height * side)), max(1, round(width * side))
+        work = image.astype(np.float32)
+        for name in CAMERAS[: CAMERAS.index(camera) + 1]:
+            noise = stream.normal(0.0, self.noise_std, size=image.shape) if self.noise_std else None
+            corner = (0, 0)
+            if self.occlusion_fraction:
+                corner = stream.randint(height - tall + 1), stream.randint(width - wide + 1)
+            if name == camera:
+                if noise is not None:
+                    work += noise
+                if self.occlusion_fraction:
+                    top, left = corner
+                    work[top : top + tall, left : left + wide] = 0.0
+        corrupted: Image = work.clip(0, 255).astype(np.uint8)
+        return corrupted
+
+
+@dataclass(frozen=True)
+class PictureCorruption:
+    """Corrupt the images of one camera by one of :data:`.image_corruptions.KINDS`; other cameras stay as is.
+
+    What is random about it comes from SHA-256 of (seed, step, camera): the same step gives the same
+    picture in both rollouts of a pair, the next step another one.
+
+    Attributes:
+        kind: One of :data:`.image_corruptions.KINDS`.
+        level: 1 to 10.
+        seed: Seed of all its randomness.
+        camera: The camera it belongs to.
+        blend: Share of the corrupted picture, 0 to 1.
+    """
+
+    kind: str
+    level: int
+    seed: int
+    camera: str
+    blend: float
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        if camera != self.camera:
+            return image
+        key = hashlib.sha256(f"libero-max-picture|{self.seed}|{step}|{camera}".encode()).digest()
+        stream = np.random.RandomState(np.frombuffer(key, dtype="<u4").astype(np.uint32))
+        picture = image / 255.0
+        bad = image_corruptions.KINDS[self.kind](picture, self.level, stream)
+        mixed = picture + (bad - picture) * self.blend
+        corrupted: Image = np.rint(mixed * 255.0).clip(0, 255).astype(np.uint8)
+        return corrupted
+
+
+@dataclass(frozen=True)
+class Glare:
+    """A lamp that shines into every lens: a white veil, thick around one place of the picture.
+
+    Attributes:
+        strength: 0 to 1; at 1 its middle is white.
+        across: Where its middle is, share of the width from the left.
+        up: Where its middle is, share of the height from the bottom.
+        radius: Distance at which a third of it is left, share of the width.
+    """
+
+    strength: float
+    across: float
+    up: float
+    radius: float
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        height, width = image.shape[:2]
+        rows, columns = np.mgrid[0:height, 0:width]
+        away = ((columns + 0.5) / width - self.across) ** 2 + ((rows + 0.5) / height - self.up) ** 2
+        veil = self.strength * np.exp(-away / self.radius**2)[..., None]
+        veiled: Image = np.rint(image + (255.0 - image) * veil).astype(np.uint8)
+        return veiled
 
 
 @dataclass(frozen=True)
@@ -119,11 +220,100 @@ class SetSensorCorruption(ManifestFields):
         return replace(self, noise_std=self.noise_std * s, occlusion_fraction=self.occlusion_fraction * s)
 
 
-@cache
-def _normal_quantiles() -> NDArray[np.float32]:
-    """The 65,536 equally likely values that stand for a standard normal variable."""
-    normal, count = NormalDist(), 2**16
-    return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)
+@dataclass(frozen=True)
+class CorruptPicture(ManifestFields):
+    """Let one camera's pictures pass through a :class:`PictureCorruption` from now on.
+
+    Attributes:
+        camera: Camera name, for example ``agentview``.
+        kind: ``motion_blur``, ``gaussian_blur``, ``zoom_blur``, ``fog`` or ``glass_blur``.
+        level: 1 to 10.
+        seed: Seed of all its randomness, at least 0.
+        blend: Share of the corrupted picture, 0 to 1; None means all of it.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "corrupt_picture"
+
+    camera: str
+    kind: str
+    level: int
+    seed: int
+    blend: float | None = None
+
+    def __post_init__(self) -> None:
+        where = self.operation
+        text(f"{where}.camera", self.camera)
+        known = image_corruptions.KINDS
+        if text(f"{where}.kind", self.kind) not in known:
+            raise ChangeError(
+                f"{where}.kind={self.kind!r} is not a corruption. {did_you_mean(self.kind, known)}"
+            )
+        integer(f"{where}.level", self.level, 1, image_corruptions.LEVELS)
+        integer(f"{where}.seed", self.seed)
+        if self.blend is not None:
+            self._set("blend", number(f"{where}.blend", self.blend, 0.0, 1.0))
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"pixels"})
+
+    def apply(self, world: World) -> Evidence:
+        before = {"filters": filter_records(world)}
+        share = 1.0 if self.blend is None else self.blend
+        if share > 0.0:
+            world.add_filter(PictureCorruption(self.kind, self.level, self.seed, self.camera, share))
+        after = {"filters": filter_records(world)}
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
+
+    def scaled(self, strength: float) -> CorruptPicture:
+        """The corrupted picture mixed into the clean one with the share ``strength``."""
+        s = strength_of(self.operation, strength)
+        return self if s == 1.0 else replace(self, blend=(1.0 if self.blend is None else self.blend) * s)
+
+
+@dataclass(frozen=True)
+class SetGlare(ManifestFields):
+    """Let every picture from now on pass through a :class:`Glare`.
+
+    Attributes:
+        strength: 0 to 1.
+        across: Where its middle is, share of the picture's width from the left, 0 to 1.
+        up: Where its middle is, share of the picture's height from the lower edge of an upright picture.
+        radius: Distance at which a third of it is left, share of the picture's width, above 0.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "set_glare"
+
+    strength: float
+    across: float
+    up: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        for name, low in (("strength", 0.0), ("across", 0.0), ("up", 0.0), ("radius", 0.01)):
+            self._set(name, number(f"set_glare.{name}", getattr(self, name), low, 1.0))
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"pixels"})
+
+    def apply(self, world: World) -> Evidence:
+        before = {"filters": filter_records(world)}
+        if self.strength:
+            world.add_filter(Glare(self.strength, self.across, self.up, self.radius))
+        after = {"filters": filter_records(world)}
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
+
+    def scaled(self, strength: float) -> SetGlare:
+        """The veil's strength multiplied by ``strength``."""
+        s = strength_of(self.operation, strength)
+        return self if s == 1.0 else replace(self, strength=self.strength * s)
 
 
 def filter_records(world: World) -> list[dict[str, Any]]:
@@ -135,3 +325,10 @@ def filter_records(world: World) -> list[dict[str, Any]]:
         parameters = {name: getattr(value, name) for name in names}
         records.append({"filter": type(pixel_filter).__name__, "since_step": since, **parameters})
     return records
+
+
+@cache
+def _normal_quantiles() -> NDArray[np.float32]:
+    """The 65,536 equally likely values that stand for a standard normal variable."""
+    normal, count = NormalDist(), 2**16
+    return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)

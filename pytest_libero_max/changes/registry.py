@@ -6,20 +6,22 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.changes.assignment import SetInstruction, SetTask
 from pytest_libero_max.changes.base import Change
-from pytest_libero_max.changes.camera import ShiftCamera
-from pytest_libero_max.changes.corruption import CorruptPicture, SetGlare
-from pytest_libero_max.changes.lamps import SetLamps
-from pytest_libero_max.changes.light import SetLighting
-from pytest_libero_max.changes.material import SetVisualTheme
+from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
+from pytest_libero_max.changes.instruction import SetInstruction, SetTask
+from pytest_libero_max.changes.light import SetLamps, SetLighting
+from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
 from pytest_libero_max.changes.nothing import Nothing
-from pytest_libero_max.changes.pixels import SetSensorCorruption
-from pytest_libero_max.changes.poses import InsertDistractors, InsertObstacle, MoveObject, RemoveObject
-from pytest_libero_max.changes.putting import PutObject, TurnObject
+from pytest_libero_max.changes.pixels import CorruptPicture, SetGlare, SetSensorCorruption
+from pytest_libero_max.changes.poses import (
+    InsertDistractors,
+    InsertObstacle,
+    MoveObject,
+    PutObject,
+    RemoveObject,
+    TurnObject,
+)
 from pytest_libero_max.changes.robot import OffsetArm
-from pytest_libero_max.changes.surfaces import CoverEntity, SetTexture
-from pytest_libero_max.changes.viewpoint import OrbitCamera, PlaceCamera
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 
 _KINDS = (

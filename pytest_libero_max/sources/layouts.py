@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.changes.poses import MoveObject
-from pytest_libero_max.changes.putting import PutObject
+from pytest_libero_max.changes.poses import MoveObject, PutObject
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.sources.floorplan import (
     Floorplan,

@@ -23,14 +23,14 @@ from functools import cache
 import numpy as np
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.changes.assignment import SetInstruction
-from pytest_libero_max.changes.blurs import KINDS as CORRUPTIONS
-from pytest_libero_max.changes.blurs import LEVELS
-from pytest_libero_max.changes.corruption import CorruptPicture
-from pytest_libero_max.changes.lamps import SetLamps
+from pytest_libero_max.changes.camera import OrbitCamera
+from pytest_libero_max.changes.image_corruptions import KINDS as CORRUPTIONS
+from pytest_libero_max.changes.image_corruptions import LEVELS
+from pytest_libero_max.changes.instruction import SetInstruction
+from pytest_libero_max.changes.light import SetLamps
+from pytest_libero_max.changes.material import SetTexture
+from pytest_libero_max.changes.pixels import CorruptPicture
 from pytest_libero_max.changes.robot import ARM_DOF, OffsetArm
-from pytest_libero_max.changes.surfaces import SetTexture
-from pytest_libero_max.changes.viewpoint import OrbitCamera
 from pytest_libero_max.sources import layouts, wording
 from pytest_libero_max.sources.counts import CATEGORIES, DIFFICULTY, KINDS, VARIANTS
 from pytest_libero_max.sources.variation import Variant, seed, share, some, uniform

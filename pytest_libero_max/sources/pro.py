@@ -13,14 +13,12 @@ from functools import cache
 from typing import NamedTuple
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.changes.assignment import SetInstruction, SetTask
-from pytest_libero_max.changes.corruption import SetGlare
-from pytest_libero_max.changes.lamps import SetLamps
-from pytest_libero_max.changes.light import SetLighting
-from pytest_libero_max.changes.pixels import SetSensorCorruption
-from pytest_libero_max.changes.putting import PutObject
-from pytest_libero_max.changes.surfaces import CoverEntity
-from pytest_libero_max.changes.viewpoint import PlaceCamera
+from pytest_libero_max.changes.camera import PlaceCamera
+from pytest_libero_max.changes.instruction import SetInstruction, SetTask
+from pytest_libero_max.changes.light import SetLamps, SetLighting
+from pytest_libero_max.changes.material import CoverEntity
+from pytest_libero_max.changes.pixels import SetGlare, SetSensorCorruption
+from pytest_libero_max.changes.poses import PutObject
 from pytest_libero_max.sources import swaps, wording
 from pytest_libero_max.sources.counts import SUITES
 from pytest_libero_max.sources.floorplan import floorplan

@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.changes.poses import MoveObject
-from pytest_libero_max.changes.putting import PutObject, TurnObject
+from pytest_libero_max.changes.poses import MoveObject, PutObject, TurnObject
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.sources.floorplan import (
     Floorplan,

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pytest_libero_max.changes import Glare, PictureCorruption, blurs
+from pytest_libero_max.changes import Glare, PictureCorruption, image_corruptions
 from pytest_libero_max.worlds.contract import Image
 
-KINDS = sorted(blurs.KINDS)
+KINDS = sorted(image_corruptions.KINDS)
 rows, columns = np.mgrid[0:64, 0:64]
 PICTURE = np.stack([(rows * 5) % 256, (columns * 7) % 256, (rows * columns) % 256], axis=2).astype(np.uint8)
 
@@ -76,29 +76,29 @@ def test_a_blend_lies_between_the_clean_and_the_corrupted_picture() -> None:
 def test_gaussian_blur_spreads_a_point_by_its_deviation() -> None:
     point = np.zeros((256, 256, 3))
     point[128, 128] = 1.0
-    soft = blurs.focus(point, 6, np.random.RandomState(0))[..., 0]
+    soft = image_corruptions.focus(point, 6, np.random.RandomState(0))[..., 0]
     spread = np.sqrt((soft * (np.arange(256) - 128.0) ** 2).sum() / soft.sum())
     assert spread == pytest.approx(6.0, rel=0.02)
 
 
 def test_zoom_blur_keeps_the_middle_and_averages_as_many_pictures_as_its_table_says() -> None:
     image = np.random.RandomState(0).random_sample((65, 65, 3))
-    zoomed = blurs.zoom(image, 1, np.random.RandomState(0))
+    zoomed = image_corruptions.zoom(image, 1, np.random.RandomState(0))
     assert np.allclose(zoomed[32, 32], image[32, 32])
     line = np.zeros((65, 65, 3))
     line[:, 0] = 1.0  # the left edge leaves the picture at every factor above 1
-    shares = blurs.zoom(line, 1, np.random.RandomState(0))[:, 0, 0]
+    shares = image_corruptions.zoom(line, 1, np.random.RandomState(0))[:, 0, 0]
     assert 2 / 12 <= shares[32] < 0.7
 
 
 def test_glass_only_moves_pixels_about() -> None:
     image = np.random.RandomState(0).random_sample((40, 40, 3))
-    rough = blurs.glass(image, 1, np.random.RandomState(1))
+    rough = image_corruptions.glass(image, 1, np.random.RandomState(1))
     assert rough.mean() == pytest.approx(image.mean(), abs=0.01)
 
 
 def test_plasma_fills_the_range_and_tiles() -> None:
-    field = blurs.plasma(64, 2.0, np.random.RandomState(3))
+    field = image_corruptions.plasma(64, 2.0, np.random.RandomState(3))
     assert (field.min(), field.max()) == (0.0, 1.0)
     across_the_seam = np.abs(field[:, 0] - field[:, -1]).mean()
     inside = np.abs(np.diff(field, axis=1)).mean()
@@ -108,8 +108,8 @@ def test_plasma_fills_the_range_and_tiles() -> None:
 def test_fog_follows_its_published_mix() -> None:
     image = np.full((32, 32, 3), 0.5)
     stream = np.random.RandomState(5)
-    clouds = blurs.plasma(32, 3.0, np.random.RandomState(5))
-    assert np.allclose(blurs.fog(image, 1, stream)[..., 0], (0.5 + 0.5 * clouds) * 0.5 / 1.0)
+    clouds = image_corruptions.plasma(32, 3.0, np.random.RandomState(5))
+    assert np.allclose(image_corruptions.fog(image, 1, stream)[..., 0], (0.5 + 0.5 * clouds) * 0.5 / 1.0)
 
 
 def test_glare_whitens_its_middle_and_spares_the_far_corner() -> None:
