@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import operator
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -29,6 +30,8 @@ class PolicySpec:
         repeatable: Whether the same observation and query give the same bytes again. The pair runner checks
             it on policies without a snapshot; False, for a server whose arithmetic varies, switches that
             check off.
+        revision: What tells these weights from others of the same name, for example a checkpoint's commit or
+            digest. Kept with every result: a run is not resumed, and runs are not merged, across revisions.
 
     Raises:
         AdapterError: A value breaks its rule.
@@ -41,16 +44,18 @@ class PolicySpec:
     image_size: int = 256
     privileged: bool = False
     repeatable: bool = True
+    revision: str | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
             raise AdapterError("name='' but a policy needs a name; it labels the report.")
         for field in ("horizon", "query_interval", "image_size"):
-            value = getattr(self, field)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise AdapterError(
-                    f"{field}={value!r} of policy {self.name!r}, but must be an integer of at least 1."
-                )
+            object.__setattr__(self, field, self._count(field))
+        if self.revision is not None and not (isinstance(self.revision, str) and self.revision):
+            raise AdapterError(
+                f"revision={self.revision!r} of policy {self.name!r}, but must be None or a string that is "
+                "not empty."
+            )
         if self.query_interval > self.horizon:
             raise AdapterError(
                 f"query_interval={self.query_interval} > horizon={self.horizon} of policy {self.name!r}: "
@@ -62,6 +67,19 @@ class PolicySpec:
                 f"cameras={self.cameras!r} of policy {self.name!r}, but must be a tuple of names."
             )
         object.__setattr__(self, "cameras", tuple(self.cameras))
+
+    def _count(self, field: str) -> int:
+        """A field as a plain int, so that NumPy's integers can be written as JSON."""
+        value = getattr(self, field)
+        try:
+            count = operator.index(value)
+        except TypeError:
+            count = 0
+        if isinstance(value, bool | np.bool_) or count < 1:
+            raise AdapterError(
+                f"{field}={value!r} of policy {self.name!r}, but must be an integer of at least 1."
+            )
+        return count
 
     def to_dict(self) -> dict[str, Any]:
         return {**asdict(self), "cameras": list(self.cameras)}

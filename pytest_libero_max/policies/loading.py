@@ -7,12 +7,9 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
-import re
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,34 +17,31 @@ from typing import Any
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.check import check_policy, locate
 from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.policies.references import Reference, file_of, find_spec, no_module, parse_reference
 
-DEFAULT_NAME = "policy"
 HORIZON_FLAG = "--libero-max-horizon"
 QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
 
-BUILT_IN = {
-    name: f"pytest_libero_max.experts.{name}" for name in ("expert", "stale_expert", "noop", "random")
-}
-"""Policies that ship with the package, by the name that loads them."""
-
 _PRIVATE = "_pytest_libero_max_adapter_"
-_FORMS = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE or PACKAGE.MODULE:NAME."
 
 
-def load_policy(reference: str, *, horizon: int | None = None, query_interval: int | None = None) -> Policy:
-    """Load the policy that ``reference`` names.
+def load_policy(text: str, *, horizon: int | None = None, query_interval: int | None = None) -> Policy:
+    """Load the policy that a reference names.
 
-    The reference is a file (``adapter.py``) or an importable module (``package.module``), with ``:name``
-    for anything but the default name ``policy``. The name is a policy, or a class or function which returns
-    one when it is called without arguments.
+    The reference is the name of a built-in or installed policy (``expert``), a file (``adapter.py``) or an
+    importable module (``package.module``); the latter two with ``:name`` for anything but the default name
+    ``policy``. The name is a policy, or a class or function which returns one when it is called without
+    arguments.
 
-    A file is executed anew by every call, under a private module name. While it is executed, and while the
-    policy is constructed, its folder stands at the end of ``sys.path``: a helper beside the adapter can be
-    imported at its top, and a file called ``random.py`` never hides the standard library's. Helpers are
-    forgotten afterwards, so that two adapters may each have a ``helper.py``.
+    A file is executed anew by every call. Its folder then stands at the end of ``sys.path`` until another
+    file is loaded: a helper beside the adapter can be imported at any time, also within ``predict`` and by a
+    process that the adapter spawns, and a file called ``random.py`` never hides the standard library's. When
+    another file is loaded, the helpers of the one before are forgotten, so that two adapters may each have a
+    ``helper.py``. The module is called like the file, unless there is another module of that name: then it
+    has a private name, and spawned processes cannot import it.
 
     Args:
-        reference: What the user typed.
+        text: What the user typed.
         horizon: Replaces H of the adapter's spec.
         query_interval: Replaces Q of the adapter's spec.
 
@@ -59,37 +53,41 @@ def load_policy(reference: str, *, horizon: int | None = None, query_interval: i
     Raises:
         AdapterError: Nothing can be loaded from there, or it is no policy; the message says what is missing.
     """
-    target, name = _parse(reference)
-    where = f"{target}:{name}"
-    if target.endswith(".py"):
-        path = _existing_file(Path(target), reference)
-        with _importable(path.parent):
-            policy = _construct(_find(_execute(path), name, where), where, path)
+    reference = parse_reference(text)
+    path = file_of(reference)
+    if reference.is_file:
+        assert path is not None
+        policy = _BESIDE.load(path, reference)
     else:
-        module = _import(target, reference)
-        policy = _construct(_find(module, name, where), where, Path(module.__file__ or target))
-    return _override(check_policy(policy, where), where, horizon, query_interval)
+        module = _import(reference, path)
+        policy = _construct(_find(module, reference), reference, path)
+    return _override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
 
 
-def check_reference(reference: str) -> None:
+def check_reference(text: str) -> None:
     """Find what is wrong with a reference without executing anything.
 
     For whoever only hands out the work: the weights belong into the processes that play.
 
     Raises:
-        AdapterError: The file or its name does not exist, or it is not Python.
+        AdapterError: The file, module or name does not exist, cannot be read, or is not Python.
     """
-    target, name = _parse(reference)
-    if not target.endswith(".py"):
+    reference = parse_reference(text)
+    path = file_of(reference)
+    if not reference.is_file:
         return
-    path = _existing_file(Path(target), reference)
+    assert path is not None
     try:
         tree = ast.parse(path.read_bytes(), str(path))
     except (SyntaxError, ValueError) as error:
-        raise _failed(error, path, "reading it") from error
+        raise _failed(error, reference, path, "reading it") from error
+    except OSError as error:
+        raise AdapterError(
+            f"policy={text!r} cannot be read: {error}. Check the file's permissions."
+        ) from None
     defined = _defined_names(tree.body)
-    if name not in defined and "*" not in defined:
-        raise _no_such_name(f"{target}:{name}", name, [known for known in defined if known[:1] != "_"])
+    if reference.name not in defined and "*" not in defined:
+        raise _no_such_name(reference, [known for known in defined if known[:1] != "_"])
 
 
 def _defined_names(statements: Iterable[ast.stmt]) -> set[str]:
@@ -114,74 +112,84 @@ def _defined_names(statements: Iterable[ast.stmt]) -> set[str]:
     return names
 
 
-def _parse(reference: str) -> tuple[str, str]:
-    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", reference):
-        raise AdapterError(
-            f"policy={reference!r} is the address of a policy server, which is not supported yet. {_FORMS} "
-            "An adapter may talk to a server itself, in predict."
-        )
-    reference = BUILT_IN.get(reference, reference)
-    target, colon, name = reference.rpartition(":")
-    if not colon or "/" in name or "\\" in name:  # the second: a Windows drive
-        target, name = reference, DEFAULT_NAME
-    if not name.isidentifier():
-        raise AdapterError(f"policy={reference!r}: {name!r} is not the name of anything in Python. {_FORMS}")
-    is_module = all(part.isidentifier() for part in target.split("."))
-    if not target.endswith(".py") and not is_module:
-        raise AdapterError(
-            f"policy={reference!r}: {target!r} is neither a Python file nor the dotted name of a module. "
-            f"{_FORMS}"
-        )
-    return target, name
+class _BesideAdapter:
+    """The folder of the adapter file that was loaded last, at the end of ``sys.path``."""
 
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+        self._appended = False
+        self._before: frozenset[str] = frozenset()
 
-def _existing_file(path: Path, reference: str) -> Path:
-    if path.is_file():
-        return path.resolve()
-    folder = path.parent
-    if not folder.is_dir():
-        raise AdapterError(f"policy={reference!r}: there is no folder {str(folder)!r}. Check the path.")
-    siblings = sorted(file.name for file in folder.glob("*.py"))
-    close = get_close_matches(path.name, siblings, n=1, cutoff=0.5)
-    hint = f"Did you mean {str(folder / close[0])!r}?" if close else "Check the path."
-    raise AdapterError(f"policy={reference!r}: there is no file {str(path)!r}. {hint}")
+    def load(self, path: Path, reference: Reference) -> Any:
+        """Execute a file and construct its policy; the helpers of the file before are forgotten."""
+        self.leave()
+        self._enter(path.parent)
+        try:
+            return _construct(_find(_execute(path, reference), reference), reference, path)
+        except BaseException:
+            self.leave()
+            raise
 
-
-@contextmanager
-def _importable(folder: Path) -> Iterator[None]:
-    entry = str(folder)
-    before = {name.partition(".")[0] for name in sys.modules}
-    # Last, not first: an adapter called random.py or numpy.py must not shadow what it imports itself.
-    sys.path.append(entry)
-    importlib.invalidate_caches()
-    try:
-        yield
-    finally:
-        del sys.path[len(sys.path) - 1 - sys.path[::-1].index(entry)]
+    def _enter(self, folder: Path) -> None:
+        self._folder, self._before = folder, frozenset(sys.modules)
+        self._appended = str(folder) not in sys.path
+        if self._appended:
+            # Last, not first: an adapter called random.py or numpy.py must not hide what it imports itself.
+            sys.path.append(str(folder))
         importlib.invalidate_caches()
-        for name in sorted({name.partition(".")[0] for name in sys.modules} - before):
-            if _is_inside(sys.modules[name], folder):
-                _forget_helper(name)
+
+    def leave(self) -> None:
+        """Make ``sys.path`` and ``sys.modules`` what they would be without the adapter."""
+        folder, self._folder = self._folder, None
+        if folder is None:
+            return
+        if self._appended and str(folder) in sys.path:
+            sys.path.remove(str(folder))
+        importlib.invalidate_caches()
+        new = [name for name in sys.modules if name not in self._before]
+        for top in sorted({name.partition(".")[0] for name in new}):
+            family = [name for name in new if name.partition(".")[0] == top]
+            if any(_is_inside(name, folder) for name in family) and not _found_elsewhere(top):
+                for name in family:
+                    del sys.modules[name]
 
 
-def _is_inside(module: ModuleType, folder: Path) -> bool:
+_BESIDE = _BesideAdapter()
+
+
+def forget_adapter() -> None:
+    """Undo what loading an adapter file did to ``sys.path`` and ``sys.modules``."""
+    _BESIDE.leave()
+
+
+def _module_name(path: Path) -> str:
+    """The name under which a file is executed: its own, or a private one where an import finds another."""
+    if path.stem not in sys.modules and path.stem.isidentifier():
+        spec = find_spec(path.stem)
+        if spec is not None and spec.origin is not None and Path(spec.origin).resolve() == path:
+            return path.stem
+    return _PRIVATE + hashlib.sha256(str(path).encode()).hexdigest()[:16]
+
+
+def _is_inside(name: str, folder: Path) -> bool:
+    module = sys.modules.get(name)
     places = [getattr(module, "__file__", None), *getattr(module, "__path__", ())]
     place = next((place for place in places if place), None)
     return place is not None and Path(place).resolve().is_relative_to(folder)
 
 
-def _forget_helper(name: str) -> None:
-    """Drop a module and its submodules unless it can be imported without the adapter's folder."""
-    module = sys.modules.pop(name)
-    if name.startswith(_PRIVATE) or importlib.util.find_spec(name) is not None:
-        sys.modules[name] = module
-        return
-    for submodule in [other for other in sys.modules if other.startswith(f"{name}.")]:
-        del sys.modules[submodule]
+def _found_elsewhere(name: str) -> bool:
+    """Whether a module would be found without the adapter's folder."""
+    module = sys.modules.pop(name, None)
+    try:
+        return find_spec(name) is not None
+    finally:
+        if module is not None:
+            sys.modules[name] = module
 
 
-def _execute(path: Path) -> ModuleType:
-    name = _PRIVATE + hashlib.sha256(str(path).encode()).hexdigest()[:16]
+def _execute(path: Path, reference: Reference) -> ModuleType:
+    name = _module_name(path)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
@@ -190,33 +198,25 @@ def _execute(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        del sys.modules[name]
-        raise _failed(error, path, "importing it") from error
+        raise _failed(error, reference, path, "importing it") from error
     return module
 
 
-def _import(target: str, reference: str) -> ModuleType:
+def _import(reference: Reference, path: Path | None) -> ModuleType:
+    target = reference.target
     try:
         return importlib.import_module(target)
     except ModuleNotFoundError as error:
         if error.name is None or not (target == error.name or target.startswith(error.name + ".")):
-            raise _failed(error, _origin(target), "importing it") from error
-        raise AdapterError(
-            f"policy={reference!r}: there is no module {error.name!r} on the import path. Install it, put "
-            f"its folder on PYTHONPATH, or give the file: {target.replace('.', '/')}.py."
-        ) from error
+            raise _failed(error, reference, path, "importing it") from error
+        raise no_module(reference, error.name) from error
     except (Exception, SystemExit) as error:
-        raise _failed(error, _origin(target), "importing it") from error
+        raise _failed(error, reference, path, "importing it") from error
 
 
-def _origin(module: str) -> Path:
-    spec = importlib.util.find_spec(module)
-    return Path(spec.origin if spec is not None and spec.origin else module)
-
-
-def _find(module: ModuleType, name: str, where: str) -> Any:
+def _find(module: ModuleType, reference: Reference) -> Any:
     try:
-        return getattr(module, name)
+        return getattr(module, reference.name)
     except AttributeError:
         public = [
             known
@@ -225,19 +225,22 @@ def _find(module: ModuleType, name: str, where: str) -> Any:
             and not isinstance(value, ModuleType)
             and getattr(value, "__module__", None) == module.__name__
         ]
-        raise _no_such_name(where, name, public) from None
+        raise _no_such_name(reference, public) from None
 
 
-def _no_such_name(where: str, name: str, public: Iterable[str]) -> AdapterError:
-    known = did_you_mean(name, public) or "It defines no public name."
+def _no_such_name(reference: Reference, public: Iterable[str]) -> AdapterError:
+    known = did_you_mean(reference.name, public) or "It defines no public name."
+    form = "FILE.py:NAME" if reference.is_file else "PACKAGE.MODULE:NAME"
     return AdapterError(
-        f"{where}: the adapter defines no {name!r}. {known} Rename it, or name it as FILE.py:NAME."
+        f"{reference.where}: the adapter defines no {reference.name!r}. {known} Rename it, or name it as "
+        f"{form}."
     )
 
 
-def _construct(thing: Any, where: str, path: Path) -> Any:
+def _construct(thing: Any, reference: Reference, path: Path | None) -> Any:
     if not inspect.isclass(thing) and (hasattr(thing, "predict") or not callable(thing)):
         return thing
+    where = reference.where
     try:
         inspect.signature(thing).bind()
     except ValueError:  # an extension type that does not tell its signature
@@ -251,17 +254,23 @@ def _construct(thing: Any, where: str, path: Path) -> Any:
     try:
         return thing()
     except (Exception, SystemExit) as error:
-        raise _failed(error, path, f"calling {where}()") from error
+        raise _failed(error, reference, path, f"calling {where}()") from error
 
 
-def _failed(error: BaseException, path: Path, doing: str) -> AdapterError:
-    if isinstance(error, SyntaxError) and error.filename == str(path):
+def _failed(error: BaseException, reference: Reference, path: Path | None, doing: str) -> AdapterError:
+    place = reference.target if path is None else path.name
+    if path is not None and isinstance(error, SyntaxError) and error.filename == str(path):
         place = f"{path.name}, line {error.lineno}"
-    else:
+    elif path is not None:
         place = locate(error, str(path)) or path.name
+    alone = (
+        f"`python {Path(reference.target).name}` in its folder"
+        if reference.is_file
+        else f'`python -c "import {reference.target}"`'
+    )
     return AdapterError(
-        f"{place}: {type(error).__name__} while {doing}: {error}. Repair the adapter; `python {path.name}` "
-        "in its folder shows the error alone."
+        f"{place}: {type(error).__name__} while {doing}: {error}. Repair the adapter; {alone} shows the "
+        "error alone."
     )
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import random
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.loading import check_reference, load_policy
+from pytest_libero_max.policies.loading import check_reference, forget_adapter, load_policy
 
 Writer = Callable[..., Path]
 
@@ -47,12 +48,12 @@ def write(tmp_path: Path) -> Writer:
 def _imports_are_left_alone() -> Any:
     path, modules = list(sys.path), set(sys.modules)
     yield
+    forget_adapter()
     assert sys.path == path
     assert not [
         name
         for name in set(sys.modules) - modules
         if getattr(sys.modules[name], "__file__", None) and "pytest-of" in str(sys.modules[name].__file__)
-        if not name.startswith("_pytest_libero_max_adapter_")
     ]
 
 
@@ -177,6 +178,85 @@ def test_what_an_adapter_imports_from_elsewhere_stays_imported(
     load_policy(str(path))
     assert "some_package" in sys.modules
     del sys.modules["some_package"]
+
+
+LAZY = (
+    SOUND
+    + """
+class Lazy(Sound):
+    def predict(self, observation, query):
+        import skills
+        return skills.actions()
+
+policy = Lazy
+"""
+)
+
+
+def test_a_helper_may_be_imported_within_predict(write: Writer) -> None:
+    write("def actions():\n    return [[0.5] * 7] * 4", "skills.py")
+    policy = load_policy(str(write(LAZY)))
+    for _ in range(2):
+        assert policy.predict({}, None)[3][6] == 0.5  # type: ignore[arg-type]
+
+
+def test_an_adapter_may_spawn_processes(write: Writer, tmp_path: Path) -> None:
+    write("def double(x):\n    return 2 * x", "skills.py")
+    path = write(
+        SOUND
+        + """
+import multiprocessing
+
+def work(x):
+    import skills
+    return skills.double(x)
+
+class Spawns(Sound):
+    def predict(self, observation, query):
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            return pool.map(work, [1, 2])
+
+policy = Spawns
+""",
+        "spawning_adapter.py",
+    )
+    script = (
+        "from pytest_libero_max.policies.loading import load_policy\n"
+        "if __name__ == '__main__':\n"
+        f"    print(load_policy({str(path)!r}).predict({{}}, None))\n"
+    )
+    main = write(script, "elsewhere/main.py")
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, str(main)],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.stdout == "[2, 4]\n", done.stderr
+
+
+def test_an_optional_import_that_fails_part_way_is_the_adapters_own_business(write: Writer) -> None:
+    # heavy.part stays in sys.modules when heavy itself does not.
+    write("import heavy.part\nimport no_such_thing", "heavy/__init__.py")
+    write("", "heavy/part.py")
+    path = write("try:\n    import heavy\nexcept ImportError:\n    heavy = None\n" + SOUND + "policy = Sound")
+    assert load_policy(str(path)).spec.name == "sound"
+
+
+def test_an_import_that_fails_part_way_shows_its_own_error(write: Writer) -> None:
+    write("import heavy.part\nimport no_such_thing", "heavy/__init__.py")
+    write("", "heavy/part.py")
+    with pytest.raises(AdapterError, match=r"^adapter\.py, line 1: ModuleNotFoundError .* 'no_such_thing'\."):
+        load_policy(str(write("import heavy")))
+
+
+def test_a_package_beside_the_adapter_with_its_name_is_imported(write: Writer) -> None:
+    write("WHAT = 'package'", "robot/__init__.py")
+    path = write(SOUND + "import robot\nSound.what = robot.WHAT\npolicy = Sound", "robot.py")
+    assert load_policy(str(path)).what == "package"  # type: ignore[attr-defined]
 
 
 # What cannot be loaded: each with the message it must produce. {p} is the adapter's path.
@@ -322,7 +402,8 @@ def test_a_broken_adapter_is_told_what_is_wrong(
         ("from somewhere import *", "{p}"),
         ("try:\n    policy, other = 1, 2\nexcept OSError:\n    policy = 3", "{p}"),
         ("if True:\n    policy: object = 1", "{p}:policy"),
-        ("", "some_robot.policies:policy"),
+        ("", "pytest_libero_max.no_such:thing"),
+        ("", "expert"),
     ],
 )
 def test_a_reference_that_may_be_right_passes(write: Writer, text: str, reference: str) -> None:

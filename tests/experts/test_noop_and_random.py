@@ -1,4 +1,4 @@
-"""The reference adapters that are as simple as an adapter can be."""
+"""The two policies that need neither skill nor images."""
 
 from __future__ import annotations
 

@@ -1,0 +1,187 @@
+"""What a user types to name a policy, and where that is. Nothing here executes an adapter."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from importlib.machinery import ModuleSpec, all_suffixes
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from pytest_libero_max.errors import AdapterError, did_you_mean
+
+DEFAULT_NAME = "policy"
+
+GROUP = "pytest_libero_max.policies"
+"""Entry point group by which an installed package offers policies by name."""
+
+BUILT_IN: Mapping[str, str] = {
+    name: f"pytest_libero_max.experts.{name}:{DEFAULT_NAME}"
+    for name in ("expert", "stale_expert", "noop", "random")
+}
+"""Policies that ship with the package: the reference behind each name."""
+
+FORMS = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE, PACKAGE.MODULE:NAME, or the name of a policy (expert)."
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Where a policy is.
+
+    Attributes:
+        text: What the user typed.
+        target: A path that ends in ``.py``, or the dotted name of a module.
+        name: What to take from there: a policy, or a class or function that makes one.
+    """
+
+    text: str
+    target: str
+    name: str
+
+    @property
+    def is_file(self) -> bool:
+        """Whether ``target`` is a path."""
+        return self.target.endswith(".py")
+
+    @property
+    def where(self) -> str:
+        """How to name it in an error."""
+        return f"{self.target}:{self.name}"
+
+
+def named_policies() -> dict[str, str]:
+    """The reference behind each name that stands for a policy by itself.
+
+    These are the policies that ship with the package and those that installed packages offer in the entry
+    point group ``pytest_libero_max.policies``.
+
+    Raises:
+        AdapterError: Two packages offer the same name, or one offers the name of a built-in policy.
+    """
+    named = dict(BUILT_IN)
+    for name, reference in _offered():
+        if named.setdefault(name, reference) != reference:
+            raise AdapterError(
+                f"policy {name!r} is offered twice, as {named[name]} and as {reference}. Uninstall one of "
+                "the two packages, or have it renamed."
+            )
+    return named
+
+
+@cache
+def _offered() -> tuple[tuple[str, str], ...]:
+    return tuple(sorted((point.name, point.value) for point in entry_points(group=GROUP)))
+
+
+def parse_reference(text: str) -> Reference:
+    """Read what a user typed.
+
+    A word that is the name of a built-in or installed policy means that policy, whatever else has this name:
+    ``random`` is the policy, ``random.py`` (or ``./random.py``) the file in the working directory, and
+    ``random:policy`` the module.
+
+    Raises:
+        AdapterError: It has none of the forms of a reference.
+    """
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", text):
+        raise AdapterError(
+            f"policy={text!r} is the address of a policy server, which is not supported yet. {FORMS} "
+            "An adapter may talk to a server itself, in predict."
+        )
+    reference = named_policies().get(text, text)
+    target, colon, name = reference.rpartition(":")
+    if not colon or "/" in name or "\\" in name:  # the second: a Windows drive
+        target, name = reference, DEFAULT_NAME
+    if not name.isidentifier():
+        raise AdapterError(f"policy={text!r}: {name!r} is not the name of anything in Python. {FORMS}")
+    if not target.endswith(".py") and not all(part.isidentifier() for part in target.split(".")):
+        raise AdapterError(
+            f"policy={text!r}: {target!r} is neither a Python file nor the dotted name of a module."
+            f"{_instead(Path(target), colon + name if colon else '')} {FORMS}"
+        )
+    return Reference(text, target, name)
+
+
+def _instead(path: Path, name: str) -> str:
+    """What may have been meant by a path that is no Python file."""
+    file = path.with_name(f"{path.name}.py") if path.name else path
+    if file.is_file():
+        return f" Did you mean '{file}{name}'?"
+    return f" {str(path)!r} is a folder; an adapter is a file in it." if path.is_dir() else ""
+
+
+def file_of(reference: Reference) -> Path | None:
+    """The file a reference leads to, without importing anything; None for a module that is not a file.
+
+    Raises:
+        AdapterError: There is no such file or module.
+    """
+    return _existing_file(reference) if reference.is_file else _module_file(reference)
+
+
+def _existing_file(reference: Reference) -> Path:
+    path, folder = Path(reference.target), Path(reference.target).parent
+    if path.is_file():
+        return path.resolve()
+    if path.is_dir():
+        raise AdapterError(
+            f"policy={reference.text!r}: {str(path)!r} is a folder, but an adapter is a file. Give the file."
+        )
+    if not folder.is_dir():
+        raise AdapterError(f"policy={reference.text!r}: there is no folder {str(folder)!r}. Check the path.")
+    siblings = sorted(file.name for file in folder.glob("*.py"))
+    close = get_close_matches(path.name, siblings, n=1, cutoff=0.5)
+    hint = f"Did you mean {str(folder / close[0])!r}?" if close else "Check the path."
+    raise AdapterError(f"policy={reference.text!r}: there is no file {str(path)!r}. {hint}")
+
+
+def _module_file(reference: Reference) -> Path | None:
+    top, *rest = reference.target.split(".")
+    spec = find_spec(top)
+    if spec is None:
+        raise no_module(reference, top)
+    if not rest:
+        if spec.origin is None and spec.submodule_search_locations is not None:
+            raise AdapterError(
+                f"policy={reference.text!r}: {top!r} is a folder without __init__.py, but an adapter is a "
+                "file or a module. Give the file in it."
+            )
+        return Path(spec.origin).resolve() if spec.has_location and spec.origin else None
+    file = submodule_file(spec.submodule_search_locations or (), rest)
+    return None if file is None else file.resolve()
+
+
+def submodule_file(folders: Iterable[str], parts: Iterable[str]) -> Path | None:
+    """The file of a module below a package's folders, found by its path; None where there is none."""
+    for folder in map(Path, folders):
+        place = folder.joinpath(*parts)
+        for file in (place / "__init__.py", *(place.with_name(place.name + end) for end in all_suffixes())):
+            if file.is_file():
+                return file
+    return None
+
+
+def find_spec(name: str) -> ModuleSpec | None:
+    """The spec of a top-level module, which is not imported; None where there is none."""
+    try:
+        return importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        return None
+
+
+def no_module(reference: Reference, missing: str) -> AdapterError:
+    """The error for a module that is not there."""
+    if reference.text == reference.target and "." not in reference.target:
+        return AdapterError(
+            f"policy={reference.text!r} is neither the name of a policy nor a module on the import path. "
+            f"{did_you_mean(reference.text, named_policies())} For an adapter of your own, give its file: "
+            f"{reference.text}.py."
+        )
+    return AdapterError(
+        f"policy={reference.text!r}: there is no module {missing!r} on the import path. Install it, put "
+        f"its folder on PYTHONPATH, or give the file: {reference.target.replace('.', '/')}.py."
+    )

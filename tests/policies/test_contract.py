@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.contract import PolicySpec
+
+
+def test_integers_of_numpy_are_written_as_json() -> None:
+    numbers: dict[str, Any] = {
+        "horizon": np.int64(8),
+        "query_interval": np.uint8(4),
+        "image_size": np.int32(64),
+    }
+    spec = PolicySpec("p", **numbers)
+    assert spec == PolicySpec("p", horizon=8, query_interval=4, image_size=64)
+    assert json.loads(json.dumps(spec.to_dict()))["horizon"] == 8
+
+
+@pytest.mark.parametrize("value", [0, -1, 1.0, np.float64(2.0), "2", None, True, np.bool_(True)])
+def test_a_horizon_is_an_integer_of_at_least_one(value: Any) -> None:
+    with pytest.raises(
+        AdapterError, match=r"^horizon=.* of policy 'p', but must be an integer of at least 1\."
+    ):
+        PolicySpec("p", horizon=value)
+
+
+def test_a_revision_is_part_of_the_spec() -> None:
+    assert PolicySpec("p").to_dict()["revision"] is None
+    assert PolicySpec("p", revision="3f2a91").to_dict()["revision"] == "3f2a91"
+
+
+@pytest.mark.parametrize("value", ["", 3, b"abc"])
+def test_a_revision_is_text(value: Any) -> None:
+    with pytest.raises(AdapterError, match=r"^revision=.* must be None or a string that is not empty\."):
+        PolicySpec("p", revision=value)

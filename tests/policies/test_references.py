@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies import references
+from pytest_libero_max.policies.loading import check_reference, load_policy
+from pytest_libero_max.policies.references import BUILT_IN, named_policies, parse_reference
+
+Offer = Callable[..., None]
+
+OWN = "class Own:\n    spec = None\npolicy = Own"
+
+
+@pytest.fixture
+def offer(monkeypatch: pytest.MonkeyPatch) -> Offer:
+    """Let installed packages offer policies by name."""
+
+    def offer(*points: tuple[str, str]) -> None:
+        monkeypatch.setattr(references, "_offered", lambda: points)
+
+    return offer
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_built_in_policies_are_loaded_by_name_from_an_empty_folder(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    check_reference(name)
+    assert load_policy(name).spec.name.replace("-", "_") == name
+
+
+def test_a_built_in_name_wins_over_a_file_and_a_module_which_are_named_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "expert.py").write_text(OWN)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert parse_reference("expert").target == "pytest_libero_max.experts.expert"
+    assert parse_reference("expert.py").target == "expert.py"
+    assert parse_reference("./expert.py").target == "./expert.py"
+    assert parse_reference("expert:policy").target == "expert"
+    assert parse_reference("random:policy").target == "random"
+
+
+@pytest.mark.parametrize(("text", "meant"), [("exper", "expert"), ("stale-expert", None), ("noob", "noop")])
+def test_a_misspelt_name_is_told_the_closest(text: str, meant: str | None) -> None:
+    with pytest.raises(AdapterError) as caught:
+        check_reference(text)
+    if meant is not None:
+        assert str(caught.value) == (
+            f"policy={text!r} is neither the name of a policy nor a module on the import path. Did you mean "
+            f"{meant!r}? Known: expert, noop, random, stale_expert. For an adapter of your own, give its "
+            f"file: {text}.py."
+        )
+
+
+def test_a_package_offers_a_policy_by_name(offer: Offer) -> None:
+    offer(("my-vla", "my_vla.libero:Adapter"))
+    assert named_policies() == {**BUILT_IN, "my-vla": "my_vla.libero:Adapter"}
+    reference = parse_reference("my-vla")
+    assert (reference.target, reference.name) == ("my_vla.libero", "Adapter")
+    with pytest.raises(AdapterError, match="Did you mean 'my-vla'"):
+        check_reference("my_vla")
+
+
+@pytest.mark.parametrize("taken", ["expert", "other"])
+def test_a_name_that_is_offered_twice_is_an_error(taken: str, offer: Offer) -> None:
+    offer(("other", "one.package:policy"), (taken, "another.package:policy"))
+    with pytest.raises(
+        AdapterError, match=f"policy '{taken}' is offered twice, as .* and as another.package"
+    ):
+        parse_reference("noop")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "{d}/robot",
+            "'{d}/robot' is neither a Python file nor the dotted name of a module. '{d}/robot' is a folder; "
+            "an adapter is a file in it. Give FILE.py",
+        ),
+        (
+            "{d}/robot/",
+            "'{d}/robot/' is neither a Python file nor the dotted name of a module. '{d}/robot' is",
+        ),
+        (
+            "{d}/adapter",
+            "'{d}/adapter' is neither a Python file nor the dotted name of a module. Did you mean "
+            "'{d}/adapter.py'? Give FILE.py",
+        ),
+        (
+            "{d}/adapter:Own",
+            "'{d}/adapter' is neither a Python file nor the dotted name of a module. Did you mean "
+            "'{d}/adapter.py:Own'? Give FILE.py",
+        ),
+        ("{d}/robot.py", "'{d}/robot.py' is a folder, but an adapter is a file. Give the file."),
+    ],
+)
+def test_folders_and_missing_endings_are_explained(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot.py").mkdir()
+    (tmp_path / "adapter.py").write_text(OWN)
+    for check in (check_reference, load_policy):
+        with pytest.raises(AdapterError) as caught:
+            check(text.format(d=tmp_path))
+        assert str(caught.value).startswith(f"policy={text!r}: {message}".format(d=tmp_path))
+
+
+def test_a_folder_beside_the_adapter_that_is_no_package_is_not_taken_for_a_module(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "my_robot").mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(AdapterError, match=r"'my_robot' is a folder without __init__\.py"):
+        check_reference("my_robot")
+
+
+def test_a_file_that_cannot_be_read_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "adapter.py"
+    path.write_text(OWN)
+
+    def refuse(path: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    with pytest.raises(AdapterError, match=r"cannot be read: .*Permission denied.* Check the file's perm"):
+        check_reference(str(path))
