@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES, Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.caveats import caveats_of
+from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.run import PlannedPair
 from pytest_libero_max.report.statistics_json import (
     change_json,
@@ -41,18 +42,6 @@ METHODS = {
     "floor": f"true where Base success is below {FLOOR_BASE_RATE:g}; a small change is no robustness there",
     "breakdowns": "descriptive; groups hold different cases, so differences between them are no effects",
 }
-
-DIMENSIONS: Mapping[str, Callable[[PlannedPair], str]] = {
-    "event": lambda pair: pair.event,
-    "family": lambda pair: pair.family,
-    "suite": lambda pair: pair.suite,
-    "source": lambda pair: pair.source,
-    "category": lambda pair: pair.category,
-    "severity": lambda pair: pair.severity,
-    "variant": lambda pair: pair.event_variant,
-    "difficulty": lambda pair: "none" if pair.difficulty is None else str(pair.difficulty),
-}
-"""How pairs are grouped in ``by``."""
 
 GENUINE_SUBSTRATE = "libero"
 
@@ -95,7 +84,7 @@ def build_report(
     columns = columns_of([played[pair.case_id] for pair in measured])
     overall = measure(columns)
     counts = _counts(planned, played, failed)
-    groups = {name: _group(planned, measured, columns, label, name) for name, label in DIMENSIONS.items()}
+    groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     return {
         "schema_version": REPORT_VERSION,
         "pairs": counts,
@@ -179,9 +168,9 @@ def _group(
     planned: Sequence[PlannedPair],
     measured: Sequence[PlannedPair],
     columns: Pairs,
-    label: Callable[[PlannedPair], str],
     dimension: str,
 ) -> dict[str, tuple[PairedResult, int]]:
+    label = DIMENSIONS[dimension].label
     totals: dict[str, int] = {}
     for pair in planned:
         totals[label(pair)] = totals.get(label(pair), 0) + 1

@@ -6,14 +6,8 @@ import shlex
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
-from pytest_libero_max.report.summary import (
-    count_text,
-    interval_text,
-    p_number,
-    percent,
-    points,
-    substrate_lines,
-)
+from pytest_libero_max.report.formats import count_text, interval_text, p_number, percent, points
+from pytest_libero_max.report.summary import substrate_lines
 
 _SHORT = dict(zip(OUTCOMES, ("(1,1)", "(0,1)", "(1,0)", "(0,0)"), strict=True))
 

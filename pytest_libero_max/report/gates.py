@@ -26,6 +26,8 @@ from typing import Any, Literal
 from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.report.columns import COLUMNS
+from pytest_libero_max.report.dimensions import DIMENSIONS
 
 Verdict = Literal["passed", "failed", "undecidable"]
 
@@ -38,24 +40,8 @@ OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
     "!=": operator.ne,
 }
 
-_INTERVALS = {
-    "base_sr": "base_success",
-    "dynamic_sr": "dynamic_success",
-    "delta": "paired_change",
-    "conditional_regression": "conditional_regression",
-    "trigger_coverage": "trigger_coverage",
-    "response_coverage": "response_coverage",
-}
-"""Quantities with an interval, by their place in a block of the report."""
-
-_PLAIN = {
-    "retained": ("retained", "value"),
-    "regressions": ("outcomes", "regression"),
-    "gains": ("outcomes", "change_associated_success"),
-    "p_value": ("mcnemar", "p_value"),
-    "stale_mean": ("stale_actions", "mean"),
-    "stale_median": ("stale_actions", "median"),
-}
+_QUANTITIES = {column.gate or column.key: column for column in COLUMNS if column.gate is not None}
+"""Quantities of a row of the report, by the name that gates use."""
 
 _COUNTS = ("planned", "played", "invalid", "missing")
 """Counts of pairs; decidable in an incomplete run. ``invalid`` and ``missing`` are of the whole run only."""
@@ -67,8 +53,6 @@ _VERSUS = {
     "p_value_vs": "p_value",
 }
 """Against another run, whose Dynamic outcomes come first in the contrast."""
-
-DIMENSIONS = ("event", "family", "suite", "source", "category", "severity", "variant", "difficulty")
 
 _GATE = re.compile(r"(?P<quantity>.+?)\s*(?P<operator>>=|<=|==|!=|>|<)\s*(?P<number>\S+)")
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?%?")
@@ -196,11 +180,11 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         _check_group(scope, text)
         parts = parts[2:]
     name, ends = parts[0], parts[1:]
-    known = [*_INTERVALS, *_PLAIN, *(_COUNTS if scope is None else _COUNTS[:2])]
+    known = [*_QUANTITIES, *(_COUNTS if scope is None else _COUNTS[:2])]
     if name not in known:
         names = known if scope else [*known, *DIMENSIONS, *_VERSUS]
         raise OptionError(f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, names)}")
-    if len(ends) > 1 or (ends and name not in _INTERVALS):
+    if len(ends) > 1 or (ends and (name in _COUNTS or not _QUANTITIES[name].format.has_interval)):
         raise OptionError(f"gate={text!r} asks for {'.'.join(ends)!r} of {name}, which has no such part.")
     return name, scope, _end(ends[0] if ends else None, text), None
 
@@ -235,11 +219,9 @@ def _in_block(gate: Gate, report: Json) -> tuple[float | None, str]:
         return block[gate.name], ""
     if block["played"] < block["planned"]:
         return None, f"{block['played']} of {block['planned']} planned pairs of {where} were played"
-    if gate.name in _PLAIN:
-        place, key = _PLAIN[gate.name]
-    else:
-        place, key = _INTERVALS[gate.name], gate.end or "value"
-    return block[place][key], f"{where} has no pair to measure {gate.name} on"
+    column = _QUANTITIES[gate.name]
+    numbers = column.format.numbers(column.value(block))
+    return numbers[f"_{gate.end}" if gate.end else ""], f"{where} has no pair to measure {gate.name} on"
 
 
 def _versus(gate: Gate, report: Json, contrasts: Mapping[str, Json | str]) -> tuple[float | None, str]:

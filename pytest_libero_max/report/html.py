@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.caveats import caveat_text
+from pytest_libero_max.report.columns import Table, columns_in
+from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.figures import arrow_plot, category_map, change_profile, stale_histogram
-from pytest_libero_max.report.markdown import TITLES
+from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.summary import (
-    change_text,
-    count_text,
+    FLOOR_NOTE,
+    any_floor,
+    group_label,
     incomplete_text,
     noise_text,
-    p_text,
-    percent,
-    rate_text,
     title_text,
 )
 
@@ -77,18 +77,17 @@ def _results(report: Json) -> list[str]:
         _card("Dynamic success", overall["dynamic_success"]),
         _card("Base successes lost", overall["conditional_regression"]),
         "</div>",
-        f"<p>Paired change {escape(change_text(overall['paired_change']))}, exact McNemar "
-        f"{escape(p_text(overall['mcnemar']))}.</p>",
+        _table(
+            ("Quantity", "Value"), [(column.title, column.long(overall)) for column in columns_in("summary")]
+        ),
         "<h2>Outcomes</h2>",
         _outcomes(overall["outcomes"]),
         "<h2>From Base to Dynamic</h2>",
         "<p>A ring is Base success, the arrow ends at Dynamic success; pairs in brackets.</p>",
         arrow_plot(report),
     ]
-    if any(block["floor"] for block in report["by"]["event"].values()):
-        body.append(
-            "<p>* Base success is too low to fall: a small change is no sign of robustness there.</p>"
-        )
+    if any_floor(report["by"]["event"].values()):
+        body.append(f"<p>{escape(FLOOR_NOTE)}</p>")
     body += [
         "<h2>Paired change by event</h2>",
         "<p>Percentage points with 95% intervals. A point without a bar: all its pairs are alike.</p>",
@@ -101,7 +100,7 @@ def _results(report: Json) -> list[str]:
         stale_histogram(report),
         "<h2>Breakdowns</h2>",
     ]
-    return body + [_breakdown(report, dimension, title) for dimension, title in TITLES.items()]
+    return body + [_breakdown(report, key, dimension.title) for key, dimension in DIMENSIONS.items()]
 
 
 def _outcomes(outcomes: Json) -> str:
@@ -115,21 +114,7 @@ def _outcomes(outcomes: Json) -> str:
 
 
 def _coverage(report: Json) -> str:
-    rows = []
-    for name, block in {"all pairs": report["overall"], **report["by"]["event"]}.items():
-        stale = block["stale_actions"]
-        mean = "n/a" if stale["mean"] is None else f"{stale['mean']:.2f}"
-        median = "n/a" if stale["median"] is None else f"{stale['median']:g}"
-        rows.append(
-            (
-                name,
-                count_text(block["trigger_coverage"]),
-                count_text(block["response_coverage"]),
-                mean,
-                median,
-            )
-        )
-    table = _table(("", "Event fired", "Query after it", "Stale actions, mean", "Median"), rows)
+    table = _groups("coverage", "Event", {"all pairs": report["overall"], **report["by"]["event"]})
     noise = report["noise_floor"]
     return (
         table
@@ -138,20 +123,19 @@ def _coverage(report: Json) -> str:
     )
 
 
-def _breakdown(report: Json, dimension: str, title: str) -> str:
-    rows = [
-        (
-            name + (" *" if block["floor"] else ""),
-            count_text({"count": block["played"], "of": block["planned"]}),
-            rate_text(block["base_success"]),
-            rate_text(block["dynamic_success"]),
-            change_text(block["paired_change"]),
-            count_text(block["conditional_regression"]),
-        )
-        for name, block in report["by"][dimension].items()
-    ]
-    table = _table((title, "Played", "Base", "Dynamic", "Paired change", "Lost"), rows)
+def _breakdown(report: Json, key: str, title: str) -> str:
+    table = _groups("groups", title, report["by"][key])
     return f"<details><summary>{escape(title)}</summary>{table}</details>"
+
+
+def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> str:
+    """One row a group, and the note on groups whose Base success is too low."""
+    columns = columns_in(table)
+    rows = [
+        (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
+    ]
+    note = f"<p>{escape(FLOOR_NOTE)}</p>" if any_floor(groups.values()) else ""
+    return _table((title, *(column.title for column in columns)), rows) + note
 
 
 def _regressions(regressions: Sequence[str], replay: Sequence[str]) -> list[str]:

@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.caveats import caveat_text
+from pytest_libero_max.report.columns import Table, columns_in
+from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.summary import (
-    change_text,
-    count_text,
+    FLOOR_NOTE,
+    any_floor,
+    group_label,
     incomplete_text,
     noise_text,
-    p_text,
-    rate_text,
     title_text,
 )
-
-TITLES = {
-    "event": "Event",
-    "family": "Family",
-    "suite": "Suite",
-    "source": "Source",
-    "category": "Source category",
-    "severity": "Severity",
-    "variant": "Event and parameter variant",
-}
 
 
 def markdown(report: Json) -> str:
     """Render a report; ends with a newline."""
-    provenance, pairs, overall = report["provenance"], report["pairs"], report["overall"]
+    provenance, pairs = report["provenance"], report["pairs"]
     lines = [f"# {title_text(report)}", ""]
     if not pairs["complete"]:
         lines += [f"**{incomplete_text(pairs)}** All rates below are over the played pairs.", ""]
@@ -37,56 +28,39 @@ def markdown(report: Json) -> str:
         lines += [report["substrate"]["note"], ""]
     if report["caveats"]:
         lines += [*(f"- {caveat_text(caveat)}" for caveat in report["caveats"]), ""]
-    outcomes = overall["outcomes"]
-    lines += _table(
-        ("Quantity", "Value"),
-        [
-            ("Pairs played of planned", f"{pairs['played']} of {pairs['planned']}"),
-            ("Base success", rate_text(overall["base_success"])),
-            ("Dynamic success", rate_text(overall["dynamic_success"])),
-            ("Paired change", change_text(overall["paired_change"])),
-            ("Preserved successes (1,1)", outcomes["preserved_success"]),
-            ("Change-associated successes (0,1)", outcomes["change_associated_success"]),
-            ("Regressions (1,0)", outcomes["regression"]),
-            ("Persistent failures (0,0)", outcomes["persistent_failure"]),
-            ("Base successes lost", rate_text(overall["conditional_regression"])),
-            ("Exact McNemar", p_text(overall["mcnemar"])),
-            ("Event fired", rate_text(overall["trigger_coverage"])),
-            ("Query after the event", rate_text(overall["response_coverage"])),
-            *(
-                [("Noise floor: Base played twice", noise_text(report["noise_floor"]))]
-                if report["noise_floor"]
-                else []
-            ),
-        ],
-    )
-    for dimension, title in TITLES.items():
-        groups = report["by"][dimension]
-        lines += ["", f"## {title}", ""]
-        lines += _table(
-            (title, "Pairs", "Base", "Dynamic", "Paired change", "Base successes lost"),
-            [
-                (
-                    name,
-                    count_text({"count": block["played"], "of": block["planned"]}),
-                    rate_text(block["base_success"]) + (" (floor)" if block["floor"] else ""),
-                    rate_text(block["dynamic_success"]),
-                    change_text(block["paired_change"]),
-                    count_text(block["conditional_regression"]),
-                )
-                for name, block in groups.items()
-            ],
-        )
+    lines += _table(("Quantity", "Value"), _quantities(report))
+    for key, dimension in DIMENSIONS.items():
+        lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report["by"][key])]
     lines += [
         "",
         "Intervals are 95%: Wilson for rates, exact paired bootstrap for changes. Groups hold different",
+        "cases: differences between them are descriptions, not effects.",
+        "",
+        "## Provenance",
+        "",
     ]
-    lines += ["cases: differences between them are descriptions, not effects.", "", "## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
     lines += _table(("Part", "Version"), [*versions, ("case set", provenance["case_set"]["digest"])])
     return "\n".join(lines) + "\n"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+def _quantities(report: Json) -> list[tuple[str, str]]:
+    rows = [(column.title, column.long(report["overall"])) for column in columns_in("summary")]
+    if report["noise_floor"]:
+        rows.append(("Noise floor: Base played twice", noise_text(report["noise_floor"])))
+    return rows
+
+
+def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> list[str]:
+    """One row a group, and the note on groups whose Base success is too low."""
+    columns = columns_in(table)
+    rows = [
+        (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
+    ]
+    note = ["", FLOOR_NOTE.replace("*", "\\*")] if any_floor(groups.values()) else []
+    return [*_table((title, *(column.title for column in columns)), rows), *note]
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
     body = [" | ".join(str(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
     return [f"| {body[0]} |", "|" + " --- |" * len(head), *(f"| {row} |" for row in body[1:])]

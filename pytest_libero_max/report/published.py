@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 
-from pytest_libero_max.report.summary import percent, points
+from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.stats.outcomes import Outcomes
 
 NOTE = (

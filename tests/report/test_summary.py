@@ -5,8 +5,9 @@ from itertools import cycle
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.formats import p_text
 from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.summary import p_text, summary_lines
+from pytest_libero_max.report.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
 
 PAIRS = plan()
@@ -29,17 +30,18 @@ Dynamic success                 46.9% [30.9, 63.6]  15/32
 Paired change                   -18.8 pp [-40.6, +6.2]   McNemar p = 0.210
 Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 11   (0,0) 6
 Base successes lost             52.4% [32.4, 71.7]  11/21   retained 71.4%
-Event fired / query after it    31/32 / 31/32   stale actions mean 2.00, median 2
+Event fired                     31/32   query after it 31/32
+Stale actions                   mean 2.00   median 2
 
-event                         pairs   Base   Dynamic   change     95% interval      lost
-illumination_switch               4  50.0%     25.0%    -25.0  [-100.0, +50.0]       2/2
-camera_shift                      4  75.0%     50.0%    -25.0    [-75.0, +0.0]       1/3
-visual_theme_switch               4  50.0%     50.0%     +0.0   [-75.0, +75.0]       1/2
-sensor_noise_onset                4  75.0%     50.0%    -25.0  [-100.0, +50.0]       2/3
-target_relocation                 4  75.0%     50.0%    -25.0    [-75.0, +0.0]       1/3
-receptacle_relocation             4  50.0%     50.0%     +0.0   [-75.0, +75.0]       1/2
-distractor_burst                  4  75.0%     50.0%    -25.0  [-100.0, +50.0]       2/3
-obstacle_insertion                4  75.0%     50.0%    -25.0    [-75.0, +0.0]       1/3
+Event                           Pairs     Base  Dynamic                   Change      Lost
+illumination_switch                 4    50.0%    25.0%    -25.0 [-100.0, +50.0]       2/2
+camera_shift                        4    75.0%    50.0%      -25.0 [-75.0, +0.0]       1/3
+visual_theme_switch                 4    50.0%    50.0%      +0.0 [-75.0, +75.0]       1/2
+sensor_noise_onset                  4    75.0%    50.0%    -25.0 [-100.0, +50.0]       2/3
+target_relocation                   4    75.0%    50.0%      -25.0 [-75.0, +0.0]       1/3
+receptacle_relocation               4    50.0%    50.0%      +0.0 [-75.0, +75.0]       1/2
+distractor_burst                    4    75.0%    50.0%    -25.0 [-100.0, +50.0]       2/3
+obstacle_insertion                  4    75.0%    50.0%      -25.0 [-75.0, +0.0]       1/3
 Written: out/pairs.jsonl, out/report.json"""
 
 INCOMPLETE = """\
@@ -53,10 +55,11 @@ Dynamic success                 50.0% [33.2, 66.8]  15/30
 Paired change                   -16.7 pp [-40.0, +6.7]   McNemar p = 0.302
 Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 10   (0,0) 5
 Base successes lost             50.0% [29.9, 70.1]  10/20   retained 75.0%
-Event fired / query after it    30/30 / 30/30   stale actions mean 2.00, median 2
+Event fired                     30/30   query after it 30/30
+Stale actions                   mean 2.00   median 2
 
-event                         pairs   Base   Dynamic   change     95% interval      lost
-illumination_switch          2 of 4  50.0%     50.0%     +0.0 [-100.0, +100.0]       1/1"""
+Event                           Pairs     Base  Dynamic                   Change      Lost
+illumination_switch            2 of 4    50.0%    50.0%    +0.0 [-100.0, +100.0]       1/1"""
 
 NOTHING = """\
 INCOMPLETE: 0 of 32 planned pairs played, 31 invalid, 1 missing. No score.
@@ -73,10 +76,11 @@ Dynamic success                 0.0% [0.0, 10.7]  0/32
 Paired change                   +0.0 pp (all alike)   McNemar n/a (no discordant pair)
 Outcomes (Base, Dynamic)        (1,1) 0   (0,1) 0   (1,0) 0   (0,0) 32
 Base successes lost             n/a  0/0   retained n/a
-Event fired / query after it    0/32 / 0/32   stale actions n/a
+Event fired                     0/32   query after it 0/32
+Stale actions                   mean n/a   median n/a
 
-event                         pairs   Base   Dynamic   change     95% interval      lost
-illumination_switch               4   0.0%*     0.0%     +0.0      (all alike)       0/0"""
+Event                           Pairs     Base  Dynamic                   Change      Lost
+illumination_switch *               4     0.0%     0.0%         +0.0 (all alike)       0/0"""
 
 
 def _text(records: list[PairRecord], *paths: str, provenance: Json = PROVENANCE) -> str:
@@ -124,6 +128,6 @@ def test_a_p_value_is_never_printed_as_zero() -> None:
 def test_markdown_has_a_table_per_breakdown() -> None:
     text = markdown(build_report(_records(), [], PAIRS, PROVENANCE))
     assert text.startswith("# scripted (H=10 Q=5) on embedded, track smoke\n")
-    assert "| camera_shift | 4/4 | 75.0% [30.1, 95.4]  3/4 |" in text
-    for title in ("Event", "Family", "Suite", "Source", "Source category", "Severity"):
-        assert f"## {title}\n\n| {title} | Pairs |" in text
+    assert "| camera_shift | 4 of 4 | 75.0% [30.1, 95.4]  3/4 |" in text
+    for title in ("Event", "Family", "Suite", "Source", "Source category", "Severity", "Difficulty"):
+        assert f"## {title}\n\n| {title} | Pairs played |" in text

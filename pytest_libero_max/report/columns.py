@@ -1,0 +1,173 @@
+"""The columns of a report: every quantity once, with its title, its place and how it is printed.
+
+Every writer (terminal, Markdown, HTML, CSV, LaTeX) and the gates read this table. To add a quantity, measure
+it and write it into the row (:mod:`~pytest_libero_max.report.statistics_json`), describe it in
+``report.schema.json``, and add an entry here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.formats import Change, Format, Number, PairCount, PValue, Rate, Share
+
+Table = Literal["summary", "groups", "narrow", "coverage"]
+"""The tables of a report.
+
+``summary``: every quantity of the whole run, one a row. ``groups``: one row a group, for pages.
+``narrow``: one row a group, for the terminal and LaTeX. ``coverage``: how often events fired and what came
+after, one row an event.
+"""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Where a quantity stands in the terminal summary.
+
+    Attributes:
+        title: Beginning of the line. Columns with the same title share a line, in the order of the table.
+        mark: What stands before the value, for all but the first quantity of a line.
+        short: Whether the value is printed as in narrow tables.
+    """
+
+    title: str
+    mark: str = ""
+    short: bool = False
+
+
+@dataclass(frozen=True)
+class Column:
+    """One quantity of a row of the report.
+
+    A row is the result of a set of pairs: ``report["overall"]`` or a group such as
+    ``report["by"]["event"]["camera_shift"]``.
+
+    Attributes:
+        key: Name in CSV files; columns with an interval have ``KEY_lower`` and ``KEY_upper`` as well.
+        title: Heading in wide tables.
+        place: Where the value lies in a row; the empty path is the row itself.
+        format: How it is printed.
+        heading: Heading in narrow tables; the title where it is empty.
+        tables: In which tables it stands. CSV files hold every column.
+        line: Where it stands in the terminal summary, None where it does not.
+        gate: Name as a quantity of gates; the key where it is empty, None where no gate can ask for it.
+        width: Characters of the column in the terminal's narrow table.
+    """
+
+    key: str
+    title: str
+    place: tuple[str, ...]
+    format: Format
+    heading: str = ""
+    tables: tuple[Table, ...] = ("summary",)
+    line: Line | None = None
+    gate: str | None = ""
+    width: int = 8
+
+    def value(self, row: Json) -> Any:
+        """What the report holds at the column's place."""
+        value: Any = row
+        for key in self.place:
+            value = value[key]
+        return value
+
+    def long(self, row: Json) -> str:
+        """The cell in a wide table."""
+        return self.format.long(self.value(row))
+
+    def short(self, row: Json) -> str:
+        """The cell in a narrow table."""
+        return self.format.short(self.value(row))
+
+    def latex(self, row: Json) -> str:
+        """The cell in a LaTeX table."""
+        return self.format.latex(self.value(row))
+
+    def numbers(self, row: Json) -> dict[str, float | None]:
+        """The bare numbers by name, as in CSV files."""
+        return {self.key + end: number for end, number in self.format.numbers(self.value(row)).items()}
+
+    @property
+    def short_heading(self) -> str:
+        return self.heading or self.title
+
+
+_LOST = "Base successes lost"
+_OUTCOMES = "Outcomes (Base, Dynamic)"
+_FIRED = "Event fired"
+_STALE = "Stale actions"
+
+COLUMNS: tuple[Column, ...] = (
+    Column("planned", "Pairs planned", ("planned",), Number(), tables=(), gate=None),
+    Column(
+        "played", "Pairs played", (), PairCount(), "Pairs",
+        tables=("summary", "groups", "narrow", "coverage"), gate=None, width=12,
+    ),
+    Column(
+        "base_success", "Base success", ("base_success",), Rate(), "Base",
+        tables=("summary", "groups", "narrow"), line=Line("Base success"), gate="base_sr",
+    ),
+    Column(
+        "dynamic_success", "Dynamic success", ("dynamic_success",), Rate(), "Dynamic",
+        tables=("summary", "groups", "narrow"), line=Line("Dynamic success"), gate="dynamic_sr",
+    ),
+    Column(
+        "paired_change", "Paired change", ("paired_change",), Change(), "Change",
+        tables=("summary", "groups", "narrow"), line=Line("Paired change"), gate="delta", width=24,
+    ),
+    Column(
+        "p_value", "Exact McNemar", ("mcnemar",), PValue(), line=Line("Paired change", "McNemar"),
+    ),
+    Column(
+        "log10_p_value", "Exact McNemar, log10 of p", ("mcnemar", "log10_p_value"), Number(".2f"), tables=(),
+        gate=None,
+    ),
+    Column(
+        "preserved_success", "Preserved successes (1,1)", ("outcomes", "preserved_success"), Number(),
+        line=Line(_OUTCOMES, "(1,1)"),
+    ),
+    Column(
+        "change_associated_success", "Change-associated successes (0,1)",
+        ("outcomes", "change_associated_success"), Number(), line=Line(_OUTCOMES, "(0,1)"), gate="gains",
+    ),
+    Column(
+        "regression", "Regressions (1,0)", ("outcomes", "regression"), Number(),
+        line=Line(_OUTCOMES, "(1,0)"), gate="regressions",
+    ),
+    Column(
+        "persistent_failure", "Persistent failures (0,0)", ("outcomes", "persistent_failure"), Number(),
+        line=Line(_OUTCOMES, "(0,0)"),
+    ),
+    Column(
+        "conditional_regression", _LOST, ("conditional_regression",), Rate(counted=True), "Lost",
+        tables=("summary", "groups", "narrow"), line=Line(_LOST), width=9,
+    ),
+    Column(
+        "retained", "Dynamic successes per Base success", ("retained",), Share(),
+        line=Line(_LOST, "retained", short=True),
+    ),
+    Column(
+        "trigger_coverage", _FIRED, ("trigger_coverage",), Rate(counted=True),
+        tables=("summary", "coverage"), line=Line(_FIRED, short=True),
+    ),
+    Column(
+        "response_coverage", "Query after the event", ("response_coverage",), Rate(counted=True),
+        tables=("summary", "coverage"), line=Line(_FIRED, "query after it", short=True),
+    ),
+    Column(
+        "stale_mean", "Stale actions, mean", ("stale_actions", "mean"), Number(".2f"),
+        tables=("summary", "coverage"), line=Line(_STALE, "mean"),
+    ),
+    Column(
+        "stale_median", "Stale actions, median", ("stale_actions", "median"), Number("g"),
+        tables=("summary", "coverage"), line=Line(_STALE, "median"),
+    ),
+)  # fmt: skip
+"""Every column, in the order of all tables."""
+
+
+def columns_in(table: Table) -> tuple[Column, ...]:
+    """The columns of a table, in their order."""
+    return tuple(column for column in COLUMNS if table in column.tables)

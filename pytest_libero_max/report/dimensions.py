@@ -1,0 +1,36 @@
+"""The ways in which pairs are grouped in a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from pytest_libero_max.report.run import PlannedPair
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """One way of grouping pairs.
+
+    Attributes:
+        title: Heading of its table.
+        label: The group of a pair.
+    """
+
+    title: str
+    label: Callable[[PlannedPair], str]
+
+
+DIMENSIONS: Mapping[str, Dimension] = {
+    "event": Dimension("Event", lambda pair: pair.event),
+    "family": Dimension("Family", lambda pair: pair.family),
+    "suite": Dimension("Suite", lambda pair: pair.suite),
+    "source": Dimension("Source", lambda pair: pair.source),
+    "category": Dimension("Source category", lambda pair: pair.category),
+    "severity": Dimension("Severity", lambda pair: pair.severity),
+    "variant": Dimension("Event and parameter variant", lambda pair: pair.event_variant),
+    "difficulty": Dimension(
+        "Difficulty", lambda pair: "none" if pair.difficulty is None else str(pair.difficulty)
+    ),
+}
+"""By their key in ``report["by"]`` and in gates, in the order of all writers."""

@@ -1,0 +1,227 @@
+"""How a number of a report is printed: one format a kind of quantity, the same in every writer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from pytest_libero_max.benchmark.documents import Json
+
+
+class Format(Protocol):
+    """How one kind of quantity is printed.
+
+    ``value`` is what the report holds at the place of the quantity: a number, or an object with a number, its
+    counts and its interval. A number that does not exist is None there.
+    """
+
+    has_interval: ClassVar[bool]
+    """Whether there are ``lower`` and ``upper`` ends."""
+
+    def long(self, value: Any) -> str:
+        """With counts and interval, for wide tables."""
+
+    def short(self, value: Any) -> str:
+        """For narrow tables."""
+
+    def latex(self, value: Any) -> str:
+        """For a LaTeX table whose caption says percent and percentage points."""
+
+    def numbers(self, value: Any) -> dict[str, float | None]:
+        """The bare numbers by the end of their name: ``""`` for the estimate, ``_lower`` and ``_upper``."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A share of cases with its 95% interval.
+
+    Attributes:
+        counted: Narrow tables print the counts instead of the percentage.
+    """
+
+    has_interval: ClassVar[bool] = True
+
+    counted: bool = False
+
+    def long(self, value: Json) -> str:
+        return rate_text(value)
+
+    def short(self, value: Json) -> str:
+        return count_text(value) if self.counted else percent(value["value"])
+
+    def latex(self, value: Json) -> str:
+        return "--" if value["value"] is None else f"{100 * value['value']:.1f}"
+
+    def numbers(self, value: Json) -> dict[str, float | None]:
+        return _with_ends(value)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A difference of rates with its 95% interval, in percentage points."""
+
+    has_interval: ClassVar[bool] = True
+
+    def long(self, value: Json) -> str:
+        return change_text(value)
+
+    def short(self, value: Json) -> str:
+        return "n/a" if value["value"] is None else f"{points(value['value'])} {interval_text(value, True)}"
+
+    def latex(self, value: Json) -> str:
+        if value["value"] is None:
+            return "--"
+        lower, upper = (f"${100 * value[end]:+.1f}$" for end in ("lower", "upper"))
+        return f"${100 * value['value']:+.1f}$ [{lower}, {upper}]"
+
+    def numbers(self, value: Json) -> dict[str, float | None]:
+        return _with_ends(value)
+
+
+@dataclass(frozen=True)
+class Share:
+    """A ratio of two counts without an interval.
+
+    Attributes:
+        signed: It is a difference of rates, printed in percentage points with its sign.
+    """
+
+    has_interval: ClassVar[bool] = False
+
+    signed: bool = False
+
+    def long(self, value: Json) -> str:
+        return self.short(value) + ("" if self.signed else f"  {count_text(value)}")
+
+    def short(self, value: Json) -> str:
+        if value["value"] is None:
+            return "n/a"
+        return f"{points(value['value'])} pp" if self.signed else percent(value["value"])
+
+    def latex(self, value: Json) -> str:
+        sign = "+" if self.signed else ""
+        return "--" if value["value"] is None else f"${100 * value['value']:{sign}.1f}$"
+
+    def numbers(self, value: Json) -> dict[str, float | None]:
+        return {"": value["value"]}
+
+
+@dataclass(frozen=True)
+class Number:
+    """A plain number.
+
+    Attributes:
+        spec: A format specification, for example ``.2f``.
+    """
+
+    has_interval: ClassVar[bool] = False
+
+    spec: str = "d"
+
+    def long(self, value: float | None) -> str:
+        return "n/a" if value is None else f"{value:{self.spec}}"
+
+    def short(self, value: float | None) -> str:
+        return self.long(value)
+
+    def latex(self, value: float | None) -> str:
+        return "--" if value is None else self.long(value)
+
+    def numbers(self, value: float | None) -> dict[str, float | None]:
+        return {"": value}
+
+
+@dataclass(frozen=True)
+class PairCount:
+    """How many pairs were played, and of how many planned where one is missing."""
+
+    has_interval: ClassVar[bool] = False
+
+    def long(self, value: Json) -> str:
+        return f"{value['played']} of {value['planned']}"
+
+    def short(self, value: Json) -> str:
+        return str(value["played"]) if value["played"] == value["planned"] else self.long(value)
+
+    def latex(self, value: Json) -> str:
+        return self.short(value)
+
+    def numbers(self, value: Json) -> dict[str, float | None]:
+        return {"": value["played"]}
+
+
+@dataclass(frozen=True)
+class PValue:
+    """A p-value; a small one is printed from its logarithm, never as 0."""
+
+    has_interval: ClassVar[bool] = False
+
+    def long(self, value: Json) -> str:
+        return p_text(value)
+
+    def short(self, value: Json) -> str:
+        return "n/a" if value["log10_p_value"] is None else p_number(value["log10_p_value"])
+
+    def latex(self, value: Json) -> str:
+        return "--" if value["log10_p_value"] is None else self.short(value)
+
+    def numbers(self, value: Json) -> dict[str, float | None]:
+        return {"": value["p_value"]}
+
+
+def rate_text(rate: Json) -> str:
+    """A rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
+    if rate["value"] is None:
+        return f"n/a  {count_text(rate)}"
+    return f"{percent(rate['value'])} {interval_text(rate)}  {count_text(rate)}"
+
+
+def change_text(change: Json) -> str:
+    """A paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
+    if change["value"] is None:
+        return "n/a"
+    return f"{points(change['value'])} pp {interval_text(change, signed=True)}"
+
+
+def interval_text(value: Json, signed: bool = False) -> str:
+    """An interval in percent; says so where resampling could not vary."""
+    if value["lower"] is None:
+        return "n/a"
+    if value.get("degenerate"):
+        return "(all alike)"
+    sign = "+" if signed else ""
+    return f"[{100 * value['lower']:{sign}.1f}, {100 * value['upper']:{sign}.1f}]"
+
+
+def percent(value: float | None) -> str:
+    """A rate as a percentage with one decimal."""
+    return "n/a" if value is None else f"{100 * value:.1f}%"
+
+
+def points(value: float | None) -> str:
+    """A difference of rates in percentage points, with its sign."""
+    return "n/a" if value is None else f"{100 * value:+.1f}"
+
+
+def count_text(ratio: Json) -> str:
+    """A count over its denominator, for example ``3/8``."""
+    return f"{ratio['count']}/{ratio['of']}"
+
+
+def p_text(test: Json) -> str:
+    """A p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
+    log10_p = test["log10_p_value"]
+    return "n/a (no discordant pair)" if log10_p is None else f"p = {p_number(log10_p)}"
+
+
+def p_number(log10_p: float) -> str:
+    """A p-value from its decimal logarithm."""
+    if log10_p >= -3:
+        return f"{10**log10_p:.3f}"
+    exponent = math.floor(log10_p)
+    return f"{10 ** (log10_p - exponent):.1f}e{exponent}"
+
+
+def _with_ends(value: Json) -> dict[str, float | None]:
+    return {"": value["value"], "_lower": value["lower"], "_upper": value["upper"]}

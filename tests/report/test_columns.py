@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.columns import COLUMNS, Column, columns_in
+from pytest_libero_max.report.gates import evaluate, parse_gate
+from pytest_libero_max.report.html import html
+from pytest_libero_max.report.markdown import markdown
+from pytest_libero_max.report.summary import summary_lines
+from pytest_libero_max.report.tables import csv_text, latex_text
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, records_of
+
+PAIRS = plan()
+REPORT = build_report(records_of(PAIRS), [], PAIRS, PROVENANCE)
+REPORTS: dict[str, Json] = {
+    "full": REPORT,
+    "alike": build_report(
+        [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS], [], PAIRS, PROVENANCE
+    ),
+    "empty": build_report([], [], PAIRS, PROVENANCE),
+}
+QUANTITIES = [column for column in COLUMNS if column.gate is not None]
+
+
+def _name(column: Column) -> str:
+    return column.gate or column.key
+
+
+def test_no_two_columns_share_a_name() -> None:
+    for names in ([column.key for column in COLUMNS], [_name(column) for column in QUANTITIES]):
+        assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.key)
+def test_a_column_stands_in_every_file_it_names(column: Column) -> None:
+    overall = REPORT["overall"]
+    row = next(csv.DictReader(io.StringIO(csv_text(REPORT))))
+    for name, number in column.numbers(overall).items():
+        assert row[name] == ("" if number is None else str(number))
+    if "summary" in column.tables:
+        assert f"| {column.title} | {column.long(overall)} |" in markdown(REPORT)
+        assert f"<td>{column.title}</td><td>{column.long(overall)}</td>" in html(REPORT, [], [])
+    if "narrow" in column.tables:
+        assert f" {column.short_heading} " in latex_text(REPORT)
+        assert column.latex(overall) in latex_text(REPORT)
+    if column.line is not None:
+        text = column.short(overall) if column.line.short else column.long(overall)
+        (line,) = [line for line in summary_lines(REPORT) if line.startswith(f"{column.line.title:<32}")]
+        assert f"{column.line.mark} {text}".strip() in line
+
+
+@pytest.mark.parametrize("column", QUANTITIES, ids=_name)
+def test_a_gate_can_ask_for_every_column_that_is_a_number(column: Column) -> None:
+    ends = ("", ".lower", ".upper") if column.format.has_interval else ("",)
+    for end in ends:
+        gate = parse_gate(f"event.camera_shift.{_name(column)}{end} >= -1000000")
+        expected = column.numbers(REPORT["by"]["event"]["camera_shift"])
+        assert evaluate(gate, REPORT).value == expected[column.key + end.replace(".", "_")]
+
+
+@pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.key)
+@pytest.mark.parametrize("name", REPORTS)
+def test_a_cell_exists_without_a_number(column: Column, name: str) -> None:
+    row = REPORTS[name]["overall"]
+    for text in (column.long(row), column.short(row), column.latex(row)):
+        assert text
+        assert "None" not in text
+        assert "nan" not in text.lower()
+    ends = {""} | ({"_lower", "_upper"} if column.format.has_interval else set())
+    assert set(column.format.numbers(column.value(row))) == ends
+
+
+def test_the_terminal_has_one_row_an_event_in_columns_that_line_up() -> None:
+    lines = summary_lines(REPORT)
+    start = next(number for number, line in enumerate(lines) if line.startswith("Event  "))
+    table = lines[start : start + 9]
+    assert len({len(line) for line in table}) == 1
+    assert len(table[0]) == 24 + sum(column.width + 1 for column in columns_in("narrow"))
