@@ -11,8 +11,11 @@ from pytest_libero_max.benchmark.documents import read_content
 from pytest_libero_max.benchmark.manifests import Manifest, decode_manifest
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 
-FOLDER = Path(__file__).resolve().parents[1] / "tracks"
-"""In a source checkout this is a link to ``cases``; an installed package has the files themselves."""
+_INSTALLED = Path(__file__).resolve().parents[1] / "tracks"
+_CHECKOUT = Path(__file__).resolve().parents[2] / "cases"
+
+FOLDER = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
+"""Where the tracks are: the build copies ``cases`` into the package; a checkout has ``cases`` alone."""
 
 CHECKSUMS = "SHA256SUMS"
 """Digests of the files' contents, without compression: a name in it has no ``.gz``."""
@@ -28,7 +31,12 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
 
     Raises:
         OptionError: There is no such track; suggests the closest.
+        ManifestError: There are no tracks at all.
     """
+    if not track_names(folder):
+        raise ManifestError(
+            f"{folder} has no tracks. The installation is incomplete: install the package again."
+        )
     if name not in track_names(folder):
         raise OptionError(f"track={name!r} is not a track. {did_you_mean(name, track_names(folder))}")
     plain = folder / f"{name}.json"
@@ -40,7 +48,7 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
 
     Raises:
         OptionError: There is no such track.
-        ManifestError: Its file differs from its checksum.
+        ManifestError: Its file differs from its checksum, or there are no tracks at all.
     """
     path = track_path(name, folder)
     return decode_manifest(frozen_content(path), path)
