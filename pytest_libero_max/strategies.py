@@ -55,7 +55,7 @@ from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, Entity, Observation
 
 if TYPE_CHECKING:
-    from pytest_libero_max.sources import Variant
+    from pytest_libero_max.sources import Variation
 
 Entities = Mapping[str, Entity]
 
@@ -200,7 +200,7 @@ def cases(
     return _parse_case(record)
 
 
-def source_variants(source: Literal["plus", "pro"] | None = None) -> SearchStrategy[Variant]:
+def source_variations(source: Literal["plus", "pro"] | None = None) -> SearchStrategy[Variation]:
     """Source variations of the embedded scenes; by default of both catalogues.
 
     Args:
@@ -220,12 +220,12 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
     """
     from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
     from pytest_libero_max.events.eligibility import eligible_events
-    from pytest_libero_max.sources import variant_metadata
+    from pytest_libero_max.sources import variation_metadata
 
-    variant = draw(source_variants(source))
-    event = draw(st.sampled_from(eligible_events(variant_metadata(variant))))
-    init = draw(st.integers(0, PRO_STATES - 1)) if variant.source == "pro" else 0
-    return Configuration(variant, init).case(Cell(variant.category, event, draw(st.integers(0, 1))))
+    variation = draw(source_variations(source))
+    event = draw(st.sampled_from(eligible_events(variation_metadata(variation))))
+    init = draw(st.integers(0, PRO_STATES - 1)) if variation.source == "pro" else 0
+    return Configuration(variation, init).case(Cell(variation.category, event, draw(st.integers(0, 1))))
 
 
 def manifests(entities: Entities | None = None, *, max_size: int = 6) -> SearchStrategy[Manifest]:
@@ -349,7 +349,7 @@ def scripted_policies(
     return kind(spec, table, draw(st.integers(interval, horizon)), drift)
 
 
-def _catalogue(source: str) -> SearchStrategy[Variant]:
+def _catalogue(source: str) -> SearchStrategy[Variation]:
     from pytest_libero_max.sources import catalogue
 
     return st.sampled_from(catalogue(source))

@@ -20,7 +20,7 @@ from pytest_libero_max.policies.contract import (
     RemembersPolicy,
     query_seed,
 )
-from pytest_libero_max.sources import Variant, variant_of
+from pytest_libero_max.sources import Variation, variation_of
 from pytest_libero_max.worlds.contract import Entity, Observation
 
 ENTITIES = {
@@ -83,15 +83,15 @@ def test_cases_stand_for_unmodified_tasks(case: Case) -> None:
 @given(strategies.varied_cases())
 @settings(deadline=None)  # the first one makes the catalogues
 def test_varied_cases_name_a_variation_of_the_catalogue(case: Case) -> None:
-    variant = variant_of(case)
-    assert (variant.source, variant.category) == (case.source, case.source_category)
+    variation = variation_of(case)
+    assert (variation.source, variation.category) == (case.source, case.source_category)
     assert parse_case(json.loads(json.dumps(case.record))) == case
 
 
-@given(strategies.source_variants("pro"))
+@given(strategies.source_variations("pro"))
 @settings(max_examples=20, deadline=None)
-def test_source_variants_are_of_the_source(variant: Variant) -> None:
-    assert variant.source == "pro"
+def test_source_variations_are_of_the_source(variation: Variation) -> None:
+    assert variation.source == "pro"
 
 
 @given(strategies.manifests(ENTITIES))

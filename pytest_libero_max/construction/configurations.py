@@ -11,7 +11,7 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.eligibility import eligible_events
 from pytest_libero_max.events.parameters import resolve_event
-from pytest_libero_max.sources import Variant, catalogue, variant_metadata
+from pytest_libero_max.sources import Variation, catalogue, variation_metadata
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
@@ -33,14 +33,14 @@ class Cell(NamedTuple):
 class Configuration(NamedTuple):
     """A source variation with an initial state."""
 
-    variant: Variant
+    variation: Variation
     init: int
 
     @property
     def identity(self) -> Identity:
-        variant = self.variant
-        category = variant.category if variant.source == "pro" else ""
-        return Identity(variant.source, variant.suite, variant.index, self.init, category)
+        variation = self.variation
+        category = variation.category if variation.source == "pro" else ""
+        return Identity(variation.source, variation.suite, variation.index, self.init, category)
 
     def case_id(self, cell: Cell) -> str:
         """What :meth:`case` will be called."""
@@ -52,12 +52,12 @@ class Configuration(NamedTuple):
         Raises:
             ManifestError: The scene lacks what the event needs.
         """
-        variant, identity = self.variant, self.identity
-        event = resolve_event(cell.event, cell.draw, variant_metadata(variant), identity)
-        record = case_record(identity, event, variant.name)
-        prefix = "LIBERO-PRO/" if variant.source == "pro" else ""
-        record["substrate_category"] = prefix + variant.category
-        record["substrate_difficulty"] = variant.difficulty
+        variation, identity = self.variation, self.identity
+        event = resolve_event(cell.event, cell.draw, variation_metadata(variation), identity)
+        record = case_record(identity, event, variation.name)
+        prefix = "LIBERO-PRO/" if variation.source == "pro" else ""
+        record["substrate_category"] = prefix + variation.category
+        record["substrate_difficulty"] = variation.difficulty
         return parse_case(record)
 
 
@@ -67,15 +67,15 @@ def cell_of(case: Case) -> Cell:
 
 
 @cache
-def hosts(source: str, category: str) -> tuple[tuple[Variant, frozenset[str]], ...]:
+def hosts(source: str, category: str) -> tuple[tuple[Variation, frozenset[str]], ...]:
     """The variations of a source category, each with the events that its scene can host.
 
     LIBERO-Plus's variations without a difficulty are left out, as in the released benchmark.
     """
     return tuple(
-        (variant, frozenset(eligible_events(variant_metadata(variant))))
-        for variant in catalogue(source)
-        if variant.category == category and (source == "pro" or variant.difficulty is not None)
+        (variation, frozenset(eligible_events(variation_metadata(variation))))
+        for variation in catalogue(source)
+        if variation.category == category and (source == "pro" or variation.difficulty is not None)
     )
 
 

@@ -22,7 +22,7 @@ from pytest_libero_max.construction.matching import Shortage, fill
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.sources.variation import Variant
+from pytest_libero_max.sources.variation import Variation
 
 PLUS_PER_CELL, PRO_PER_CELL = 50, 15
 LEVELS = 5
@@ -99,7 +99,7 @@ def _fill_plus(
     cells = cells_of(category)
     if len(kept) == PLUS_PER_CELL * len(cells):
         return kept
-    tasks = [(Configuration(variant, 0), events) for variant, events in hosts("plus", category)]
+    tasks = [(Configuration(variation, 0), events) for variation, events in hosts("plus", category)]
     ids = [[one.case_id(cell) for cell in cells] for one, _ in tasks]
     in_place = {one.case_id(cell) for cell, one in kept}
     fits = np.array(
@@ -117,7 +117,7 @@ def _fill_plus(
             for (one, _), names in zip(tasks, ids, strict=True)
         ]
     )
-    levels = np.array([_level(one.variant) for one, _ in tasks])
+    levels = np.array([_level(one.variation) for one, _ in tasks])
     try:
         found = fill(fits, np.full(len(cells), PLUS_PER_CELL), levels, cost)
     except Shortage as shortage:
@@ -130,22 +130,22 @@ def _fill_plus(
     return [(cells[number], one) for (one, _), number in zip(tasks, found, strict=True) if number >= 0]
 
 
-def _level(variant: Variant) -> int:
-    assert variant.difficulty is not None  # hosts() leaves the others out
-    return variant.difficulty - 1
+def _level(variation: Variation) -> int:
+    assert variation.difficulty is not None  # hosts() leaves the others out
+    return variation.difficulty - 1
 
 
 def _fill_pro(
     category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str]
 ) -> Iterable[tuple[Cell, Configuration]]:
-    usage = Counter((one.variant.suite, one.variant.index) for _, one in kept)
+    usage = Counter((one.variation.suite, one.variation.index) for _, one in kept)
     taken = {one.case_id(cell) for cell, one in kept}
     for cell in cells_of(category):
         here = [place for place in kept if place[0] == cell]
         yield from here
         free = [
-            Configuration(variant, init)
-            for variant, events in hosts("pro", category)
+            Configuration(variation, init)
+            for variation, events in hosts("pro", category)
             if cell.event in events
             for init in range(PRO_STATES)
         ]
@@ -157,13 +157,13 @@ def _fill_pro(
                 "others lack what the event needs, are in use or failed the preflight. Fewer cases a cell, "
                 "or scenes in which more of them pass, would help."
             )
-        used_here = Counter((one.variant.suite, one.variant.index) for _, one in here)
+        used_here = Counter((one.variation.suite, one.variation.index) for _, one in here)
         ranks = {one: _rank(cell, one) for one in free}
         for _ in range(needed):
             best = min(free, key=lambda one: (*_use(one, used_here, usage), ranks[one]))
             free.remove(best)
-            used_here[best.variant.suite, best.variant.index] += 1
-            usage[best.variant.suite, best.variant.index] += 1
+            used_here[best.variation.suite, best.variation.index] += 1
+            usage[best.variation.suite, best.variation.index] += 1
             yield cell, best
 
 
@@ -171,9 +171,9 @@ def _use(
     one: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
 ) -> tuple[int, int]:
     """How often the task is used: in the cell, then in the category."""
-    task = one.variant.suite, one.variant.index
+    task = one.variation.suite, one.variation.index
     return here[task], usage[task]
 
 
 def _rank(cell: Cell, one: Configuration) -> int:
-    return seed_of(SAMPLER, *cell, one.variant.suite, one.variant.index, one.init)
+    return seed_of(SAMPLER, *cell, one.variation.suite, one.variation.index, one.init)

@@ -20,7 +20,7 @@ from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.errors import ChangeError, SubstrateError
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.sources import catalogue, digest_of, open_substrate, variant_of
+from pytest_libero_max.sources import catalogue, digest_of, open_substrate, variation_of
 from pytest_libero_max.worlds.contract import Substrate
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 
@@ -174,8 +174,8 @@ def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions 
 def _scene(case: Case) -> tuple[Any, ...]:
     if case.source == "libero":
         return case.suite, case.task_index, "", case.case_id
-    variant = variant_of(case)
-    return case.suite, variant.base_index, json.dumps(variant.scene, sort_keys=True), case.case_id
+    variation = variation_of(case)
+    return case.suite, variation.base_index, json.dumps(variation.scene, sort_keys=True), case.case_id
 
 
 _substrate: Substrate

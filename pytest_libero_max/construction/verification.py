@@ -24,7 +24,7 @@ from pytest_libero_max.construction.selection import (
 from pytest_libero_max.construction.smoke import build_smoke
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.errors import ManifestError, SubstrateError
-from pytest_libero_max.sources import variant_of
+from pytest_libero_max.sources import variation_of
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
@@ -71,10 +71,10 @@ def _checks(folder: Path) -> Iterator[str]:
 
 def _require_identity(case: Case) -> None:
     try:
-        configuration = Configuration(variant_of(case), case.init_state_index)
+        configuration = Configuration(variation_of(case), case.init_state_index)
     except SubstrateError as error:
         raise ManifestError(str(error)) from error
-    category = configuration.variant.category
+    category = configuration.variation.category
     expected = configuration.case(Cell(category, case.event.name, case.event.variant))
     if case.record != expected.record:
         keys = [key for key, value in expected.record.items() if case.record.get(key) != value]
@@ -125,7 +125,7 @@ def _difficulties(whole: Manifest) -> str:
     """As even as supply allows in every category: no selection can be more even."""
     total = np.zeros(LEVELS, dtype=np.int64)
     for category in PLUS_CATEGORIES:
-        supply = _by_difficulty(variant.difficulty for variant, _ in hosts("plus", category))
+        supply = _by_difficulty(variation.difficulty for variation, _ in hosts("plus", category))
         best = levelled(supply, 16 * PLUS_PER_CELL)
         found = _by_difficulty(case.difficulty for case in whole if case.source_category == category)
         if (np.sort(found) != np.sort(best)).any():

@@ -1,7 +1,7 @@
 """The catalogues of source variations: LIBERO-Plus's 10,030 and LIBERO-PRO's 400, for the embedded scenes.
 
 A catalogue is a pure function of this package's code. Each variation is data: what a scene has to contain,
-and the changes at reset (see :class:`.variant.Variant`).
+and the changes at reset (see :class:`.variation.Variation`).
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from pytest_libero_max.sources.lookup import (
     catalogue,
     count_lines,
     open_substrate,
-    variant_metadata,
-    variant_of,
+    variation_metadata,
+    variation_of,
 )
-from pytest_libero_max.sources.variation import Variant, digest_of
+from pytest_libero_max.sources.variation import Variation, digest_of
 
 __all__ = [
     "Counts",
-    "Variant",
+    "Variation",
     "catalogue",
     "count_lines",
     "digest_of",
     "open_substrate",
-    "variant_metadata",
-    "variant_of",
+    "variation_metadata",
+    "variation_of",
 ]

@@ -20,9 +20,9 @@ KINDS = (
     "robot",
     "noise",
 )
-"""The columns of :data:`VARIANTS`: surfaces, camera moves, words, light, layouts, poses, corruptions."""
+"""The columns of :data:`VARIATIONS`: surfaces, camera moves, words, light, layouts, poses, corruptions."""
 
-VARIANTS: Mapping[str, tuple[tuple[int, ...], ...]] = {
+VARIATIONS: Mapping[str, tuple[tuple[int, ...], ...]] = {
     "libero_spatial": (
         (19, 10, 4, 0, 2, 46, 42, 24, 20, 32, 32),
         (6, 4, 28, 3, 6, 32, 10, 18, 19, 38, 34),

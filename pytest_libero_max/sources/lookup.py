@@ -19,8 +19,8 @@ from pytest_libero_max.sources.metadata import (
 )
 from pytest_libero_max.sources.plus import plus_suite
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.sources.pro import pro_suite, pro_variants
-from pytest_libero_max.sources.variation import Variant, digest_of
+from pytest_libero_max.sources.pro import pro_suite, pro_variations
+from pytest_libero_max.sources.variation import Variation, digest_of
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Substrate
@@ -30,20 +30,20 @@ Counts = Mapping[tuple[str, str, "int | None"], int]
 """Variations by category, suite and difficulty."""
 
 
-def catalogue(source: str) -> tuple[Variant, ...]:
+def catalogue(source: str) -> tuple[Variation, ...]:
     """Every variation of ``plus`` or ``pro``, in order.
 
     Raises:
         ManifestError: Another source.
     """
     if source == "plus":
-        return tuple(variant for suite in SUITES for variant in plus_suite(suite))
+        return tuple(variation for suite in SUITES for variation in plus_suite(suite))
     if source == "pro":
-        return pro_variants()
+        return pro_variations()
     raise ManifestError(f"source={source!r} has no catalogue. {did_you_mean(source, ('plus', 'pro'))}")
 
 
-def variant_of(case: Case) -> Variant:
+def variation_of(case: Case) -> Variation:
     """The variation that a case plays on the embedded substrate.
 
     Raises:
@@ -57,41 +57,41 @@ def variant_of(case: Case) -> Variant:
                 f"case {case.case_id!r}: task_index={case.task_index!r}, but the embedded catalogue of "
                 f"{case.suite} has {len(suite)} variations."
             )
-        variant = suite[case.task_index]
+        variation = suite[case.task_index]
     elif case.source_category in PRO_CATEGORIES and 0 <= case.task_index < 10:
-        variant = pro_suite(case.source_category, case.suite)[case.task_index]
+        variation = pro_suite(case.source_category, case.suite)[case.task_index]
     else:
         raise SubstrateError(
             f"case {case.case_id!r}: there is no LIBERO-PRO variation {case.source_category!r} of task "
             f"{case.task_index!r}. {did_you_mean(case.source_category, PRO_CATEGORIES)}"
         )
-    said = (case.record.get("task_name", variant.name), case.source_category, case.difficulty)
-    if said != (variant.name, variant.category, variant.difficulty):
+    said = (case.record.get("task_name", variation.name), case.source_category, case.difficulty)
+    if said != (variation.name, variation.category, variation.difficulty):
         raise SubstrateError(
             f"case {case.case_id!r} names {said[0]!r} ({said[1]}, difficulty {said[2]}), but number "
-            f"{case.task_index} of the embedded catalogue is {variant.name!r} ({variant.category}, "
-            f"difficulty {variant.difficulty}). Cases of the genuine "
+            f"{case.task_index} of the embedded catalogue is {variation.name!r} ({variation.category}, "
+            f"difficulty {variation.difficulty}). Cases of the genuine "
             "LIBERO-Plus and LIBERO-PRO need substrate libero."
         )
-    return variant
+    return variation
 
 
-def variant_metadata(variant: Variant) -> TaskMetadata:
+def variation_metadata(variation: Variation) -> TaskMetadata:
     """What the scene of a variation contains, as far as the choice of an event depends on it."""
-    task = task_metadata(variant.suite, variant.base_index)
-    for old, new, category in variant.scene.get("recast", ()):
+    task = task_metadata(variation.suite, variation.base_index)
+    for old, new, category in variation.scene.get("recast", ()):
         task = _recast(task, old, new, category)
     surface = next(name for name, kind in task.fixtures.items() if kind == "floor" or "table" in kind)
-    for name, category in variant.scene.get("extras", ()):
+    for name, category in variation.scene.get("extras", ()):
         placement = InitialPlacement("On", f"{surface}_{name}_region", surface)
         task = replace(
             task,
             objects={**task.objects, name: category},
             placements={**task.placements, name: placement},
             # What LIBERO-PRO adds hides the target, and no event may take it away.
-            reserved=task.reserved | {name} if variant.source == "pro" else task.reserved,
+            reserved=task.reserved | {name} if variation.source == "pro" else task.reserved,
         )
-    for change in variant.changes:
+    for change in variation.changes:
         if change["operation"] == "put_object":
             placement = InitialPlacement("On", f"{change['onto']}_put_region", change["onto"])
             if change["object"] != change.get("relative_to"):
@@ -104,7 +104,7 @@ def variant_metadata(variant: Variant) -> TaskMetadata:
                 task = replace(
                     task, goal=goal, objects_of_interest=frozenset(name for name in named if name is not None)
                 )
-    return replace(task, name=variant.name)
+    return replace(task, name=variation.name)
 
 
 def _recast(task: TaskMetadata, old: str, new: str, category: str) -> TaskMetadata:
@@ -133,7 +133,9 @@ def _recast(task: TaskMetadata, old: str, new: str, category: str) -> TaskMetada
 def count_lines() -> list[str]:
     """Variations by category, suite and difficulty, and the catalogues' digests: what a command prints."""
     plus = catalogue("plus")
-    counts: Counts = Counter((variant.category, variant.suite, variant.difficulty) for variant in plus)
+    counts: Counts = Counter(
+        (variation.category, variation.suite, variation.difficulty) for variation in plus
+    )
     levels: tuple[int | None, ...] = (1, 2, 3, 4, 5, None)
     head = "".join(f"{'none' if level is None else f'd{level}':>6}" for level in levels)
     lines = [f"{'category':<24}{'suite':<16}{head}{'total':>7}"]
@@ -165,4 +167,4 @@ def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substr
     """
     from pytest_libero_max.worlds.registry import open_substrate as open_by_name
 
-    return open_by_name(name, options, variant_of)
+    return open_by_name(name, options, variation_of)

@@ -32,8 +32,8 @@ from pytest_libero_max.changes.material import SetTexture
 from pytest_libero_max.changes.pixels import CorruptPicture
 from pytest_libero_max.changes.robot import ARM_DOF, OffsetArm
 from pytest_libero_max.sources import layouts, wording
-from pytest_libero_max.sources.counts import CATEGORIES, DIFFICULTY, KINDS, VARIANTS
-from pytest_libero_max.sources.variation import Variant, seed, share, some, uniform
+from pytest_libero_max.sources.counts import CATEGORIES, DIFFICULTY, KINDS, VARIATIONS
+from pytest_libero_max.sources.variation import Variation, seed, share, some, uniform
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded.arenas import ARENAS, Arena
 from pytest_libero_max.worlds.embedded.surfaces import SURFACES, shown
@@ -76,27 +76,27 @@ class _Candidate:
 
 
 @cache
-def plus_suite(suite: str) -> tuple[Variant, ...]:
+def plus_suite(suite: str) -> tuple[Variation, ...]:
     """Every variation of a suite, in the order of its registry.
 
     Raises:
         SubstrateError: The suite does not exist.
     """
-    variants: list[Variant] = []
+    variations: list[Variation] = []
     for category in CATEGORIES:
         chosen = [
             (base, number, candidate)
-            for base in range(len(VARIANTS[suite]))
+            for base in range(len(VARIATIONS[suite]))
             for number, candidate in _chosen(suite, base, category)
         ]
         levels = _difficulties(suite, category, [candidate.magnitude for *_, candidate in chosen])
         slug = category.lower().replace(" ", "_")
         for (base, number, candidate), level in zip(chosen, levels, strict=True):
-            variants.append(
-                Variant(
+            variations.append(
+                Variation(
                     "plus",
                     suite,
-                    len(variants),
+                    len(variations),
                     base,
                     f"{task_of(suite, base).name}_{slug}_{number:02d}",
                     category,
@@ -106,7 +106,7 @@ def plus_suite(suite: str) -> tuple[Variant, ...]:
                     candidate.changes,
                 )
             )
-    return tuple(variants)
+    return tuple(variations)
 
 
 def _chosen(suite: str, base: int, category: str) -> Iterator[tuple[int, _Candidate]]:
@@ -116,7 +116,7 @@ def _chosen(suite: str, base: int, category: str) -> Iterator[tuple[int, _Candid
     for kind in KINDS_OF[category]:
         candidates = list(enumerate(_MAKERS[kind](task), start=number + 1))
         number += len(candidates)
-        count = VARIANTS[suite][base][KINDS.index(kind)]
+        count = VARIATIONS[suite][base][KINDS.index(kind)]
         yield from some(candidates, count, suite, base, kind)
 
 

@@ -22,7 +22,7 @@ from pytest_libero_max.changes.poses import PutObject
 from pytest_libero_max.sources import swaps, wording
 from pytest_libero_max.sources.counts import SUITES
 from pytest_libero_max.sources.floorplan import floorplan
-from pytest_libero_max.sources.variation import Variant, seed
+from pytest_libero_max.sources.variation import Variation, seed
 from pytest_libero_max.worlds.contract import Goal
 from pytest_libero_max.worlds.embedded.arenas import ARENAS
 from pytest_libero_max.worlds.embedded.objects import category
@@ -430,22 +430,24 @@ CATEGORIES = tuple(_MAKERS)
 
 
 @cache
-def pro_suite(category: str, suite: str) -> tuple[Variant, ...]:
+def pro_suite(category: str, suite: str) -> tuple[Variation, ...]:
     """The ten variations of a category and a suite, in the order of its tasks.
 
     Raises:
         SubstrateError: The suite does not exist.
     """
-    variants = []
+    variations = []
     for index in range(10):
         task = task_of(suite, index)
         kind, scene, changes = _MAKERS[category](task)
-        variants.append(Variant("pro", suite, index, index, task.name, category, kind, None, scene, changes))
-    return tuple(variants)
+        variations.append(
+            Variation("pro", suite, index, index, task.name, category, kind, None, scene, changes)
+        )
+    return tuple(variations)
 
 
-def pro_variants() -> tuple[Variant, ...]:
+def pro_variations() -> tuple[Variation, ...]:
     """All 400, by category, suite and task."""
     return tuple(
-        variant for category in CATEGORIES for suite in SUITES for variant in pro_suite(category, suite)
+        variation for category in CATEGORIES for suite in SUITES for variation in pro_suite(category, suite)
     )

@@ -11,7 +11,7 @@ from pytest_libero_max.sources.counts import CATEGORIES
 from pytest_libero_max.sources.plus import plus_suite
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 from pytest_libero_max.sources.pro import pro_suite
-from pytest_libero_max.sources.variation import Variant
+from pytest_libero_max.sources.variation import Variation
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
@@ -66,19 +66,19 @@ def write_pro_sheet(
     _write(path, substrate, rows, size)
 
 
-def _nearest(suite: str, index: int, category: str, level: int) -> Variant:
+def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
     """A variation of that level, of the task if it has one, in the middle of those there are."""
     found = [one for one in plus_suite(suite) if (one.category, one.difficulty) == (category, level)]
     own = [one for one in found if one.base_index == index] or found
     return own[len(own) // 2]
 
 
-def _write(path: Path, substrate: EmbeddedSubstrate, rows: Iterable[Sequence[Variant]], size: int) -> None:
+def _write(path: Path, substrate: EmbeddedSubstrate, rows: Iterable[Sequence[Variation]], size: int) -> None:
     import cv2
 
     lines = []
     for row in rows:
-        lines.append(np.hstack([_picture(substrate, variant, size) for variant in row]))
+        lines.append(np.hstack([_picture(substrate, variation, size) for variation in row]))
     width = max(line.shape[1] for line in lines)
     padded = [
         np.pad(line, ((0, 0), (0, width - line.shape[1]), (0, 0)), constant_values=255) for line in lines
@@ -90,17 +90,17 @@ def _write(path: Path, substrate: EmbeddedSubstrate, rows: Iterable[Sequence[Var
     path.write_bytes(encoded.tobytes())
 
 
-def _picture(substrate: EmbeddedSubstrate, variant: Variant, size: int) -> Image:
+def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> Image:
     import cv2
 
-    world = substrate.varied_world(variant)
+    world = substrate.varied_world(variation)
     world.reset(0)
     for _ in range(_STEPS):
         world.step(NOOP_ACTION)
     image = world.observe((_CAMERA,), 256)[f"{_CAMERA}_image"][::-1]
     small = cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA)
-    level = "" if variant.difficulty is None else f" {variant.difficulty}"
-    lines = [f"{variant.category}{level}", *_wrapped(world.language, size // 5)[:3]]
+    level = "" if variation.difficulty is None else f" {variation.difficulty}"
+    lines = [f"{variation.category}{level}", *_wrapped(world.language, size // 5)[:3]]
     strip = np.full((_CAPTION_PX * 4, size, 3), 255, np.uint8)
     for number, text in enumerate(lines):
         place = (2, _CAPTION_PX * number + 9)

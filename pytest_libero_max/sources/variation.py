@@ -16,7 +16,7 @@ Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
-class Variant:
+class Variation:
     """A source variation of a task.
 
     Attributes:
@@ -75,9 +75,9 @@ class Variant:
         }
 
 
-def digest_of(variants: Iterable[Variant]) -> str:
-    """SHA-256 over the variants in order, hexadecimal."""
-    return canonical_digest([variant.to_dict() for variant in variants])
+def digest_of(variations: Iterable[Variation]) -> str:
+    """SHA-256 over the variations in order, hexadecimal."""
+    return canonical_digest([variation.to_dict() for variation in variations])
 
 
 def share(*parts: object) -> float:

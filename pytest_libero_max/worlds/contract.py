@@ -265,7 +265,7 @@ class World(Protocol):
         ...
 
 
-class SourceVariant(Protocol):
+class SourceVariation(Protocol):
     """A source variation of a task: what a substrate has to build, and what it does to a world at reset."""
 
     @property

@@ -11,7 +11,7 @@ from pytest_libero_max.errors import SubstrateError, did_you_mean
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
-    from pytest_libero_max.worlds.contract import SourceVariant, Substrate
+    from pytest_libero_max.worlds.contract import SourceVariation, Substrate
     from pytest_libero_max.worlds.libero.installation import Installation
 
 SUBSTRATES = ("embedded", "libero", "tiny")
@@ -49,14 +49,14 @@ class SubstrateOptions:
 def open_substrate(
     name: str,
     options: SubstrateOptions | None = None,
-    variant_of: Callable[[Case], SourceVariant] | None = None,
+    variation_of: Callable[[Case], SourceVariation] | None = None,
 ) -> Substrate:
     """The substrate called ``name``.
 
     Args:
         name: One of :data:`SUBSTRATES`.
         options: For the genuine one.
-        variant_of: Finds the package's own source variation that a case plays. The embedded substrate needs
+        variation_of: Finds the package's own source variation that a case plays. The embedded substrate needs
             it for other than unmodified tasks, the genuine one for variations of the package's own.
 
     Raises:
@@ -65,19 +65,19 @@ def open_substrate(
     if name == "embedded":
         from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
-        return EmbeddedSubstrate(variant_of)
+        return EmbeddedSubstrate(variation_of)
     if name == "libero":
         from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 
         options = options or SubstrateOptions()
         if options.variations == "installed":
-            variant_of = None
-        elif variant_of is None:
+            variation_of = None
+        elif variation_of is None:
             raise SubstrateError(
                 "variations='own', but no catalogue of them was given. Open the substrate with one, as "
                 "pytest_libero_max.sources.open_substrate does."
             )
-        return LiberoSubstrate(_installations(options), options.semantics, options.instruction, variant_of)
+        return LiberoSubstrate(_installations(options), options.semantics, options.instruction, variation_of)
     if name == "tiny":
         from pytest_libero_max.worlds.tiny import TinySubstrate
 

@@ -102,8 +102,8 @@ def test_a_cell_that_cannot_be_filled_is_named() -> None:
 def test_cells_that_want_the_same_tasks_are_named_together() -> None:
     category = "Background Textures"
     cells = [cell for cell in cells_of(category) if cell.event == "distractor_burst"]
-    hosting = [variant for variant, events in hosts("plus", category) if "distractor_burst" in events]
-    failed = {Configuration(variant, 0).case_id(cell) for variant in hosting[90:] for cell in cells}
+    hosting = [variation for variation, events in hosts("plus", category) if "distractor_burst" in events]
+    failed = {Configuration(variation, 0).case_id(cell) for variation in hosting[90:] for cell in cells}
     with pytest.raises(ManifestError) as caught:
         propose({}, failed)
     assert f"The cells ({cells[0]}; {cells[1]}) need 100 tasks between them" in str(caught.value)

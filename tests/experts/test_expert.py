@@ -19,7 +19,7 @@ from pytest_libero_max.pairing.runner import PairSettings, inject, play_pair, pl
 from pytest_libero_max.policies.check import copy_memory, remembers, restore_memory
 from pytest_libero_max.policies.contract import Policy, Query
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.sources import variant_metadata
+from pytest_libero_max.sources import variation_metadata
 from pytest_libero_max.sources.metadata import task_metadata
 from pytest_libero_max.sources.pro import pro_suite
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
@@ -93,12 +93,12 @@ VARIATIONS = [
 def test_expert_solves_what_was_varied(
     category: str, suite: str, task: int, substrate: EmbeddedSubstrate
 ) -> None:
-    variant = pro_suite(category, suite)[task]
+    variation = pro_suite(category, suite)[task]
     identity = Identity("pro", suite, task, 0, category)
-    event = resolve_event("illumination_switch", 0, variant_metadata(variant), identity)
-    record = case_record(identity, event, variant.name)
+    event = resolve_event("illumination_switch", 0, variation_metadata(variation), identity)
+    record = case_record(identity, event, variation.name)
     case = parse_case({**record, "substrate_category": f"LIBERO-PRO/{category}"})
-    rollout = Rollout.start(case, substrate.varied_world(variant), blind("expert"), Clock())
+    rollout = Rollout.start(case, substrate.varied_world(variation), blind("expert"), Clock())
     assert rollout.advance_to_end().success
 
 

@@ -11,27 +11,29 @@ from pytest_libero_max.events.eligibility import eligible
 from pytest_libero_max.events.parameters import resolve_event
 from pytest_libero_max.pairing.runner import PairSettings, play_pair
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.sources import catalogue, open_substrate, variant_metadata, variant_of
-from pytest_libero_max.sources.variation import Variant, share, some
+from pytest_libero_max.sources import catalogue, open_substrate, variation_metadata, variation_of
+from pytest_libero_max.sources.variation import Variation, share, some
 from pytest_libero_max.strategies import ScriptedPolicy
 
 
-def case_of(variant: Variant, event: str = "camera_shift", init: int = 0, **record: object) -> Case:
-    category = variant.category if variant.source == "pro" else ""
-    identity = Identity(variant.source, variant.suite, variant.index, init, category)
-    raw = case_record(identity, resolve_event(event, 0, variant_metadata(variant), identity), variant.name)
-    prefix = "LIBERO-PRO/" if variant.source == "pro" else ""
-    raw["substrate_category"] = prefix + variant.category
-    raw["substrate_difficulty"] = variant.difficulty
+def case_of(variation: Variation, event: str = "camera_shift", init: int = 0, **record: object) -> Case:
+    category = variation.category if variation.source == "pro" else ""
+    identity = Identity(variation.source, variation.suite, variation.index, init, category)
+    raw = case_record(
+        identity, resolve_event(event, 0, variation_metadata(variation), identity), variation.name
+    )
+    prefix = "LIBERO-PRO/" if variation.source == "pro" else ""
+    raw["substrate_category"] = prefix + variation.category
+    raw["substrate_difficulty"] = variation.difficulty
     return parse_case({**raw, **record})
 
 
 PLUS, PRO = catalogue("plus"), catalogue("pro")
 
 
-@pytest.mark.parametrize("variant", [*PLUS[::997], *PRO[::41]], ids=lambda variant: variant.key)
-def test_a_case_names_its_variation(variant: Variant) -> None:
-    assert variant_of(case_of(variant)) is variant
+@pytest.mark.parametrize("variation", [*PLUS[::997], *PRO[::41]], ids=lambda variation: variation.key)
+def test_a_case_names_its_variation(variation: Variation) -> None:
+    assert variation_of(case_of(variation)) is variation
 
 
 @pytest.mark.parametrize(
@@ -49,7 +51,7 @@ def test_a_case_names_its_variation(variant: Variant) -> None:
 )
 def test_a_case_of_another_catalogue_is_refused(record: Json, message: str) -> None:
     with pytest.raises(SubstrateError, match=message):
-        variant_of(case_of(PLUS[0], **record))
+        variation_of(case_of(PLUS[0], **record))
 
 
 def test_another_source_has_no_catalogue() -> None:
@@ -69,9 +71,9 @@ def test_draws_are_shares_that_depend_on_their_parts_alone() -> None:
 
 def test_confounders_may_burst_in_and_occluders_may_not() -> None:
     added = next(v for v in PLUS if v.suite == "libero_spatial" and v.kind == "add" and v.difficulty == 5)
-    assert eligible("distractor_burst", variant_metadata(added))
+    assert eligible("distractor_burst", variation_metadata(added))
     hidden = next(v for v in PRO if v.category == "view_occlusion")
-    assert "black_book_occluder_1" not in variant_metadata(hidden).distractors
+    assert "black_book_occluder_1" not in variation_metadata(hidden).distractors
 
 
 def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replays() -> None:
@@ -79,17 +81,17 @@ def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replay
     spec = PolicySpec("scripted", 8, 8, (), image_size=32)
     policy = ScriptedPolicy(spec, [(0.2, 0.3, -0.9, 0.0, 0.1, 0.0, -1.0)] * 3, 8)
     try:
-        for variant in (
+        for variation in (
             next(v for v in PRO if v.category == "object" and v.suite == "libero_spatial"),
             next(v for v in PLUS if v.category == "Robot Initial States" and v.difficulty == 5),
         ):
-            case = case_of(variant, "obstacle_insertion")
+            case = case_of(variation, "obstacle_insertion")
             records = [
                 play_pair(case, substrate.world(case), policy, PairSettings(prefix=prefix)).identity()
                 for prefix in ("fork", "replay")
             ]
             assert records[0] == records[1]
-            assert records[0]["instruction"] == variant_metadata(variant).language
+            assert records[0]["instruction"] == variation_metadata(variation).language
     finally:
         substrate.close()
 

@@ -8,17 +8,17 @@ import pytest
 
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.sources import catalogue, count_lines, digest_of
-from pytest_libero_max.sources.counts import CATEGORIES, DIFFICULTY, KINDS, SUITES, VARIANTS
+from pytest_libero_max.sources.counts import CATEGORIES, DIFFICULTY, KINDS, SUITES, VARIATIONS
 from pytest_libero_max.sources.floorplan import Footprint, floorplan, footprint_at
 from pytest_libero_max.sources.layouts import SHIFT_M_PER_LEVEL, target_of
 from pytest_libero_max.sources.plus import plus_suite, start_offset
-from pytest_libero_max.sources.variation import Variant
+from pytest_libero_max.sources.variation import Variation
 from pytest_libero_max.worlds.embedded.tasks import task
 
 PLUS = catalogue("plus")
 
 
-def of(category: str, suite: str | None = None) -> list[Variant]:
+def of(category: str, suite: str | None = None) -> list[Variation]:
     return [v for v in PLUS if v.category == category and suite in (None, v.suite)]
 
 
@@ -44,7 +44,7 @@ def test_difficulties_are_as_many_as_in_the_original(category: str, suite: str) 
 def test_kinds_are_as_many_as_in_the_original_for_every_task(suite: str) -> None:
     for base in range(10):
         counts = Counter(v.kind for v in plus_suite(suite) if v.base_index == base)
-        assert tuple(counts[kind] for kind in KINDS) == VARIANTS[suite][base]
+        assert tuple(counts[kind] for kind in KINDS) == VARIATIONS[suite][base]
 
 
 def test_the_two_tables_of_counts_agree() -> None:
@@ -59,26 +59,28 @@ def test_the_two_tables_of_counts_agree() -> None:
     }
     for category, numbers in columns.items():
         for suite in SUITES:
-            assert sum(row[n] for row in VARIANTS[suite] for n in numbers) == sum(DIFFICULTY[category][suite])
+            assert sum(row[n] for row in VARIATIONS[suite] for n in numbers) == sum(
+                DIFFICULTY[category][suite]
+            )
 
 
 @pytest.mark.parametrize("suite", SUITES)
 def test_the_registry_is_ordered_and_its_names_are_unique(suite: str) -> None:
-    variants = plus_suite(suite)
-    assert [v.index for v in variants] == list(range(len(variants)))
-    order = [(CATEGORIES.index(v.category), v.base_index) for v in variants]
+    variations = plus_suite(suite)
+    assert [v.index for v in variations] == list(range(len(variations)))
+    order = [(CATEGORIES.index(v.category), v.base_index) for v in variations]
     assert order == sorted(order)
-    assert len({v.name for v in variants}) == len(variants)
-    assert all(v.name.startswith(task(suite, v.base_index).name + "_") for v in variants)
+    assert len({v.name for v in variations}) == len(variations)
+    assert all(v.name.startswith(task(suite, v.base_index).name + "_") for v in variations)
 
 
 def test_specifications_are_distinct_small_and_readable() -> None:
     for base in {(v.suite, v.base_index) for v in PLUS[::500]}:
         said = [repr((v.scene, v.changes)) for v in PLUS if (v.suite, v.base_index) == base]
         assert len(set(said)) == len(said)
-    for variant in PLUS[::37]:
-        assert variant.changes
-        for raw in variant.changes:
+    for variation in PLUS[::37]:
+        assert variation.changes
+        for raw in variation.changes:
             assert change_from_dict(raw).to_dict() == raw
 
 
@@ -100,14 +102,14 @@ def test_the_command_prints_the_original_table() -> None:
 @pytest.mark.parametrize("category", ["Robot Initial States", "Sensor Noise", "Objects Layout"])
 @pytest.mark.parametrize("suite", SUITES)
 def test_a_higher_level_is_never_milder(category: str, suite: str) -> None:
-    def size(variant: Variant) -> float | None:
-        (*_, change) = variant.changes
+    def size(variation: Variation) -> float | None:
+        (*_, change) = variation.changes
         if category == "Robot Initial States":
             return round(math.hypot(*change["delta_joint_rad"]), 6)
         if category == "Sensor Noise":
             return float(change["level"])
-        if variant.kind == "add":
-            return len(variant.changes)
+        if variation.kind == "add":
+            return len(variation.changes)
         return None  # several things shifted by different lengths
 
     sizes = [(v.difficulty, s) for v in of(category, suite) if (s := size(v)) is not None]
@@ -124,13 +126,13 @@ def test_start_poses_are_liberopluss_own() -> None:
 
 
 def test_added_objects_are_new_to_the_scene_and_stand_clear() -> None:
-    for variant in of("Objects Layout")[::9]:
-        if variant.kind != "add":
+    for variation in of("Objects Layout")[::9]:
+        if variation.kind != "add":
             continue
-        row = task(variant.suite, variant.base_index)
-        plan = floorplan(variant.suite, variant.base_index)
+        row = task(variation.suite, variation.base_index)
+        plan = floorplan(variation.suite, variation.base_index)
         taken: list[Footprint] = []
-        for (instance, category), change in zip(variant.scene["extras"], variant.changes, strict=True):
+        for (instance, category), change in zip(variation.scene["extras"], variation.changes, strict=True):
             assert instance not in (*row.objects, *row.fixtures)
             assert (change["operation"], change["object"]) == ("put_object", instance)
             x, y = change["offset_xy_m"]
@@ -141,14 +143,14 @@ def test_added_objects_are_new_to_the_scene_and_stand_clear() -> None:
 
 
 def test_shifts_stay_within_their_disc_and_the_target_goes_farthest() -> None:
-    for variant in of("Objects Layout")[::7]:
-        if variant.kind != "level":
+    for variation in of("Objects Layout")[::7]:
+        if variation.kind != "level":
             continue
-        plan = floorplan(variant.suite, variant.base_index)
-        lengths = {raw["object"]: math.hypot(*raw["delta_position_m"]) for raw in variant.changes}
-        assert all(length <= SHIFT_M_PER_LEVEL[variant.suite] * 5 + 1e-6 for length in lengths.values())
+        plan = floorplan(variation.suite, variation.base_index)
+        lengths = {raw["object"]: math.hypot(*raw["delta_position_m"]) for raw in variation.changes}
+        assert all(length <= SHIFT_M_PER_LEVEL[variation.suite] * 5 + 1e-6 for length in lengths.values())
         target = plan.carrier(target_of(plan.task))
         if lengths.get(target):
-            assert lengths[target] >= 0.7 * SHIFT_M_PER_LEVEL[variant.suite] - 1e-6
+            assert lengths[target] >= 0.7 * SHIFT_M_PER_LEVEL[variation.suite] - 1e-6
         for rider, carrier in plan.carried.items():
             assert lengths.get(rider) == lengths.get(carrier)

@@ -9,7 +9,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.events.eligibility import eligible
-from pytest_libero_max.sources import catalogue, variant_metadata
+from pytest_libero_max.sources import catalogue, variation_metadata
 from pytest_libero_max.sources.counts import SUITES
 from pytest_libero_max.sources.metadata import metadata_from_catalog, task_metadata
 from pytest_libero_max.sources.pro import CATEGORIES, pro_suite
@@ -32,8 +32,8 @@ def test_there_is_one_of_each_category_for_each_task() -> None:
 
 
 def test_every_change_is_a_change() -> None:
-    for variant in PRO:
-        for raw in variant.changes:
+    for variation in PRO:
+        for raw in variation.changes:
             assert change_from_dict(raw).to_dict() == raw
 
 
@@ -52,16 +52,16 @@ def test_categories_do_what_their_names_say() -> None:
 
 def test_another_task_has_another_goal_and_says_so() -> None:
     for suite in SUITES:
-        for variant in pro_suite("task", suite):
-            before, after = task_metadata(suite, variant.index), variant_metadata(variant)
+        for variation in pro_suite("task", suite):
+            before, after = task_metadata(suite, variation.index), variation_metadata(variation)
             assert after.goal != before.goal
             assert after.language != before.language
             assert set(after.goal_entities) <= {*before.objects, *before.fixtures}
 
 
 def test_what_is_recast_is_called_otherwise_everywhere() -> None:
-    variant = pro_suite("object", "libero_spatial")[3]
-    after = variant_metadata(variant)
+    variation = pro_suite("object", "libero_spatial")[3]
+    after = variation_metadata(variation)
     assert after.objects["black_bowl_1"] == "black_bowl"
     assert after.goal[0].arguments == ("black_bowl_1", "yellow_plate_1")
     assert after.placements["black_bowl_1"].support == "cookies_1"
@@ -75,9 +75,9 @@ def test_the_scenes_contain_what_the_released_catalogue_says() -> None:
         for row in json.loads(RELEASED.read_text(encoding="utf-8"))["tasks"]
     }
     departures = set()
-    for variant in PRO:
-        theirs = metadata_from_catalog(released[variant.category, variant.suite, variant.index])
-        ours = variant_metadata(variant)
+    for variation in PRO:
+        theirs = metadata_from_catalog(released[variation.category, variation.suite, variation.index])
+        ours = variation_metadata(variation)
         assert theirs.name == ours.name
         same = (
             set(ours.objects) == set(theirs.objects),
@@ -85,7 +85,7 @@ def test_the_scenes_contain_what_the_released_catalogue_says() -> None:
             ours.reserved == theirs.reserved,
         )
         if not all(same):
-            departures.add(variant.key)
+            departures.add(variation.key)
     # The caddy has no room for a bowl in the book's place, its occluder is a yellow book there, and a stove
     # that is off cannot be turned off.
     assert departures == {
@@ -100,10 +100,10 @@ def test_events_are_possible_where_the_released_catalogue_has_them() -> None:
     released = json.loads(RELEASED.read_text(encoding="utf-8"))["tasks"]
     differences: Counter[str] = Counter()
     for row in released:
-        variant = pro_suite(row["pro_category"], row["task_suite_name"])[row["task_index"]]
-        ours = {event for event in EVENTS if eligible(event, variant_metadata(variant))}
+        variation = pro_suite(row["pro_category"], row["task_suite_name"])[row["task_index"]]
+        ours = {event for event in EVENTS if eligible(event, variation_metadata(variation))}
         if ours != set(row["eligible_change_types"]):
-            differences[variant.category] += 1
+            differences[variation.category] += 1
     assert set(differences) <= {"position", "task", "object"}
     assert sum(differences.values()) <= 12
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.contract import Array, Goal, SourceVariant
+from pytest_libero_max.worlds.contract import Array, Goal, SourceVariation
 from pytest_libero_max.worlds.embedded.grips import holdings
 from pytest_libero_max.worlds.embedded.placement import initial_state
 from pytest_libero_max.worlds.embedded.predicates import Predicate, all_hold
@@ -58,18 +58,18 @@ class EmbeddedWorld(RobosuiteWorld):
         self._plan = plan
         self._given = starts
         self._starts: dict[int, Array] = {}
-        self._variant: SourceVariant | None = None
+        self._variation: SourceVariation | None = None
         self._renderer = self._new_renderer()  # it opens nothing yet; the worlds of a scene share it
         self.reset(0)
 
-    def varied(self, variant: SourceVariant | None) -> EmbeddedWorld:
+    def varied(self, variation: SourceVariation | None) -> EmbeddedWorld:
         """The same scene under a source variation, which every reset applies.
 
         All worlds that come from one scene share its simulator: play them one after the other, each from
         its own reset.
         """
         world = copy.copy(self)
-        world._variant = variant
+        world._variation = variation
         return world
 
     @property
@@ -97,8 +97,8 @@ class EmbeddedWorld(RobosuiteWorld):
         super().reset(init)
         for number, (name, _) in enumerate(self._plan.extras):
             self.park(name, waiting_place(number))
-        if self._variant is not None:
-            self._variant.apply(self)
+        if self._variation is not None:
+            self._variation.apply(self)
 
     def start(self, init: int) -> dict[str, Array]:
         """Joint positions of an initial state by joint name, without any source variation."""
@@ -147,8 +147,8 @@ class EmbeddedSubstrate:
     """Builds the scenes of tasks and of their source variations, and keeps those used last.
 
     Args:
-        variant_of: Finds the source variation that a case of LIBERO-Plus or LIBERO-PRO plays; see
-            :func:`pytest_libero_max.sources.variant_of`. Without it only unmodified tasks can
+        variation_of: Finds the source variation that a case of LIBERO-Plus or LIBERO-PRO plays; see
+            :func:`pytest_libero_max.sources.variation_of`. Without it only unmodified tasks can
             be built.
         scenes: How many compiled scenes are kept at most; each takes some 20 MB, and 0.2 s to build anew.
     """
@@ -156,9 +156,9 @@ class EmbeddedSubstrate:
     name = NAME
 
     def __init__(
-        self, variant_of: Callable[[Case], SourceVariant] | None = None, scenes: int = SCENES
+        self, variation_of: Callable[[Case], SourceVariation] | None = None, scenes: int = SCENES
     ) -> None:
-        self._variant_of = variant_of
+        self._variation_of = variation_of
         self._limit = max(scenes, 2)  # a remodelled scene and the one that it takes its starts from
         self._worlds: dict[tuple[str, int, Remodel], EmbeddedWorld] = {}
         self._starts: dict[tuple[str, int, int], Mapping[str, Array]] = {}
@@ -166,17 +166,17 @@ class EmbeddedSubstrate:
     def world(self, case: Case) -> EmbeddedWorld:
         if case.source == "libero":
             return self._world(case.suite, case.task_index, _AS_IT_IS)
-        if self._variant_of is None:
+        if self._variation_of is None:
             raise SubstrateError(
                 f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}), but this "
                 "substrate was opened without the catalogue of source variations. Open it with one."
             )
-        return self.varied_world(self._variant_of(case))
+        return self.varied_world(self._variation_of(case))
 
-    def varied_world(self, variant: SourceVariant) -> EmbeddedWorld:
+    def varied_world(self, variation: SourceVariation) -> EmbeddedWorld:
         """The world that plays a source variation."""
-        plan = Remodel.from_dict(variant.scene)
-        return self._world(variant.suite, variant.base_index, plan).varied(variant)
+        plan = Remodel.from_dict(variation.scene)
+        return self._world(variation.suite, variation.base_index, plan).varied(variation)
 
     def _world(self, suite: str, index: int, plan: Remodel) -> EmbeddedWorld:
         key = (suite, index, plan)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariant
+from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariation
 from pytest_libero_max.worlds.libero.environment import Built, build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
 from pytest_libero_max.worlds.libero.joints import Joints, by_joint
@@ -50,7 +50,7 @@ class LiberoSubstrate:
         semantics: See :class:`.world.LiberoWorld`.
         instruction: Which prompt a policy gets where a case fixes none: ``published``, the authors', which
             for most of LIBERO-Plus's tasks has the name of the variation in it; or ``clean``, without.
-        variant_of: Finds the package's own source variation that a case of LIBERO-Plus or LIBERO-PRO plays,
+        variation_of: Finds the package's own source variation that a case of LIBERO-Plus or LIBERO-PRO plays,
             made at reset on LIBERO's scenes. Without it, theirs are played, from their installations.
 
     Raises:
@@ -64,7 +64,7 @@ class LiberoSubstrate:
         installations: Sequence[Installation] = (),
         semantics: Semantics = "published",
         instruction: Literal["published", "clean"] = "published",
-        variant_of: Callable[[Case], SourceVariant] | None = None,
+        variation_of: Callable[[Case], SourceVariation] | None = None,
     ) -> None:
         self.installations = tuple(installations) or (find_installation(),)
         flavours = [found.flavour for found in self.installations]
@@ -76,7 +76,7 @@ class LiberoSubstrate:
             warnings.warn(note, stacklevel=2)
         self.semantics = semantics
         self.instruction = instruction
-        self._variant_of = variant_of
+        self._variation_of = variation_of
         self._worlds: dict[str, LiberoWorld] = {}
 
     def installation_for(self, source: str) -> Installation:
@@ -95,8 +95,8 @@ class LiberoSubstrate:
         )
 
     def world(self, case: Case) -> LiberoWorld:
-        if self._variant_of is not None and case.source != "libero":
-            return self.varied_world(self._variant_of(case), case.policy_seed)
+        if self._variation_of is not None and case.source != "libero":
+            return self.varied_world(self._variation_of(case), case.policy_seed)
         if case.source == "plus":
             return self.plus_world(
                 case.suite, case.task_index, case.policy_seed, case.record.get("task_name")
@@ -123,19 +123,19 @@ class LiberoSubstrate:
         installation = self.installation_for("plus")
         return self._world(installation, plus_task(installation, suite, index, name), seed)
 
-    def varied_world(self, variant: SourceVariant, seed: int) -> LiberoWorld:
+    def varied_world(self, variation: SourceVariation, seed: int) -> LiberoWorld:
         """The world of a task under a source variation of the package's own.
 
         Raises:
             SubstrateError: The variation is not made by changes at reset alone.
         """
-        if variant.scene:
+        if variation.scene:
             raise SubstrateError(
-                f"{variant.key} needs a scene of its own ({', '.join(sorted(variant.scene))}), and this "
+                f"{variation.key} needs a scene of its own ({', '.join(sorted(variation.scene))}), and this "
                 "package's own variations only change LIBERO's scenes at reset. Play it on the embedded "
                 "substrate, or with --libero-max-source-variations=installed."
             )
-        return self.task_world(variant.suite, variant.base_index, seed).varied(variant)
+        return self.task_world(variation.suite, variation.base_index, seed).varied(variation)
 
     def pro_world(self, case: Case) -> LiberoWorld:
         """The world of a case of LIBERO-PRO; see :mod:`.pro` and :func:`.pro_tasks.pro_task`.
@@ -182,7 +182,7 @@ class LiberoSubstrate:
             "substrate": NAME,
             "semantics": self.semantics,
             "instruction_source": self.instruction,
-            "source_variations": "installed" if self._variant_of is None else "own",
+            "source_variations": "installed" if self._variation_of is None else "own",
             **installations,
             **packages,
             **gl.fingerprint(),

@@ -7,8 +7,8 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.sources import catalogue, open_substrate, variant_of
-from pytest_libero_max.sources.variation import Variant
+from pytest_libero_max.sources import catalogue, open_substrate, variation_of
+from pytest_libero_max.sources.variation import Variation
 from pytest_libero_max.worlds.libero.installation import Installation
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.registry import SubstrateOptions
@@ -19,27 +19,27 @@ from tests.worlds.libero.made_up import case_of, pro_case
 from tests.worlds.states import differing, every_array, random_actions
 
 
-def first_of(source: str, category: str) -> Variant:
+def first_of(source: str, category: str) -> Variation:
     """The first variation of a category that varies ``libero_object/0``."""
     return next(
-        variant
-        for variant in catalogue(source)
-        if (variant.category, variant.suite, variant.base_index) == (category, SUITE, 0)
+        variation
+        for variation in catalogue(source)
+        if (variation.category, variation.suite, variation.base_index) == (category, SUITE, 0)
     )
 
 
 def own_case(source: str, category: str) -> Case:
     """A case that plays it."""
-    variant = first_of(source, category)
+    variation = first_of(source, category)
     if source == "pro":
-        return pro_case(category, SUITE, variant.index)
-    named = {"task_name": variant.name, "substrate_difficulty": variant.difficulty}
-    return case_of(category, SUITE, variant.index, **named)
+        return pro_case(category, SUITE, variation.index)
+    named = {"task_name": variation.name, "substrate_difficulty": variation.difficulty}
+    return case_of(category, SUITE, variation.index, **named)
 
 
 @pytest.fixture
 def own(installation: Installation) -> LiberoSubstrate:
-    return LiberoSubstrate([installation], variant_of=variant_of)
+    return LiberoSubstrate([installation], variation_of=variation_of)
 
 
 @needs_package

@@ -14,8 +14,8 @@ from pytest_libero_max.benchmark.cases import Source
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.sources import catalogue
-from pytest_libero_max.sources.variation import Variant
-from pytest_libero_max.worlds.contract import NOOP_ACTION, SourceVariant, World
+from pytest_libero_max.sources.variation import Variation
+from pytest_libero_max.worlds.contract import NOOP_ACTION, SourceVariation, World
 from pytest_libero_max.worlds.embedded.remodel import Remodel
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
@@ -33,11 +33,11 @@ def substrate() -> Iterator[EmbeddedSubstrate]:
     substrate.close()
 
 
-def bare(variant: Variant) -> SourceVariant:
+def bare(variation: Variation) -> SourceVariation:
     """The same task without any variation."""
 
     class Bare:
-        key, suite, base_index = "bare", variant.suite, variant.base_index
+        key, suite, base_index = "bare", variation.suite, variation.base_index
         scene: ClassVar[Json] = {}
 
         def apply(self, world: World) -> None:
@@ -77,15 +77,15 @@ def lights(world: World) -> list[bytes]:
 def test_what_a_variation_does_not_declare_is_bit_identical(
     substrate: EmbeddedSubstrate, kind: tuple[Source, str, str], data: st.DataObject
 ) -> None:
-    variant = data.draw(st.sampled_from(PER_KIND[kind]), label="variant")
-    init = 0 if variant.source == "plus" else data.draw(st.integers(0, 9), label="init")
-    factors = set().union(*(change_from_dict(raw).factors for raw in variant.changes))
-    plan = Remodel.from_dict(variant.scene)
-    base = substrate.varied_world(bare(variant))
+    variation = data.draw(st.sampled_from(PER_KIND[kind]), label="variation")
+    init = 0 if variation.source == "plus" else data.draw(st.integers(0, 9), label="init")
+    factors = set().union(*(change_from_dict(raw).factors for raw in variation.changes))
+    plan = Remodel.from_dict(variation.scene)
+    base = substrate.varied_world(bare(variation))
     base.reset(init)
     poses = {name: pose_bytes(base, name) for name in base.entities}
     seen = arm(base), cameras(base), lights(base), materials(base), base.language, base.goal, base.filters
-    world = substrate.varied_world(variant)
+    world = substrate.varied_world(variation)
     world.reset(init)
     renamed = {plan.renamed(name) for name in poses}
     assert set(world.entities) == renamed | {name for name, _ in plan.extras}
@@ -117,15 +117,15 @@ def test_what_a_variation_does_not_declare_is_bit_identical(
 def test_a_reset_undoes_a_variation_and_makes_it_again(
     substrate: EmbeddedSubstrate, kind: tuple[Source, str, str], data: st.DataObject
 ) -> None:
-    variant = data.draw(st.sampled_from(PER_KIND[kind]), label="variant")
-    world = substrate.varied_world(variant)
+    variation = data.draw(st.sampled_from(PER_KIND[kind]), label="variation")
+    world = substrate.varied_world(variation)
     plain = world.varied(None)
     plain.reset(0)
     fresh = full_state(plain)
     world.reset(0)
     varied = full_state(world)
     # What is recast in another colour alone is in the compiled scene, and nothing is left to do at reset.
-    assert bool(differing(fresh, varied) or world.assigned != (None, None)) == bool(variant.changes)
+    assert bool(differing(fresh, varied) or world.assigned != (None, None)) == bool(variation.changes)
     play(world, [NOOP_ACTION] * 2)
     plain.reset(0)
     assert differing(fresh, full_state(plain)) == set()
@@ -136,11 +136,11 @@ def test_a_reset_undoes_a_variation_and_makes_it_again(
 
 def test_worlds_are_built_again_after_they_had_to_make_room() -> None:
     substrate = EmbeddedSubstrate(scenes=2)
-    variants = [v for v in catalogue("pro") if v.category == "object_shape"][:4]
+    variations = [v for v in catalogue("pro") if v.category == "object_shape"][:4]
     try:
         digests = []
-        for variant in (*variants, *variants):
-            world = substrate.varied_world(variant)
+        for variation in (*variations, *variations):
+            world = substrate.varied_world(variation)
             world.reset(3)
             digests.append(world.digest())
         assert digests[:4] == digests[4:]
@@ -161,11 +161,11 @@ def test_worlds_of_one_scene_keep_their_variations_apart(substrate: EmbeddedSubs
 
 
 def test_things_stay_where_a_variation_puts_them(substrate: EmbeddedSubstrate) -> None:
-    for variant in [v for v in catalogue("pro") if v.category in ("position", "view_occlusion")][::9]:
-        world = substrate.varied_world(variant)
+    for variation in [v for v in catalogue("pro") if v.category in ("position", "view_occlusion")][::9]:
+        world = substrate.varied_world(variation)
         world.reset(0)
         names = [name for name, entity in world.entities.items() if entity.kind == "object"]
         before = {name: world.position(name) for name in names}
         play(world, [NOOP_ACTION] * 20)
         for name in names:
-            assert np.linalg.norm(world.position(name) - before[name]) < 0.006, (variant.key, name)
+            assert np.linalg.norm(world.position(name) - before[name]) < 0.006, (variation.key, name)
