@@ -32,7 +32,7 @@ class Finding:
         return f"{self.level:<8}{self.text}"
 
 
-def examine(options: SubstrateOptions | None = None) -> list[Finding]:
+def diagnose(options: SubstrateOptions | None = None) -> list[Finding]:
     """Look at packages, rendering and genuine installations. Nothing of LIBERO is imported.
 
     Args:

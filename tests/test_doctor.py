@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.doctor import examine
+from pytest_libero_max.doctor import diagnose
 from pytest_libero_max.worlds.libero import installation
 from pytest_libero_max.worlds.registry import SubstrateOptions
 from pytest_libero_max.worlds.versions import version_notes
@@ -14,14 +14,14 @@ from tests.worlds.libero.test_installation import checkout
 
 def test_a_complete_installation_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "importable", lambda name: True)
-    texts = [str(finding) for finding in examine(SubstrateOptions((checkout(tmp_path),)))]
+    texts = [str(finding) for finding in diagnose(SubstrateOptions((checkout(tmp_path),)))]
     assert any(text.startswith("ok") and "LIBERO unknown" in text for text in texts)
     assert not [text for text in texts if text.startswith("missing") and "images" not in text]
 
 
 def test_missing_modules_come_with_their_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "importable", lambda name: False)
-    texts = [str(finding) for finding in examine(SubstrateOptions((checkout(tmp_path),)))]
+    texts = [str(finding) for finding in diagnose(SubstrateOptions((checkout(tmp_path),)))]
     assert "missing module bddl: `pip install --no-deps hf-libero==0.1.4 bddl==1.0.1`" in texts
     assert any("easydict" in text and "`pip install easydict future" in text for text in texts)
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.bench.clock import processor_seconds
-from pytest_libero_max.bench.pairs import IMAGE_SIZE, QUERY_INTERVAL, Hovering
+from pytest_libero_max.bench.pair_runner import IMAGE_SIZE, QUERY_INTERVAL, Hovering
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
@@ -113,14 +113,14 @@ def _with_pairs(
     if pair.dynamic is None:
         raise SimulatorError(f"{case.item_id}: the event never fired, so there is no pair to measure.")
     final = world.data.qpos.copy()
-    forks, plains = [], []
+    paired, plains = [], []
     for _ in range(repeats):
-        forks.append(processor_seconds(lambda: measure_pair(case, world, policy)))
+        paired.append(processor_seconds(lambda: measure_pair(case, world, policy)))
         plains.append(processor_seconds(lambda: _play(seeing, world, case, pair)))
         if not np.array_equal(seeing.sim.data.qpos, final):
             raise SimulatorError(f"{case.item_id}: the package's loop arrived elsewhere.")
     steps = sum(len(actions) for actions in _rollouts(pair))
-    return replace(times, fork_s=median(forks), plain_s=median(plains), steps=steps)
+    return replace(times, fork_s=median(paired), plain_s=median(plains), steps=steps)
 
 
 def _package_env(substrate: LiberoSubstrate, case: Case, images: bool) -> Any:

@@ -11,7 +11,7 @@ from pytest_libero_max.cli.substrates import add_substrate, substrate_options
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
-    from pytest_libero_max.construction.verdicts import Progress
+    from pytest_libero_max.construction.examiner import Progress
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -75,7 +75,7 @@ def _add_examination(command: argparse.ArgumentParser, *, required: bool) -> Non
         type=Path,
         default=Path(".libero-max"),
         metavar="FOLDER",
-        help="Keeps verdicts between interruptions (default: %(default)s)",
+        help="Keeps examinations between interruptions (default: %(default)s)",
     )
 
 
@@ -109,13 +109,13 @@ def _eligibility(options: argparse.Namespace) -> None:
 
 
 def _build(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import overview_lines, write_overview
     from pytest_libero_max.construction.release import build_release, write_release
-    from pytest_libero_max.construction.verdicts import Examiner
     from pytest_libero_max.construction.verification import verify
 
     with Examiner(options.work, options.expert, options.jobs, _print_progress()) as examiner:
-        print(f"Verdicts are kept in {examiner.path}", flush=True)
+        print(f"Examinations are kept in {examiner.path}", flush=True)
         write_release(build_release(examiner.examine), options.folder)
     write_overview(options.folder)
     print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
@@ -123,8 +123,8 @@ def _build(options: argparse.Namespace) -> None:
 
 def _preflight(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.sampling import stratified
+    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import examination_lines
-    from pytest_libero_max.construction.verdicts import Examiner
 
     cases = _manifest(options.cases).cases
     if options.limit is not None:

@@ -62,9 +62,9 @@ def _bench_scenes(options: argparse.Namespace) -> None:
 
 
 def _doctor(options: argparse.Namespace) -> None:
-    from pytest_libero_max.doctor import examine
+    from pytest_libero_max.doctor import diagnose
 
-    findings = examine(substrate_options(options))
+    findings = diagnose(substrate_options(options))
     print("\n".join(map(str, findings)))
     missing = [finding for finding in findings if finding.level == "missing"]
     if missing:
@@ -72,7 +72,7 @@ def _doctor(options: argparse.Namespace) -> None:
 
 
 def _bench(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.pairs import measure_pairs
+    from pytest_libero_max.bench.pair_runner import measure_pairs
     from pytest_libero_max.bench.stepping import measure_stepping
 
     suite, _, index = options.scene.partition("/")

@@ -32,7 +32,7 @@ def add_substrate(command: argparse.ArgumentParser) -> None:
         "--source-variations",
         default="installed",
         choices=("installed", "own"),
-        help="On libero: those of the installed forks, or this package's own (default: %(default)s)",
+        help="On libero: variations of LIBERO-Plus and -PRO as installed, or own (default: %(default)s)",
     )
     add_libero(command)
 

@@ -29,8 +29,8 @@ class Certificate:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What is known of a case.
+class Examination:
+    """What the preflight and the expert found out about a case.
 
     Attributes:
         case_id: Which.
@@ -54,22 +54,22 @@ class Verdict:
         return {
             "case_id": self.case_id,
             "case_digest": self.case_digest,
-            "problems": [[problem.gate, problem.detail] for problem in self.problems],
+            "problems": [[problem.check, problem.detail] for problem in self.problems],
             "certificate": found and [found.solved, found.trigger_step, found.steps],
         }
 
     @classmethod
-    def from_dict(cls, value: dict[str, Any]) -> Verdict:
+    def from_dict(cls, value: dict[str, Any]) -> Examination:
         found = value["certificate"]
         return cls(
             value["case_id"],
             value["case_digest"],
-            tuple(Problem(gate, detail) for gate, detail in value["problems"]),
+            tuple(Problem(check, detail) for check, detail in value["problems"]),
             found and Certificate(*found),
         )
 
 
-def examine(world: World, case: Case, expert: Policy | None) -> Verdict:
+def examine(world: World, case: Case, expert: Policy | None) -> Examination:
     """Look at a case before any policy is scored on it.
 
     The expert's approach brings the hand to the trigger. If nothing speaks against the case, the expert goes
@@ -86,7 +86,7 @@ def examine(world: World, case: Case, expert: Policy | None) -> Verdict:
         SimulatorError: The simulation breaks after the event.
     """
     if expert is None:
-        return Verdict(case.case_id, case.digest, problems(world, case), None)
+        return Examination(case.case_id, case.digest, problems(world, case), None)
     branches: list[BranchPoint] = []
 
     def approach(world: World, case: Case) -> bool:
@@ -103,4 +103,4 @@ def examine(world: World, case: Case, expert: Policy | None) -> Verdict:
         inject(case, world)
         result = continue_rollout(branch, case, world, expert)
         certificate = Certificate(result.success, branch.step, result.steps)
-    return Verdict(case.case_id, case.digest, found, certificate)
+    return Examination(case.case_id, case.digest, found, certificate)

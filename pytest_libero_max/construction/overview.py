@@ -1,4 +1,4 @@
-"""The frozen tracks, manifests, cases and verdicts in words and tables: what commands print."""
+"""The frozen tracks, manifests, cases and examinations in words and tables: what commands print."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pytest_libero_max.benchmark.cases import EVENTS, Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track, track_names
 from pytest_libero_max.construction.configurations import cell_of
-from pytest_libero_max.construction.examination import Certificate, Verdict
-from pytest_libero_max.construction.preflight import GATES
+from pytest_libero_max.construction.examination import Certificate, Examination
+from pytest_libero_max.construction.preflight import CHECKS
 from pytest_libero_max.construction.release import read_certificates, read_rejected
 from pytest_libero_max.errors import OptionError, did_you_mean
 
@@ -48,7 +48,7 @@ def overview_lines(folder: Path) -> list[str]:
         numbers = f"{len(manifest)} | {count['plus']} | {count['pro']} | {count['libero']} | {events}"
         lines.append(f"| {name} | {numbers} | `{manifest.digest[:16]}` |")
     lines += ["", "## Rejected by the preflight", "", "First reason of each rejected case, by event.", ""]
-    lines += _rejections({name: problems[0].gate for name, problems in rejected.items()})
+    lines += _rejections({name: problems[0].check for name, problems in rejected.items()})
     lines += [
         "",
         "## Certificates",
@@ -64,13 +64,15 @@ def overview_lines(folder: Path) -> list[str]:
     return [*lines, "", f"The cells with the smallest shares: {shares}"]
 
 
-def examination_lines(verdicts: Mapping[str, Verdict]) -> list[str]:
+def examination_lines(examinations: Mapping[str, Examination]) -> list[str]:
     """What was found when some cases were examined: totals, then each case that failed."""
-    failed = {name: found.problems for name, found in sorted(verdicts.items()) if found.problems}
-    certificates = {name: found.certificate for name, found in sorted(verdicts.items()) if found.certificate}
-    lines = [f"{len(verdicts) - len(failed)} of {len(verdicts)} cases pass the preflight."]
+    failed = {name: found.problems for name, found in sorted(examinations.items()) if found.problems}
+    certificates = {
+        name: found.certificate for name, found in sorted(examinations.items()) if found.certificate
+    }
+    lines = [f"{len(examinations) - len(failed)} of {len(examinations)} cases pass the preflight."]
     if failed:
-        lines += ["", *_rejections({name: problems[0].gate for name, problems in failed.items()}), ""]
+        lines += ["", *_rejections({name: problems[0].check for name, problems in failed.items()}), ""]
         lines += [f"{name}: {'; '.join(map(str, problems))}" for name, problems in failed.items()]
     if certificates:
         lost = [name for name, found in certificates.items() if not found.solved]
@@ -121,13 +123,13 @@ def case_lines(manifest: Manifest, name: str) -> list[str]:
     ]
 
 
-def _rejections(gates: Mapping[str, str]) -> list[str]:
-    """A table of the gate that each case failed at, by event."""
-    seen = [gate for gate in GATES if gate in gates.values()]
+def _rejections(checks: Mapping[str, str]) -> list[str]:
+    """A table of the check that each case failed at, by event."""
+    seen = [check for check in CHECKS if check in checks.values()]
     lines = [f"| event | rejected | {' | '.join(seen)} |", f"| --- |{' ---: |' * (len(seen) + 1)}"]
     for event in (*EVENTS, ""):
-        count = Counter(gate for name, gate in gates.items() if not event or f"-{event}-" in name)
-        numbers = " | ".join(str(count[gate]) for gate in seen)
+        count = Counter(check for name, check in checks.items() if not event or f"-{event}-" in name)
+        numbers = " | ".join(str(count[check]) for check in seen)
         lines.append(f"| {event or 'all'} | {count.total()} | {numbers} |")
     return lines
 

@@ -36,7 +36,7 @@ that of the farthest target in LIBERO's own tasks, with the tool pointing down."
 MIN_BRIGHTNESS, MIN_CONTRAST = 8.0, 5.0
 """Smallest mean and standard deviation of all values of an image, 0 to 255."""
 
-Gate = Literal[
+Check = Literal[
     "substrate",
     "trigger",
     "solved",
@@ -52,7 +52,7 @@ Gate = Literal[
 ]
 """What a case can fail at."""
 
-GATES: tuple[Gate, ...] = get_args(Gate)
+CHECKS: tuple[Check, ...] = get_args(Check)
 
 Approach = Callable[[World, Case], bool]
 """Brings a world from anywhere to the step at which the case's event fires; False if it never does."""
@@ -71,11 +71,11 @@ class Problem:
     """What speaks against a case.
 
     Attributes:
-        gate: What it failed at.
+        check: What it failed at.
         detail: What was seen, with names and numbers.
     """
 
-    gate: Gate
+    check: Check
     detail: str
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ def problems(world: World, case: Case, approach: Approach | None = None) -> tupl
     try:
         before = _look_before(world, case)
         _begin(world, case)
-        found = tuple(_examine(world, case, before, _HOLD_AT_START))
+        found = tuple(_problems_here(world, case, before, _HOLD_AT_START))
         if found:
             return found
         if not approach(world, case):
@@ -110,7 +110,7 @@ def problems(world: World, case: Case, approach: Approach | None = None) -> tupl
             ended = " before the task is solved" if world.succeeded() else ""
             detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}{ended}"
             return (Problem("trigger", detail),)
-        return tuple(_examine(world, case, before, _HOLD_AT_TRIGGER))
+        return tuple(_problems_here(world, case, before, _HOLD_AT_TRIGGER))
     except SimulatorError as error:
         return (Problem("simulation", f"the simulation breaks: {error}"),)
 
@@ -166,7 +166,7 @@ def _moved(change: Change) -> list[str]:
     return sorted(factor.removeprefix("pose:") for factor in change.factors if factor.startswith("pose:"))
 
 
-def _examine(world: World, case: Case, before: _Before, steps: int) -> list[Problem]:
+def _problems_here(world: World, case: Case, before: _Before, steps: int) -> list[Problem]:
     """Apply the event here and now, look, hold still, look again; the world is left as it was found."""
     here = world.snapshot()
     found = list(_apply_and_look(world, case, before, steps))

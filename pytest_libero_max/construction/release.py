@@ -15,8 +15,8 @@ from pytest_libero_max.benchmark.tracks import (
     write_checksums,
     write_frozen,
 )
-from pytest_libero_max.construction.examination import Certificate, Verdict
-from pytest_libero_max.construction.preflight import Gate, Problem
+from pytest_libero_max.construction.examination import Certificate, Examination
+from pytest_libero_max.construction.preflight import Check, Problem
 from pytest_libero_max.construction.selection import select
 from pytest_libero_max.construction.smoke import select_smoke
 from pytest_libero_max.construction.splits import SPLITS, full
@@ -42,29 +42,29 @@ class Release:
     certificates: Mapping[str, Certificate]
 
 
-def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Verdict]]) -> Release:
+def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Examination]]) -> Release:
     """Choose the cases of every track.
 
     Args:
-        examine: The verdicts on some cases by id. Certificates in them are kept, and decide nothing.
+        examine: The examinations on some cases by id. Certificates in them are kept, and decide nothing.
 
     Raises:
         ManifestError: There are not enough cases that pass.
     """
-    verdicts: dict[str, Verdict] = {}
+    examinations: dict[str, Examination] = {}
 
     def failing(cases: Sequence[Case]) -> list[str]:
         found = examine(cases)
-        verdicts.update(found)
-        return [case_id for case_id, verdict in found.items() if not verdict.passed]
+        examinations.update(found)
+        return [case_id for case_id, examination in found.items() if not examination.passed]
 
     smoke = select_smoke(failing)
     whole = full(select(failing))
     used = sorted(case.case_id for manifest in (smoke, whole) for case in manifest)
     return Release(
         tracks={"smoke": smoke, "max": whole, **{name: split(whole) for name, split in SPLITS.items()}},
-        rejected={name: found.problems for name, found in sorted(verdicts.items()) if found.problems},
-        certificates={name: _certificate(verdicts[name]) for name in used},
+        rejected={name: found.problems for name, found in sorted(examinations.items()) if found.problems},
+        certificates={name: _certificate(examinations[name]) for name in used},
     )
 
 
@@ -72,7 +72,7 @@ def write_release(release: Release, folder: Path) -> None:
     """Write all files of a release."""
     folder.mkdir(parents=True, exist_ok=True)
     rejected = (
-        (name, problem.gate, problem.detail)
+        (name, problem.check, problem.detail)
         for name, problems in release.rejected.items()
         for problem in problems
     )
@@ -80,7 +80,7 @@ def write_release(release: Release, folder: Path) -> None:
         (name, str(int(one.solved)), str(one.trigger_step), str(one.steps))
         for name, one in release.certificates.items()
     )
-    _write_table(folder / REJECTED, ("case_id", "gate", "detail"), rejected)
+    _write_table(folder / REJECTED, ("case_id", "check", "detail"), rejected)
     _write_table(folder / CERTIFICATES, ("case_id", "solved", "trigger_step", "steps"), certificates)
     _write_tracks(folder, release.tracks)
 
@@ -102,8 +102,8 @@ def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
         ManifestError: The table is missing or is not the one that was frozen.
     """
     found: dict[str, tuple[Problem, ...]] = {}
-    for name, gate, detail in _read_table(folder / REJECTED):
-        found[name] = (*found.get(name, ()), Problem(cast(Gate, gate), detail))
+    for name, check, detail in _read_table(folder / REJECTED):
+        found[name] = (*found.get(name, ()), Problem(cast(Check, check), detail))
     return found
 
 
@@ -119,10 +119,10 @@ def read_certificates(folder: Path) -> dict[str, Certificate]:
     }
 
 
-def _certificate(verdict: Verdict) -> Certificate:
-    if verdict.certificate is None:
-        raise ManifestError(f"case {verdict.case_id!r} passed the preflight, but has no certificate.")
-    return verdict.certificate
+def _certificate(examination: Examination) -> Certificate:
+    if examination.certificate is None:
+        raise ManifestError(f"case {examination.case_id!r} passed the preflight, but has no certificate.")
+    return examination.certificate
 
 
 def _write_tracks(folder: Path, tracks: Mapping[str, Manifest]) -> None:

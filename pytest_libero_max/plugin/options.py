@@ -152,7 +152,7 @@ OPTIONS = (
     Option(
         "source-variations",
         "WHICH",
-        "LIBERO-Plus's and LIBERO-PRO's variations on the libero substrate: those of the installed forks, or "
+        "LIBERO-Plus's and LIBERO-PRO's variations on the libero substrate: the installed ones, or "
         "this package's own, made at reset on LIBERO's scenes",
         _one_of(*SOURCE_VARIATIONS),
         "installed",

@@ -44,7 +44,7 @@ def _semantics(record: PairRecord) -> str | None:
 
 
 def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
-    """Pairs on a genuine scene that a fork's variation was applied to."""
+    """Pairs on a genuine scene that LIBERO-Plus or LIBERO-PRO varied itself."""
 
     def concerns(record: PairRecord) -> bool:
         same = (record.source, record.source_category) == (source, category)

@@ -1,4 +1,4 @@
-"""What a policy that is told the truth may ask a world, beyond what :class:`.contract.World` offers to all.
+"""What a privileged policy may read from a world, beyond what :class:`.contract.World` offers to all.
 
 Both substrates answer: the embedded one by its own rules, the genuine one by the installed package's.
 """
@@ -54,7 +54,7 @@ def _predicate(word: str) -> Predicate:
 
 
 @dataclass(frozen=True)
-class Holding:
+class GraspablePart:
     """A part of a scene that is made to be held: a handle, a knob, a neck, a rim.
 
     Attributes:
@@ -112,6 +112,6 @@ class PrivilegedWorld(World, Protocol):
         ...
 
     @property
-    def holdings(self) -> Mapping[str, Holding]:
+    def graspable_parts(self) -> Mapping[str, GraspablePart]:
         """The parts that are made to be held, by name, as far as the substrate knows of any."""
         ...

@@ -97,7 +97,7 @@ def test_every_case_passes_the_preflight_and_is_solved_as_certified(smoke: Manif
     substrate = open_substrate("embedded")
     certificates = read_certificates(FOLDER)
     for case in smoke:
-        verdict = examine(substrate.world(case), case, expert)
-        assert verdict.problems == ()
-        assert verdict.certificate == certificates[case.case_id]
+        examination = examine(substrate.world(case), case, expert)
+        assert examination.problems == ()
+        assert examination.certificate == certificates[case.case_id]
     substrate.close()

@@ -113,8 +113,8 @@ def test_every_form_of_the_report_says_so() -> None:
     assert not any("their names promise" in line for line in summary_lines(report | {"caveats": []}))
 
 
-def test_own_variations_are_told_from_the_forks() -> None:
-    """Whatever a fork does wrong in a category, a variation of this package's in its place does not."""
+def test_own_variations_are_told_from_those_of_libero_pro() -> None:
+    """A defect of LIBERO-PRO in a category is no defect of the package's own variations in its place."""
     where = {"source": "plus", "source_category": "Robot Initial States", "event": "nothing"}
     genuine = {"substrate": "libero", "semantics": "published"}
     theirs = pair(fingerprints=genuine | {"source_variations": "installed"}, **where)

@@ -100,8 +100,8 @@ class Joints:
     closed: bool = False
 
     def holds(self, model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-        verdicts = [self._complies(float(data.joint(name).qpos[0])) for name in self.joints]
-        return all(verdicts) if self.every else any(verdicts)
+        complying = [self._complies(float(data.joint(name).qpos[0])) for name in self.joints]
+        return all(complying) if self.every else any(complying)
 
     def _complies(self, position: float) -> bool:
         if self.closed and position in (self.low, self.high):

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Goal, SourceVariation
-from pytest_libero_max.worlds.embedded.grips import holdings
+from pytest_libero_max.worlds.embedded.graspable_parts import graspable_parts
 from pytest_libero_max.worlds.embedded.placement import initial_state
 from pytest_libero_max.worlds.embedded.predicates import Predicate, all_hold
 from pytest_libero_max.worlds.embedded.remodel import Remodel, remodelled, waiting_place
 from pytest_libero_max.worlds.embedded.scene import Scene, build_scene, joints_of, resolve
-from pytest_libero_max.worlds.privileged import Fact, Holding, facts
+from pytest_libero_max.worlds.privileged import Fact, GraspablePart, facts
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
@@ -80,7 +80,7 @@ class EmbeddedWorld(RobosuiteWorld):
 
     def holds(self, fact: Fact) -> bool:
         """Whether a predicate holds now, by the rules of the goal."""
-        return self._verdict(fact).holds(self._model, self._data)
+        return self._predicate(fact).holds(self._model, self._data)
 
     def joints(self, name: str) -> tuple[str, ...]:
         """The joints of a fixture, or those that a region of it moves with; none for other places."""
@@ -89,9 +89,9 @@ class EmbeddedWorld(RobosuiteWorld):
         return ()
 
     @cached_property
-    def holdings(self) -> Mapping[str, Holding]:
+    def graspable_parts(self) -> Mapping[str, GraspablePart]:
         """The parts that are made to be held, by name: for policies that are privileged."""
-        return holdings(self._task)
+        return graspable_parts(self._task)
 
     def reset(self, init: int) -> None:
         super().reset(init)
@@ -118,9 +118,9 @@ class EmbeddedWorld(RobosuiteWorld):
         self._resolved(goal)
 
     def _resolved(self, goal: Goal) -> tuple[Predicate, ...]:
-        return tuple(self._verdict(fact) for fact in facts(goal))
+        return tuple(self._predicate(fact) for fact in facts(goal))
 
-    def _verdict(self, fact: Fact) -> Predicate:
+    def _predicate(self, fact: Fact) -> Predicate:
         return resolve(fact, self._task.entities, self._task.regions)
 
     def _initial_qpos(self, init: int) -> Array:

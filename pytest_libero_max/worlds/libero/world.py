@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter, Semantics
 from pytest_libero_max.worlds.libero.environment import Built
-from pytest_libero_max.worlds.libero.holdings import holdings_of
-from pytest_libero_max.worlds.privileged import Fact, Holding, facts
+from pytest_libero_max.worlds.libero.graspable_parts import graspable_parts_of
+from pytest_libero_max.worlds.privileged import Fact, GraspablePart, facts
 from pytest_libero_max.worlds.rendering.renderer import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
@@ -145,9 +145,9 @@ class LiberoWorld(RobosuiteWorld):
         return tuple(regions[name].joints or ())
 
     @cached_property
-    def holdings(self) -> Mapping[str, Holding]:
+    def graspable_parts(self) -> Mapping[str, GraspablePart]:
         """Handles and knobs by name, for policies that are privileged."""
-        return holdings_of(self._env, self._model)
+        return graspable_parts_of(self._env, self._model)
 
     def varied(self, variation: Variation | None) -> LiberoWorld:
         """This world, which applies a source variation at every reset from now on."""

@@ -9,8 +9,8 @@ import pytest
 
 from pytest_libero_max.sources import catalogue
 from pytest_libero_max.worlds.libero.installation import Installation
+from tests.worlds.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.worlds.libero.data import DATA, needs_package
-from tests.worlds.libero.forks import SUITE, plus_checkout, pro_checkout
 from tests.worlds.libero.made_up import case_of, manifest_of, pro_case
 
 POLICY = Path(__file__).with_name("reach.py")
@@ -62,7 +62,7 @@ def test_semantics_are_part_of_the_record_and_of_what_happens(pytester: pytest.P
 
 
 @needs_package
-def test_both_forks_play_in_one_session(
+def test_libero_plus_and_libero_pro_play_in_one_session(
     pytester: pytest.Pytester, installation: Installation, tmp_path: Path
 ) -> None:
     """Any worker plays any case: the installations take turns in each process."""

@@ -13,8 +13,8 @@ from pytest_libero_max.worlds.libero.installation import Installation
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.registry import SubstrateOptions
 from pytest_libero_max.worlds.registry import open_substrate as open_by_name
+from tests.worlds.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.worlds.libero.data import DATA, needs_package
-from tests.worlds.libero.forks import SUITE, plus_checkout, pro_checkout
 from tests.worlds.libero.made_up import case_of, pro_case
 from tests.worlds.states import differing, every_array, random_actions
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pytest_libero_max.doctor import examine
+from pytest_libero_max.doctor import diagnose
 from pytest_libero_max.errors import OptionError, SimulatorError
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.rendering.egl import Device, preferred
@@ -108,7 +108,7 @@ def test_the_record_and_the_doctor_name_the_device(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(gl, "prepare", lambda: "egl")
     assert gl.fingerprint() == {"gl": "egl", "gl_device": "NVIDIA B"}
     expected = "images with MUJOCO_GL=egl on EGL device 1 (NVIDIA B, CUDA's 0), of 3"
-    assert expected in [finding.text for finding in examine()]
+    assert expected in [finding.text for finding in diagnose()]
 
 
 def test_robosuite_and_images_work_with_numbers_that_robosuite_takes_for_a_contradiction() -> None:

@@ -19,7 +19,7 @@ def test_a_drawer_opens_towards_whoever_holds_its_handle(
 ) -> None:
     world = substrate.task_world(suite, task, 0)
     for level in ("top", "middle", "bottom"):
-        handle = world.holdings[f"{cabinet}_{level}_level_handle"]
+        handle = world.graspable_parts[f"{cabinet}_{level}_level_handle"]
         assert handle.joint in world.joints(f"{cabinet}_{level}_region")
         position, along, out = handle.world(world.data)
         assert abs(along @ out) < 1e-9
@@ -38,7 +38,7 @@ def test_a_drawer_opens_towards_whoever_holds_its_handle(
 
 def test_a_knob_is_held_on_its_axis(substrate: LiberoSubstrate) -> None:
     world = substrate.task_world("libero_goal", 7, 0)
-    knob = world.holdings["flat_stove_1_button_knob"]
+    knob = world.graspable_parts["flat_stove_1_button_knob"]
     position, along, out = knob.world(world.data)
     assert np.allclose(out, (0.0, 0.0, 1.0))
     assert abs(along[2]) < 1e-3
@@ -51,4 +51,4 @@ def test_a_knob_is_held_on_its_axis(substrate: LiberoSubstrate) -> None:
 def test_what_has_no_joint_has_no_part_to_hold(substrate: LiberoSubstrate) -> None:
     world = substrate.task_world("libero_10", 5, 0)
     assert world.joints("desk_caddy_1") == ()
-    assert dict(world.holdings) == {}
+    assert dict(world.graspable_parts) == {}

@@ -1,4 +1,4 @@
-"""Examining many cases: in processes of their own, each verdict on the disk as soon as it is known."""
+"""Examine many cases in worker processes, and keep each result in a file as soon as it is known."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
-from pytest_libero_max.construction.examination import Verdict, examine
+from pytest_libero_max.construction.examination import Examination, examine
 from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.errors import ChangeError, SubstrateError
 from pytest_libero_max.policies.contract import Policy
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 BATCH = 12
 """Cases that a process takes at a time: neighbours share scenes."""
 
-NAME = "verdicts.jsonl"
+NAME = "examinations.jsonl"
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Examiner:
     Close it, or use it in a ``with`` statement: it keeps its processes for the next examination.
 
     Args:
-        folder: Where to keep verdicts.
+        folder: Where to keep examinations.
         expert: Adapter of the scripted expert, as on the command line of a run; None: the hand goes straight
             to the target, and no case gets a certificate.
         jobs: Processes.
@@ -84,7 +84,7 @@ class Examiner:
     ) -> None:
         self.path = folder / inputs_digest(expert, substrate, options)[:16] / NAME
         self._report = report or _ignore
-        self._known = read_verdicts(self.path)
+        self._known = read_examinations(self.path)
         use_one_blas_thread()
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(jobs, context, _begin, (expert, substrate, options))
@@ -99,8 +99,8 @@ class Examiner:
         """End the processes; cases that wait are not begun."""
         self._pool.shutdown(cancel_futures=True)
 
-    def examine(self, cases: Sequence[Case]) -> Mapping[str, Verdict]:
-        """Verdicts by case id, in the order of the cases.
+    def examine(self, cases: Sequence[Case]) -> Mapping[str, Examination]:
+        """Examinations by case id, in the order of the cases.
 
         Raises:
             AdapterError: The expert broke its contract, or cannot be loaded.
@@ -119,15 +119,15 @@ class Examiner:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         done, failed, began = total - len(todo), 0, time.monotonic()
         with self.path.open("a", encoding="utf-8") as file:
-            for verdict in self._verdicts(todo):
-                file.write(json.dumps(verdict.to_dict()) + "\n")
+            for examination in self._examinations(todo):
+                file.write(json.dumps(examination.to_dict()) + "\n")
                 file.flush()
-                self._known[verdict.case_id] = verdict
-                done, failed = done + 1, failed + (not verdict.passed)
+                self._known[examination.case_id] = examination
+                done, failed = done + 1, failed + (not examination.passed)
                 pace = (time.monotonic() - began) / (done - total + len(todo))
                 self._report(Progress(done, total, failed, pace * (total - done)))
 
-    def _verdicts(self, cases: Sequence[Case]) -> Iterator[Verdict]:
+    def _examinations(self, cases: Sequence[Case]) -> Iterator[Examination]:
         """In the order in which they come."""
         records = [case.record for case in cases]
         batches = (records[first : first + BATCH] for first in range(0, len(records), BATCH))
@@ -135,23 +135,23 @@ class Examiner:
             yield from future.result()
 
 
-def read_verdicts(path: Path) -> dict[str, Verdict]:
-    """The verdicts of a file by case id; a last line that was cut off is removed from it."""
+def read_examinations(path: Path) -> dict[str, Examination]:
+    """The examinations of a file by case id; a last line that was cut off is removed from it."""
     if not path.exists():
         return {}
     content = path.read_bytes()
     whole = content.rfind(b"\n") + 1
     if whole < len(content):
         os.truncate(path, whole)
-    verdicts = (Verdict.from_dict(json.loads(line)) for line in content[:whole].splitlines())
-    return {verdict.case_id: verdict for verdict in verdicts}
+    examinations = (Examination.from_dict(json.loads(line)) for line in content[:whole].splitlines())
+    return {examination.case_id: examination for examination in examinations}
 
 
 def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions | None) -> str:
-    """SHA-256 of everything but the case that a verdict depends on, hexadecimal.
+    """SHA-256 of everything but the case that an examination depends on, hexadecimal.
 
     Versions, scenes, variations, the expert's folder and the code that plays: a change of any of them makes
-    old verdicts worthless.
+    old examinations worthless.
     """
     package = Path(__file__).parents[1]
     sources = [
@@ -201,15 +201,15 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _examine(records: Sequence[Json]) -> list[Verdict]:
-    return [_verdict(case) for case in map(parse_case, records)]
+def _examine(records: Sequence[Json]) -> list[Examination]:
+    return [_examination(case) for case in map(parse_case, records)]
 
 
-def _verdict(case: Case) -> Verdict:
+def _examination(case: Case) -> Examination:
     try:
         return examine(_substrate.world(case), case, _expert)
     except (SubstrateError, ChangeError) as error:  # the substrate lacks something that the case needs
-        return Verdict(case.case_id, case.digest, (Problem("substrate", str(error)),), None)
+        return Examination(case.case_id, case.digest, (Problem("substrate", str(error)),), None)
 
 
 def _ignore(progress: Progress) -> None:

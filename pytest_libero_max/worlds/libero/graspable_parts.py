@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.worlds.contract import Array
-from pytest_libero_max.worlds.privileged import Holding
+from pytest_libero_max.worlds.privileged import GraspablePart
 from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()
@@ -20,7 +20,7 @@ gl.prepare()
 import mujoco  # noqa: E402
 
 
-def holdings_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Holding]:
+def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, GraspablePart]:
     """Handles and knobs by name.
 
     Args:
@@ -43,7 +43,7 @@ def holdings_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Holding]:
     return found
 
 
-def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array) -> Holding:
+def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array) -> GraspablePart:
     """The foremost box of a joint's body; ``out`` is in the frame of that body."""
     body = int(model.jnt_bodyid[joint])
     boxes = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype != 0)).tolist()
@@ -55,7 +55,7 @@ def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array)
     position = model.geom_pos[foremost]
     if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:  # held on its axis, so that turning it is enough
         position = model.jnt_pos[joint] + out * ((position - model.jnt_pos[joint]) @ out)
-    return Holding(
+    return GraspablePart(
         name=name,
         entity=entity,
         body=model.body(body).name,

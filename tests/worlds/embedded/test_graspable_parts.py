@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.worlds.embedded.grips import holdings
+from pytest_libero_max.worlds.embedded.graspable_parts import graspable_parts
 
 from .scenes import ALL, IDS, at_start
 
@@ -25,14 +25,14 @@ FINGER_HALF = 0.009
 @pytest.mark.parametrize(("suite", "index"), ALL, ids=IDS)
 def test_every_part_is_inside_the_solids_of_its_body_or_between_them(suite: str, index: int) -> None:
     scene, model, data = at_start(suite, index)
-    for name, holding in holdings(scene).items():
-        assert name.startswith(f"{holding.entity}_")
-        assert holding.width < 0.08
-        position, along, out = holding.world(data)
+    for name, part in graspable_parts(scene).items():
+        assert name.startswith(f"{part.entity}_")
+        assert part.width < 0.08
+        position, along, out = part.world(data)
         assert np.linalg.norm(along) == pytest.approx(1)
         assert np.linalg.norm(out) == pytest.approx(1)
         assert along @ out == pytest.approx(0, abs=1e-9)
-        body = model.body(holding.body).id
+        body = model.body(part.body).id
         solids = [g for g in range(model.ngeom) if model.geom_bodyid[g] == body and model.geom_contype[g]]
         assert any(inside(model, data, g, position) for g in solids), name
 
@@ -45,22 +45,22 @@ def inside(model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: np.ndar
 @pytest.mark.parametrize(("suite", "index", "name"), MOVING, ids=[name for _, _, name in MOVING])
 def test_the_motion_of_a_part_is_that_of_its_joint(suite: str, index: int, name: str) -> None:
     scene, model, data = at_start(suite, index)
-    holding = holdings(scene)[name]
-    before, motion = holding.world(data)[0], holding.motion(data)
-    data.joint(holding.joint).qpos[0] -= 1e-6
+    part = graspable_parts(scene)[name]
+    before, motion = part.world(data)[0], part.motion(data)
+    data.joint(part.joint).qpos[0] -= 1e-6
     mujoco.mj_kinematics(model, data)
-    assert (before - holding.world(data)[0]) / 1e-6 == pytest.approx(motion, abs=1e-4)
+    assert (before - part.world(data)[0]) / 1e-6 == pytest.approx(motion, abs=1e-4)
 
 
 @pytest.mark.parametrize(("suite", "index", "name"), MOVING, ids=[name for _, _, name in MOVING])
 def test_two_fingers_reach_around_the_part(suite: str, index: int, name: str) -> None:
     scene, model, data = at_start(suite, index)
-    holding = holdings(scene)[name]
-    position, along, out = holding.world(data)
+    part = graspable_parts(scene)[name]
+    position, along, out = part.world(data)
     across = np.cross(along, out)
     for side in (-1.0, 1.0):
         for depth in (0.0, 0.015):
-            finger = position + side * (holding.width / 2 + FINGER_HALF) * across + depth * out
+            finger = position + side * (part.width / 2 + FINGER_HALF) * across + depth * out
             assert free(model, data, finger), (name, side, depth)
 
 
@@ -71,7 +71,7 @@ def free(model: mujoco.MjModel, data: mujoco.MjData, point: np.ndarray) -> bool:
 @pytest.mark.parametrize(("suite", "index", "name"), MOVING, ids=[name for _, _, name in MOVING])
 def test_a_small_force_moves_it_and_it_stays_where_it_was_left(suite: str, index: int, name: str) -> None:
     scene, model, data = at_start(suite, index)
-    joint = model.joint(holdings(scene)[name].joint)
+    joint = model.joint(graspable_parts(scene)[name].joint)
     data.qpos[joint.qposadr[0]] = 0.0
     for thing in scene.task.objects:
         data.joint(f"{thing}_joint0").qpos[0] += 5.0  # out of the way
@@ -91,7 +91,7 @@ def test_a_small_force_moves_it_and_it_stays_where_it_was_left(suite: str, index
 
 def test_grips_of_objects_are_given_in_the_turned_frame_of_their_bodies() -> None:
     scene, _, data = at_start("libero_goal", 9)
-    neck = holdings(scene)["wine_bottle_1_neck"]
+    neck = graspable_parts(scene)["wine_bottle_1_neck"]
     position, along, _ = neck.world(data)
     assert abs(along) == pytest.approx([1, 0, 0], abs=1e-3)
     offset = position - data.body("wine_bottle_1_main").xpos

@@ -8,9 +8,15 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes import MoveObject
-from pytest_libero_max.construction.examination import Certificate, Verdict
+from pytest_libero_max.construction.examination import Certificate, Examination
+from pytest_libero_max.construction.examiner import (
+    BATCH,
+    Examiner,
+    Progress,
+    inputs_digest,
+    read_examinations,
+)
 from pytest_libero_max.construction.preflight import Problem
-from pytest_libero_max.construction.verdicts import BATCH, Examiner, Progress, inputs_digest, read_verdicts
 from pytest_libero_max.experts import noop
 from tests.construction.test_preflight import case_of, insertion, move
 
@@ -30,16 +36,16 @@ def cases() -> list[Case]:
 
 
 @pytest.fixture(scope="module")
-def examined(cases: list[Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Verdict]:
+def examined(cases: list[Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examination]:
     with Examiner(tmp_path_factory.mktemp("whole"), None, 1, substrate="tiny") as examiner:
         return dict(examiner.examine(cases))
 
 
-def test_sensible_cases_pass_and_others_do_not(examined: dict[str, Verdict], cases: list[Case]) -> None:
+def test_sensible_cases_pass_and_others_do_not(examined: dict[str, Examination], cases: list[Case]) -> None:
     assert list(examined) == [case.case_id for case in cases]
-    for number, verdict in enumerate(examined.values()):
-        assert verdict.passed == (number % 3 != 2)
-        assert verdict.certificate is None  # nobody was asked to solve it
+    for number, examination in enumerate(examined.values()):
+        assert examination.passed == (number % 3 != 2)
+        assert examination.certificate is None  # nobody was asked to solve it
 
 
 class Stopped(Exception):
@@ -47,7 +53,7 @@ class Stopped(Exception):
 
 
 def test_an_interrupted_examination_goes_on_where_it_stopped(
-    examined: dict[str, Verdict], cases: list[Case], tmp_path: Path
+    examined: dict[str, Examination], cases: list[Case], tmp_path: Path
 ) -> None:
     def stop(progress: Progress) -> None:
         if progress.done == BATCH:
@@ -57,7 +63,7 @@ def test_an_interrupted_examination_goes_on_where_it_stopped(
         examiner.examine(cases)
     with examiner.path.open("a") as file:
         file.write('{"case_id": "torn')
-    measured = len(read_verdicts(examiner.path))
+    measured = len(read_examinations(examiner.path))
     assert BATCH <= measured < len(cases)
     seen: list[Progress] = []
     with Examiner(tmp_path, None, 1, seen.append, substrate="tiny") as second:
@@ -75,7 +81,7 @@ def test_a_case_that_was_changed_is_examined_again(cases: list[Case], tmp_path: 
         assert not examiner.examine([changed])[cases[0].case_id].passed
 
 
-def test_verdicts_depend_on_the_expert_and_its_files(tmp_path: Path) -> None:
+def test_examinations_depend_on_the_expert_and_its_files(tmp_path: Path) -> None:
     adapter = tmp_path / "expert.py"
     adapter.write_text(NOOP.read_text())
     first = inputs_digest(str(adapter), "tiny", None)
@@ -85,17 +91,17 @@ def test_verdicts_depend_on_the_expert_and_its_files(tmp_path: Path) -> None:
     assert inputs_digest(str(adapter), "tiny", None) != first
 
 
-def test_a_verdict_survives_writing_and_reading() -> None:
-    passed = Verdict("a", "0" * 64, (), Certificate(True, 12, 90))
-    failed = Verdict("b", "1" * 64, (Problem("view", "milk_1 is in the picture of no camera"),), None)
-    for verdict in (passed, failed):
-        assert Verdict.from_dict(json.loads(json.dumps(verdict.to_dict()))) == verdict
+def test_an_examination_survives_writing_and_reading() -> None:
+    passed = Examination("a", "0" * 64, (), Certificate(True, 12, 90))
+    failed = Examination("b", "1" * 64, (Problem("view", "milk_1 is in the picture of no camera"),), None)
+    for examination in (passed, failed):
+        assert Examination.from_dict(json.loads(json.dumps(examination.to_dict()))) == examination
 
 
 def test_what_the_substrate_lacks_is_said_of_each_case(tmp_path: Path) -> None:
     case = case_of("target_relocation", MoveObject("teapot_1", (0.06, 0.0, 0.0)))
     with Examiner(tmp_path, None, 1, substrate="tiny") as examiner:
-        (verdict,) = examiner.examine([case]).values()
-    (problem,) = verdict.problems
-    assert problem.gate == "substrate"
+        (examination,) = examiner.examine([case]).values()
+    (problem,) = examination.problems
+    assert problem.check == "substrate"
     assert "teapot_1" in problem.detail

@@ -12,10 +12,10 @@ from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.scene import Scene, links
-from pytest_libero_max.worlds.privileged import Holding
+from pytest_libero_max.worlds.privileged import GraspablePart
 
 
-def holdings(scene: Scene) -> Mapping[str, Holding]:
+def graspable_parts(scene: Scene) -> Mapping[str, GraspablePart]:
     """Every part of a scene that is made to be held, by name."""
     found = {}
     for entity in scene.entities.values():
@@ -28,7 +28,7 @@ def holdings(scene: Scene) -> Mapping[str, Holding]:
             for grip in link.grips:
                 name = f"{entity.name}_{grip.name}"
                 pos, along, out = (_vector(back @ vector) for vector in (grip.pos, grip.along, grip.out))
-                found[name] = Holding(
+                found[name] = GraspablePart(
                     name, entity.name, f"{entity.name}_{link.name}", joint, pos, along, out, grip.width
                 )
     return found
