@@ -2,30 +2,53 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from pytest_libero_max.report.interval_coverage import bootstrap_coverage, markdown, wilson_coverage
-from pytest_libero_max.stats.intervals import mean_change
+from pytest_libero_max.report.interval_coverage import (
+    CHANGES,
+    LATTICES,
+    METHODS,
+    RATES,
+    SIZES,
+    coverage_rows,
+    wilson_rows,
+    worst_rows,
+)
 
-REPORT = Path(__file__).parents[2] / "reports" / "interval-coverage.md"
-
-
-def test_the_published_coverage_is_what_the_code_finds() -> None:
-    assert REPORT.read_text() == markdown()
-
-
-def test_wilson_covers_on_average_what_it_says() -> None:
-    coverage = [wilson_coverage(30, rate) for rate in np.linspace(0.02, 0.98, 97)]
-    assert np.mean(coverage) == pytest.approx(0.95, abs=0.01)
-    assert min(coverage) > 0.89
+PUBLISHED = (Path(__file__).parents[2] / "reports" / "interval-coverage.md").read_text(encoding="utf-8")
 
 
-def test_enumeration_and_simulation_agree_on_the_bootstrap() -> None:
-    random = np.random.default_rng(3)
-    held = []
-    for _ in range(1500):
-        result = mean_change(random.choice([-1, 0, 1], size=40, p=[0.3, 0.6, 0.1]))
-        assert result is not None
-        held.append(result.lower <= -0.2 <= result.upper)
-    assert bootstrap_coverage(40, 0.3, 0.1) == pytest.approx(np.mean(held), abs=0.025)
+def _table(title: str) -> list[list[str]]:
+    """The cells of the table under a heading, without its first two lines."""
+    section = PUBLISHED.split(f"## {title}\n")[1].split("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("|")]
+    return rows[2:]
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_published_coverage_is_what_the_code_finds(name: str) -> None:
+    sizes = SIZES[:4]
+    found = [row.strip("| ").split(" | ") for row in coverage_rows(name, sizes)]
+    published = _table(METHODS[name][0])
+    assert len(published) == len(CHANGES)
+    assert [row[: 1 + len(sizes)] for row in published] == found
+
+
+def test_the_published_coverage_of_wilson_is_what_the_code_finds() -> None:
+    published = ["| " + " | ".join(row) + " |" for row in _table("Wilson interval of a success rate")]
+    assert published == list(wilson_rows())
+    assert len(published) == len(RATES)
+
+
+def test_the_published_worst_cases_are_what_the_code_finds() -> None:
+    published = ["| " + " | ".join(row) + " |" for row in _table("Worst cases")]
+    assert len(published) == len(LATTICES)
+    assert published[:2] == list(worst_rows(LATTICES[:2]))
+
+
+def test_the_chosen_interval_is_nowhere_below_what_is_wanted() -> None:
+    cells = [cell for row in _table(METHODS["exact"][0]) for cell in row[1:]]
+    cells += [row[1] for row in _table("Worst cases")]
+    assert len(cells) == len(CHANGES) * len(SIZES) + len(LATTICES)
+    assert min(float(cell.partition("%")[0]) for cell in cells) >= 95
+    assert any("!" in row[2] for row in _table("Worst cases"))
