@@ -20,122 +20,59 @@ their own. They need nothing but the names of a world's entities, so they fit ev
         world.reset(0)
         assert world.digest() == fresh
 
-Hypothesis is imported here and nowhere else in the package.
+Hypothesis is imported when this module is, and by nothing that plays a pair.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import EVENTS, SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event, Trigger
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event, Trigger
 from pytest_libero_max.benchmark.cases import parse_case as _parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.changes import (
-    Change,
-    InsertDistractors,
-    InsertObstacle,
-    MoveObject,
-    Placement,
-    RemoveObject,
-    SetLighting,
-    SetSensorCorruption,
-    SetVisualTheme,
-    ShiftCamera,
+from pytest_libero_max.changes.strategies import (
+    AT_ONCE,
+    SEEDS,
+    Entities,
+    changes,
+    entities_or_tiny,
+    objects_of,
+    strengths,
 )
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.events.kind import VARIANTS
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
-from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, Entity, Observation
+from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
 
 if TYPE_CHECKING:
     from pytest_libero_max.sources import Variation
 
-Entities = Mapping[str, Entity]
+__all__ = [
+    "AT_ONCE",
+    "SOURCES",
+    "RememberingPolicy",
+    "ScriptedPolicy",
+    "action_sequences",
+    "actions",
+    "cases",
+    "changes",
+    "events",
+    "manifests",
+    "scripted_policies",
+    "source_variations",
+    "strengths",
+    "varied_cases",
+]
 
 SOURCES = ("plus", "pro")
-
-AT_ONCE = (
-    "set_lighting",
-    "shift_camera",
-    "set_visual_theme",
-    "set_sensor_corruption",
-    "move_object",
-    "remove_object",
-)
-"""Operations that a world can take right after a reset; the insertions need a removal before."""
-
-_SEEDS = st.integers(0, 2**32 - 1)
-
-
-def strengths() -> SearchStrategy[float]:
-    """Strengths of a change: 0 to 1, both ends often."""
-    return st.sampled_from([0.0, 0.25, 0.5, 1.0]) | st.floats(0.0, 1.0)
-
-
-def changes(
-    entities: Entities | None = None,
-    *,
-    operations: Iterable[str] = AT_ONCE,
-    cameras: Iterable[str] = CAMERAS,
-) -> SearchStrategy[Change]:
-    """Changes that a world with these entities can take right after a reset.
-
-    Args:
-        entities: The world's entities; by default those of the tiny world.
-        operations: Which of :data:`AT_ONCE` to draw from.
-        cameras: The cameras that may be shifted.
-
-    Raises:
-        OptionError: An operation that is not in :data:`AT_ONCE`.
-    """
-    known = _entities(entities)
-    strategies: dict[str, SearchStrategy[Any]] = {
-        "set_lighting": st.builds(SetLighting, scale=st.floats(0.1, 2.0)),
-        "shift_camera": st.builds(
-            ShiftCamera,
-            camera=st.sampled_from(sorted(cameras)),
-            delta_position_m=_vectors(0.1),
-            yaw_degrees=st.floats(-45.0, 45.0),
-            delta_fovy_degrees=st.floats(-15.0, 15.0),
-        ),
-        "set_visual_theme": st.builds(
-            SetVisualTheme,
-            rgb_permutation=st.permutations([0, 1, 2]).map(tuple),
-            rgb_multiplier=st.tuples(*[st.floats(0.5, 1.5)] * 3),
-        ),
-        "set_sensor_corruption": st.builds(
-            SetSensorCorruption,
-            noise_std=st.floats(1.0, 40.0),
-            occlusion_fraction=st.floats(0.0, 0.3),
-            seed=_SEEDS,
-        ),
-        "move_object": st.builds(
-            MoveObject,
-            object=st.sampled_from(_movable(known)),
-            delta_position_m=_vectors(0.12, plane=True),
-        ),
-        "remove_object": st.builds(
-            RemoveObject,
-            object=st.sampled_from(_objects(known)),
-            offworld_position_m=st.just((-2.0, 0.0, -5.0)),
-        ),
-    }
-    chosen = []
-    for operation in operations:
-        if operation not in strategies:
-            raise OptionError(
-                f"operation={operation!r} cannot be applied right after a reset. "
-                f"{did_you_mean(operation, AT_ONCE)}"
-            )
-        chosen.append(strategies[operation])
-    return st.one_of(chosen)
 
 
 @st.composite
@@ -143,7 +80,7 @@ def events(
     draw: st.DrawFn,
     entities: Entities | None = None,
     *,
-    names: Iterable[str] = tuple(EVENTS),
+    names: Iterable[str] | None = None,
     distances_m: SearchStrategy[float] | None = None,
 ) -> Event:
     """Events of every kind, with setup and trigger, for a world with these entities.
@@ -151,29 +88,16 @@ def events(
     Args:
         draw: Given by Hypothesis.
         entities: The world's entities; by default those of the tiny world.
-        names: Which of the eight events.
+        names: Which events; by default all that are registered.
         distances_m: Trigger distances; by default the benchmark's. A large one fires at the first step.
     """
-    known = _entities(entities)
-    objects = _objects(known)
-    name = draw(st.sampled_from(sorted(names)))
-    trigger = draw(st.sampled_from(objects))
-    seed = draw(_SEEDS)
-    others = [entity for entity in objects if entity != trigger]
-    change, removed = draw(_event_changes(known, name, trigger, others, seed))
-    variant = draw(st.sampled_from([0, 1]))
+    known = entities_or_tiny(entities)
+    kind = EVENTS[draw(st.sampled_from(sorted(EVENTS if names is None else names)))]
+    trigger = draw(st.sampled_from(objects_of(known)))
+    seed = draw(SEEDS)
+    scenario = draw(kind.strategy(known, trigger, seed))
     distance = draw(distances_m) if distances_m is not None else TRIGGER_DISTANCE_M
-    return Event(
-        name=name,
-        variant=variant,
-        seed=seed,
-        severity=EVENTS[name].severity[variant],
-        change=change.to_dict(),
-        setup=tuple(
-            RemoveObject(entity, (-2.0 - 0.2 * i, 0.0, -5.0)).to_dict() for i, entity in enumerate(removed)
-        ),
-        trigger=Trigger(trigger, distance),
-    )
+    return kind.event(draw(st.sampled_from(VARIANTS)), seed, scenario, Trigger(trigger, distance))
 
 
 @st.composite
@@ -219,7 +143,7 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
         source: Only on this source's variations.
     """
     from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
-    from pytest_libero_max.events.eligibility import eligible_events
+    from pytest_libero_max.events.registry import eligible_events
     from pytest_libero_max.sources import variation_metadata
 
     variation = draw(source_variations(source))
@@ -357,61 +281,3 @@ def _catalogue(source: str) -> SearchStrategy[Variation]:
 
 def _events_of(entities: Entities | None) -> SearchStrategy[Event]:
     return events(entities)
-
-
-@st.composite
-def _event_changes(
-    draw: st.DrawFn, entities: Entities, name: str, trigger: str, others: list[str], seed: int
-) -> tuple[Change, list[str]]:
-    """The change of an event, and the objects its setup takes out."""
-    if name == "distractor_burst":
-        chosen = draw(st.lists(st.sampled_from(others), min_size=1, max_size=5, unique=True))
-        placements = tuple(draw(_placements(Placement, entity, trigger)) for entity in chosen)
-        return InsertDistractors(placements, len(placements)), chosen
-    if name == "obstacle_insertion":
-        chosen = [draw(st.sampled_from(others))]
-        return draw(_placements(InsertObstacle, chosen[0], trigger)), chosen
-    if name == "sensor_noise_onset":
-        return draw(
-            st.builds(SetSensorCorruption, st.floats(1.0, 40.0), st.floats(0.0, 0.3), st.just(seed))
-        ), []
-    if name in ("target_relocation", "receptacle_relocation"):
-        moved = [trigger] if name == "target_relocation" else others
-        return draw(st.builds(MoveObject, st.sampled_from(moved), _vectors(0.12, plane=True))), []
-    operation = {
-        "illumination_switch": "set_lighting",
-        "camera_shift": "shift_camera",
-        "visual_theme_switch": "set_visual_theme",
-    }[name]
-    return draw(changes(entities, operations=[operation])), []
-
-
-def _placements(kind: type[Any], entity: str, anchor: str) -> SearchStrategy[Any]:
-    return st.builds(
-        kind,
-        object=st.just(entity),
-        relative_to=st.just(anchor),
-        offset_m=_vectors(0.17, plane=True),
-        preserve_initial_z=st.booleans(),
-    )
-
-
-def _vectors(limit_m: float, plane: bool = False) -> SearchStrategy[tuple[float, float, float]]:
-    component = st.floats(-limit_m, limit_m)
-    return st.tuples(component, component, st.just(0.0) if plane else component)
-
-
-def _entities(entities: Entities | None) -> Entities:
-    if entities is not None:
-        return entities
-    from pytest_libero_max.worlds.tiny import TinyWorld
-
-    return TinyWorld().entities
-
-
-def _objects(entities: Entities) -> list[str]:
-    return [name for name, entity in entities.items() if entity.kind == "object"]
-
-
-def _movable(entities: Entities) -> list[str]:
-    return [name for name, entity in entities.items() if entity.kind != "surface"]

@@ -145,7 +145,7 @@ def test_memory_reaches_the_actions() -> None:
 
 def test_only_this_module_needs_hypothesis() -> None:
     code = (
-        "import sys, pytest_libero_max.changes, pytest_libero_max.events.parameters\n"
+        "import sys, pytest_libero_max.changes, pytest_libero_max.events.registry\n"
         "sys.exit('hypothesis' in sys.modules or 'mujoco' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -30,9 +30,9 @@ def scenario_record(identity: Identity, event: Event) -> Json:
     record: Json = {
         "base_task_id": identity.base_task_id,
         "change": event.change,
-        "change_family": event.kind.code,
+        "change_family": event.family_code,
         "change_type": event.name,
-        "expected_response_mode": event.kind.response,
+        "expected_response_mode": event.response,
         "randomization": {"draw_id": event.variant, "sampler": identity.sampler, "seed": event.seed},
         "safety_constraints": list(SAFETY_CONSTRAINTS),
         "scenario_id": identity.scenario_id(event.name, event.variant),

@@ -178,8 +178,11 @@ def _show(options: argparse.Namespace) -> None:
 
 
 def _manifest(name: str) -> Manifest:
-    """A track by its name, or a manifest by its path."""
+    """A track by its name or a manifest by its path, with its events and changes checked."""
     from pytest_libero_max.benchmark.manifests import load_manifest
     from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.events.registry import check_cases
 
-    return load_manifest(Path(name)) if Path(name).suffix in (".json", ".gz") else load_track(name)
+    manifest = load_manifest(Path(name)) if Path(name).suffix in (".json", ".gz") else load_track(name)
+    check_cases(manifest)
+    return manifest

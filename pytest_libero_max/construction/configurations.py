@@ -6,11 +6,10 @@ from collections import Counter
 from functools import cache
 from typing import NamedTuple
 
-from pytest_libero_max.benchmark.cases import EVENTS, Case, parse_case
+from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.events.eligibility import eligible_events
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
 from pytest_libero_max.sources import Variation, catalogue, variation_metadata
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
@@ -73,15 +72,23 @@ def hosts(source: str, category: str) -> tuple[tuple[Variation, frozenset[str]],
     LIBERO-Plus's variations without a difficulty are left out, as in the released benchmark.
     """
     return tuple(
-        (variation, frozenset(eligible_events(variation_metadata(variation))))
+        (variation, _events_of(variation))
         for variation in catalogue(source)
         if variation.category == category and (source == "pro" or variation.difficulty is not None)
     )
 
 
+def _events_of(variation: Variation) -> frozenset[str]:
+    """The benchmark's events that a variation can host; those of other packages have no part in it."""
+    task = variation_metadata(variation)
+    return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
+
+
 def eligibility_lines() -> list[str]:
     """How many variations of each source category can host each event: what a command prints."""
-    lines = [f"{'category':<30}{'tasks':>7}" + "".join(f"{event.split('_')[0]:>12}" for event in EVENTS)]
+    lines = [
+        f"{'category':<30}{'tasks':>7}" + "".join(f"{event.split('_')[0]:>12}" for event in BENCHMARK_EVENTS)
+    ]
     for source, categories in (("plus", PLUS_CATEGORIES), ("pro", PRO_CATEGORIES)):
         total = Counter[str]()
         for category in categories:
@@ -94,4 +101,4 @@ def eligibility_lines() -> list[str]:
 
 
 def _counts(name: str, tasks: int, count: Counter[str]) -> str:
-    return f"{name:<30}{tasks:>7}" + "".join(f"{count[event]:>12}" for event in EVENTS)
+    return f"{name:<30}{tasks:>7}" + "".join(f"{count[event]:>12}" for event in BENCHMARK_EVENTS)

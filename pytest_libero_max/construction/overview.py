@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track, track_names
 from pytest_libero_max.construction.configurations import cell_of
@@ -15,6 +15,7 @@ from pytest_libero_max.construction.examination import Certificate, Examination
 from pytest_libero_max.construction.preflight import CHECKS
 from pytest_libero_max.construction.release import read_certificates, read_rejected
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 
 OVERVIEW = "README.md"
 
@@ -127,7 +128,7 @@ def _rejections(checks: Mapping[str, str]) -> list[str]:
     """A table of the check that each case failed at, by event."""
     seen = [check for check in CHECKS if check in checks.values()]
     lines = [f"| event | rejected | {' | '.join(seen)} |", f"| --- |{' ---: |' * (len(seen) + 1)}"]
-    for event in (*EVENTS, ""):
+    for event in (*BENCHMARK_EVENTS, ""):
         count = Counter(check for name, check in checks.items() if not event or f"-{event}-" in name)
         numbers = " | ".join(str(count[check]) for check in seen)
         lines.append(f"| {event or 'all'} | {count.total()} | {numbers} |")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.preflight import straight_approach
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate, World
 from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
 
@@ -27,7 +28,7 @@ def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None
     """
     cases = {(case.event.name, case.event.variant): case for case in load_track("smoke")}
     pictures: list[Image] = []
-    for name in EVENTS:
+    for name in BENCHMARK_EVENTS:
         for variant in (0, 1):
             case = cases[name, variant]
             pictures += _before_and_after(substrate.world(case), case, size)

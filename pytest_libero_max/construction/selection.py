@@ -15,11 +15,12 @@ from itertools import product
 
 import numpy as np
 
-from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration, hosts
 from pytest_libero_max.construction.matching import Shortage, fill
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 from pytest_libero_max.sources.variation import Variation
@@ -41,7 +42,7 @@ Examine = Callable[[Sequence[Case]], Collection[str]]
 
 def cells_of(category: str) -> tuple[Cell, ...]:
     """The sixteen cells of a source category."""
-    return tuple(Cell(category, event, draw) for event, draw in product(EVENTS, (0, 1)))
+    return tuple(Cell(category, event, draw) for event, draw in product(BENCHMARK_EVENTS, (0, 1)))
 
 
 def select(examine: Examine) -> tuple[Case, ...]:

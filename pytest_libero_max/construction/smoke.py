@@ -12,15 +12,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 
-from pytest_libero_max.benchmark.cases import EVENTS, Case, parse_case
+from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity, seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.construction.selection import Examine
 from pytest_libero_max.construction.splits import protocol
 from pytest_libero_max.errors import ManifestError
-from pytest_libero_max.events.eligibility import eligible
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
 from pytest_libero_max.sources.metadata import TaskMetadata, task_metadata
 
 SUITES = ("libero_spatial", "libero_object")
@@ -50,7 +49,7 @@ def build_smoke(rejected: Collection[str] = ()) -> Manifest:
     used_tasks: Counter[tuple[str, int]] = Counter()
     used_inits: Counter[int] = Counter()
     cases: list[Case] = []
-    for event in EVENTS:
+    for event in BENCHMARK_EVENTS:
         hosts = [suite for suite in SUITES if any(eligible(event, tasks[suite, i]) for i in range(TASKS))]
         for variant in (0, 1):
             for suite in hosts if len(hosts) == 2 else hosts * 2:

@@ -6,10 +6,11 @@ import random
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 
-from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
@@ -48,7 +49,7 @@ def lite(whole: Manifest) -> Manifest:
     """100 cases of each event, 70 from LIBERO-Plus and 30 from LIBERO-PRO, drawn as the authors draw them."""
     draw = random.Random(LITE_SEED)
     chosen: list[Case] = []
-    for event, (source, count) in product(sorted(EVENTS), LITE_PER_EVENT.items()):
+    for event, (source, count) in product(sorted(BENCHMARK_EVENTS), LITE_PER_EVENT.items()):
         pool = (case for case in whole if case.event.name == event and case.source == source)
         chosen += _by_id(draw.sample(_by_id(pool), count))
     contract = f"100 cases of each event: 70 LIBERO-Plus and 30 LIBERO-PRO; seed {LITE_SEED}"

@@ -18,6 +18,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError
+from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.episode import instruction_of
 from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to
@@ -221,7 +222,7 @@ def _record(
         policy_seed=case.policy_seed,
         instruction=instruction_of(case, world),
         event=case.event.name,
-        family=case.event.family,
+        family=family_of(case.event.name),
         variant=case.event.variant,
         severity=case.event.severity,
         trigger_entity=case.event.trigger.entity,

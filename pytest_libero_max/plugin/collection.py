@@ -7,9 +7,18 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES, SUITE_BUDGETS, Case
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
 from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
 from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.events.kind import VARIANTS
+from pytest_libero_max.events.registry import (
+    BENCHMARK_EVENTS,
+    BENCHMARK_FAMILIES,
+    EVENTS,
+    check_cases,
+    families,
+    family_of,
+)
 from pytest_libero_max.plugin import options
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.stash_keys import MANIFEST, NOISE_CASES, SETTINGS
@@ -45,12 +54,11 @@ def manifest_of(config: pytest.Config) -> Manifest:
     """
     if MANIFEST not in config.stash:
         from pytest_libero_max.benchmark.tracks import load_track
-        from pytest_libero_max.changes import check_changes
 
         settings = settings_of(config)
         try:
             manifest = load_manifest(settings.manifest) if settings.manifest else load_track(settings.track)
-            check_changes(manifest.cases)
+            check_cases(manifest.cases)
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
         config.stash[MANIFEST] = manifest
@@ -102,30 +110,50 @@ def _resolve(arg: str) -> str:
     return f"{PAIRS_FILE}{separator}{rest}" if path == PSEUDO_PATH and not Path(path).exists() else arg
 
 
-def register_markers(config: pytest.Config, cases: tuple[Case, ...] = ()) -> None:
-    """Declare the markers that pair items carry, for ``-m`` and ``--strict-markers``."""
-    for event in EVENTS:
-        config.addinivalue_line("markers", f"{event}: LIBERO-MAX pairs with this event")
-    for family in FAMILIES:
-        config.addinivalue_line("markers", f"{family}: LIBERO-MAX pairs with an event of this family")
+def register_markers(config: pytest.Config, *, in_use: bool) -> None:
+    """Declare the markers of the events, suites and variants, for ``--markers`` and ``--strict-markers``.
+
+    Args:
+        config: Where to declare them.
+        in_use: Whether this session plays pairs. Without, other packages' events are not looked for.
+    """
+    names = EVENTS if in_use else BENCHMARK_EVENTS
+    for event in names:
+        _register(config, event, "with this event")
+    for family in families() if in_use else BENCHMARK_FAMILIES:
+        _register(config, family, "with an event of this family")
     for suite in SUITE_BUDGETS:
-        config.addinivalue_line("markers", f"{suite}: LIBERO-MAX pairs of this suite")
-    for variant in (0, 1):
-        config.addinivalue_line("markers", f"variant_{variant}: LIBERO-MAX pairs with this parameter variant")
-    for source in sorted({case.source for case in cases}):
-        config.addinivalue_line("markers", f"source_{source}: LIBERO-MAX pairs from this source")
-    for category in sorted({_category_marker(case) for case in cases}):
-        config.addinivalue_line("markers", f"{category}: LIBERO-MAX pairs of this source category")
+        _register(config, suite, "of this suite")
+    for variant in VARIANTS:
+        _register(config, f"variant_{variant}", "with this parameter variant")
 
 
 def parametrize(metafunc: pytest.Metafunc) -> None:
     """Give every test that asks for a case one item a case."""
     if CASE_FIXTURE not in metafunc.fixturenames:
         return
+    cases = cases_of(metafunc.config)
+    _register_sources(metafunc.config, cases)
     metafunc.parametrize(
-        CASE_FIXTURE,
-        [pytest.param(case, id=case.item_id, marks=_marks(case)) for case in cases_of(metafunc.config)],
+        CASE_FIXTURE, [pytest.param(case, id=case.item_id, marks=_marks(case)) for case in cases]
     )
+
+
+def _register_sources(config: pytest.Config, cases: tuple[Case, ...]) -> None:
+    """Declare the markers that depend on the manifest, which is read only where a test asks for a case."""
+    for event in sorted({case.event.name for case in cases}.difference(BENCHMARK_EVENTS)):
+        _register(config, event, "with this event")
+        _register(config, family_of(event), "with an event of this family")
+    for source in sorted({case.source for case in cases}):
+        _register(config, f"source_{source}", "from this source")
+    for category in sorted({_category_marker(case) for case in cases}):
+        _register(config, category, "of this source category")
+
+
+def _register(config: pytest.Config, marker: str, pairs: str) -> None:
+    line = f"{marker}: LIBERO-MAX pairs {pairs}"
+    if line not in config.getini("markers"):
+        config.addinivalue_line("markers", line)
 
 
 def case_of(item_node_id: str) -> str | None:
@@ -138,7 +166,7 @@ def case_of(item_node_id: str) -> str | None:
 def _marks(case: Case) -> list[Any]:
     names = (
         case.event.name,
-        case.event.family,
+        family_of(case.event.name),
         case.suite,
         f"variant_{case.event.variant}",
         f"source_{case.source}",

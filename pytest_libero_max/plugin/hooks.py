@@ -57,7 +57,7 @@ def _no_dist_chosen(config: pytest.Config) -> bool:
 def pytest_configure(config: pytest.Config) -> None:
     collection.aim(config)
     in_use = options.given_on_command_line(config)
-    collection.register_markers(config, collection.cases_of(config) if in_use else ())
+    collection.register_markers(config, in_use=in_use)
     if in_use and not hasattr(config, "workerinput"):
         from pytest_libero_max.plugin.controller import RunController
         from pytest_libero_max.worlds.threads import use_one_blas_thread

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
@@ -199,7 +200,7 @@ def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> 
 
 def _order(dimension: str, name: str) -> tuple[int, str]:
     """Events, their variants and families in the benchmark's order, everything else by name."""
-    ranked = {"event": [*EVENTS], "variant": [*EVENTS], "family": [*FAMILIES]}.get(dimension, [])
+    ranked = {"event": [*EVENTS], "variant": [*EVENTS], "family": [*families()]}.get(dimension, [])
     key = name.partition("-")[0]
     return (ranked.index(key) if key in ranked else len(ranked)), name
 

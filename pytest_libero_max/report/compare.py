@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import columns_of, substrate_json
 from pytest_libero_max.report.run import PlannedPair

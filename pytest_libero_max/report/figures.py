@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.formats import count_text, interval_text, percent, points
 from pytest_libero_max.report.svg import (
     GAIN,

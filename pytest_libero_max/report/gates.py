@@ -23,9 +23,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.dimensions import DIMENSIONS
 
@@ -199,7 +199,7 @@ def _end(end: str | None, text: str) -> str | None:
 
 def _check_group(scope: tuple[str, str], text: str) -> None:
     """Refuse names that no report can have; other groups depend on the run."""
-    known = {"event": tuple(EVENTS), "family": FAMILIES}.get(scope[0])
+    known = {"event": tuple(EVENTS), "family": families()}.get(scope[0])
     if known is not None and scope[1] not in known:
         raise OptionError(
             f"gate={text!r} has the unknown {scope[0]} {scope[1]!r}. {did_you_mean(scope[1], known)}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
 
 TRACK_SIZES: Mapping[str, int] = {"smoke": 32, "lite": 800, "max": 8000}
@@ -77,7 +77,7 @@ def power_lines(expectations: tuple[Expectation, ...], change: float | None = No
 
 def _losses(expected: Expectation) -> Iterator[float | None]:
     for size in TRACK_SIZES.values():
-        pairs = size if expected.name == "overall" else size // len(EVENTS)
+        pairs = size if expected.name == "overall" else size // len(BENCHMARK_EVENTS)
         for target in TARGETS:
             yield detectable_loss(pairs, expected.gain, target, expected.base)
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields
 
 
@@ -48,7 +49,7 @@ class PlannedPair:
             difficulty=case.difficulty,
             suite=case.suite,
             event=case.event.name,
-            family=case.event.family,
+            family=family_of(case.event.name),
             variant=case.event.variant,
             severity=case.event.severity,
         )

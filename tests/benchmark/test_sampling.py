@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.sampling import stratified
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.worlds.contract import Entity
 
 ENTITIES = {
@@ -40,7 +40,7 @@ def test_a_larger_limit_only_adds_cases(limit: int) -> None:
 @given(st.integers(1, 32))
 def test_counts_differ_by_one_at_most(limit: int) -> None:
     chosen = stratified(SMOKE, limit)
-    events = Counter(dict.fromkeys(EVENTS, 0))
+    events = Counter(dict.fromkeys(BENCHMARK_EVENTS, 0))
     events.update(case.event.name for case in chosen)
     assert max(events.values()) - min(events.values()) <= 1
     cells = Counter((case.event.name, case.event.variant) for case in chosen)
@@ -49,7 +49,7 @@ def test_counts_differ_by_one_at_most(limit: int) -> None:
 
 def test_eight_cases_are_the_eight_events_half_of_each_variant() -> None:
     chosen = stratified(SMOKE, 8)
-    assert {case.event.name for case in chosen} == set(EVENTS)
+    assert {case.event.name for case in chosen} == set(BENCHMARK_EVENTS)
     assert Counter(case.event.variant for case in chosen) == {0: 4, 1: 4}
     suites = Counter(case.suite for case in chosen)
     assert abs(suites["libero_spatial"] - suites["libero_object"]) <= 2

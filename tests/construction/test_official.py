@@ -12,8 +12,7 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.records import scenario_record
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.events.eligibility import eligible_events
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import eligible_events, resolve_event
 from pytest_libero_max.sources.metadata import TaskMetadata, metadata_from_catalog, task_metadata
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from pytest_libero_max.benchmark.cases import Case, Event, Trigger, parse_case
+from pytest_libero_max.benchmark.cases import Case, Trigger, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.changes import Change, InsertObstacle, MoveObject, RemoveObject, ShiftCamera
 from pytest_libero_max.construction.preflight import problems
+from pytest_libero_max.events.kind import Scenario
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.worlds.tiny import TinyWorld
 
 WORLD = TinyWorld()
@@ -17,15 +19,8 @@ def case_of(
     event: str, change: Change, *setup: Change, trigger: str = "box_1", distance_m: float = 0.18
 ) -> Case:
     identity = Identity("libero", "libero_spatial", 0, 0)
-    drawn = Event(
-        event,
-        0,
-        identity.seed(event, 0),
-        "high",
-        change.to_dict(),
-        tuple(removal.to_dict() for removal in setup),
-        Trigger(trigger, distance_m),
-    )
+    scenario = Scenario(change.to_dict(), tuple(removal.to_dict() for removal in setup))
+    drawn = EVENTS[event].event(0, identity.seed(event, 0), scenario, Trigger(trigger, distance_m))
     return parse_case(case_record(identity, drawn, "tiny"))
 
 

@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.records import case_record
@@ -13,7 +12,7 @@ from pytest_libero_max.construction.examination import examine
 from pytest_libero_max.construction.release import read_certificates, read_rejected
 from pytest_libero_max.construction.smoke import build_smoke
 from pytest_libero_max.errors import ManifestError
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, resolve_event
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.sources import open_substrate
 from pytest_libero_max.sources.metadata import task_metadata
@@ -27,11 +26,11 @@ def smoke() -> Manifest:
 def test_every_event_and_variant_occurs_twice(smoke: Manifest) -> None:
     assert len(smoke) == 32
     cells = Counter((case.event.name, case.event.variant) for case in smoke)
-    assert cells == {(event, variant): 2 for event in EVENTS for variant in (0, 1)}
+    assert cells == {(event, variant): 2 for event in BENCHMARK_EVENTS for variant in (0, 1)}
 
 
 def test_each_suite_hosts_every_event_it_can(smoke: Manifest) -> None:
-    for event in EVENTS:
+    for event in BENCHMARK_EVENTS:
         suites = sorted(case.suite for case in smoke if case.event.name == event)
         if event == "distractor_burst":
             assert suites == ["libero_object"] * 4

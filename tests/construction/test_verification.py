@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import EVENTS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import (
@@ -23,6 +23,7 @@ from pytest_libero_max.construction.release import CERTIFICATES, FILES, REJECTED
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.construction.verification import verify
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 
 Edit = Callable[[Json], None]
 
@@ -56,7 +57,7 @@ def test_the_frozen_tracks_are_right() -> None:
 def test_lite_keeps_the_shares_of_max(whole: Manifest) -> None:
     lite = load_track("lite")
     assert Counter((case.event.name, case.source) for case in lite) == {
-        (event, source): count for event in EVENTS for source, count in (("plus", 70), ("pro", 30))
+        (event, source): count for event in BENCHMARK_EVENTS for source, count in (("plus", 70), ("pro", 30))
     }
     assert {case.case_id for case in lite} < {case.case_id for case in whole}
     order = [(case.event.name, case.source, case.case_id) for case in lite]

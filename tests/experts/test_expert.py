@@ -11,7 +11,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import resolve_event
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import Rollout

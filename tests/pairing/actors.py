@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import Case, Event, Trigger
+from pytest_libero_max.benchmark.cases import Case, Trigger
 from pytest_libero_max.changes import MoveObject, SetSensorCorruption, ShiftCamera
+from pytest_libero_max.events.kind import Scenario
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
 from pytest_libero_max.worlds.tiny import TinyWorld
@@ -32,7 +34,7 @@ def make_case(event: str = "camera_shift", distance_m: float = 0.18, **changes: 
         task_index=0,
         init_state_index=3,
         policy_seed=195,
-        event=Event(event, 0, 7, "high", CHANGES[event].to_dict(), (), Trigger("box_1", distance_m)),
+        event=EVENTS[event].event(0, 7, Scenario(CHANGES[event].to_dict()), Trigger("box_1", distance_m)),
         source="libero",
         source_category="Unmodified",
         difficulty=None,

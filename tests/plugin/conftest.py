@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, resolve_event
 from pytest_libero_max.pairing import runner, trace
 from pytest_libero_max.report import files
 from pytest_libero_max.sources.metadata import InitialPlacement, Relation, TaskMetadata
@@ -58,7 +57,7 @@ def tiny_manifest(inits: tuple[int, ...] = (0,)) -> dict[str, Any]:
     records = []
     for init in inits:
         identity = Identity("libero", "libero_spatial", 0, init)
-        for name in EVENTS:
+        for name in BENCHMARK_EVENTS:
             for variant in (0, 1):
                 records.append(
                     case_record(identity, resolve_event(name, variant, TINY_TASK, identity), TINY_TASK.name)

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from itertools import product
 from typing import Any
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.run import PlannedPair
 
@@ -52,7 +52,7 @@ def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[
                 event=name,
                 family=kind.family,
                 variant=variant,
-                severity=kind.severity[variant],
+                severity=kind.severities[variant],
             )
         )
     return pairs

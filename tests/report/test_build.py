@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.files import report_json
@@ -57,7 +57,7 @@ def test_every_breakdown_holds_every_pair() -> None:
         for name in report["overall"]["outcomes"]:
             total = sum(block["outcomes"][name] for block in groups.values())
             assert total == report["overall"]["outcomes"][name]
-    assert list(report["by"]["event"]) == list(EVENTS)
+    assert list(report["by"]["event"]) == list(BENCHMARK_EVENTS)
     assert list(report["by"]["variant"])[:4] == [
         "illumination_switch-v0",
         "illumination_switch-v1",

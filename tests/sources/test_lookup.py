@@ -7,8 +7,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.errors import ManifestError, SubstrateError
-from pytest_libero_max.events.eligibility import eligible
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import eligible, resolve_event
 from pytest_libero_max.pairing.runner import PairSettings, play_pair
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.sources import catalogue, open_substrate, variation_metadata, variation_of

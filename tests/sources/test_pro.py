@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import EVENTS
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.events.eligibility import eligible
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.sources import catalogue, variation_metadata
 from pytest_libero_max.sources.counts import SUITES
 from pytest_libero_max.sources.metadata import metadata_from_catalog, task_metadata
@@ -101,7 +100,7 @@ def test_events_are_possible_where_the_released_catalogue_has_them() -> None:
     differences: Counter[str] = Counter()
     for row in released:
         variation = pro_suite(row["pro_category"], row["task_suite_name"])[row["task_index"]]
-        ours = {event for event in EVENTS if eligible(event, variation_metadata(variation))}
+        ours = {event for event in BENCHMARK_EVENTS if eligible(event, variation_metadata(variation))}
         if ours != set(row["eligible_change_types"]):
             differences[variation.category] += 1
     assert set(differences) <= {"position", "task", "object"}

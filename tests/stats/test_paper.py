@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import EVENTS, FAMILIES
+from pytest_libero_max.events.registry import BENCHMARK_FAMILIES, EVENTS
 from pytest_libero_max.report.published import published_policies
 from pytest_libero_max.stats.comparison import profile_agreement
 from pytest_libero_max.stats.intervals import mean_change
@@ -42,7 +42,7 @@ def test_event_changes_add_up_to_the_outcomes(key: str) -> None:
 
 @pytest.mark.parametrize("key", PUBLISHED)
 def test_family_changes(key: str) -> None:
-    for family in FAMILIES:
+    for family in BENCHMARK_FAMILIES:
         changes = [
             net / 10 for event, net in PUBLISHED[key].net_change.items() if EVENTS[event].family == family
         ]

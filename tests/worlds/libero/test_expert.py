@@ -9,7 +9,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.events.parameters import resolve_event
+from pytest_libero_max.events.registry import resolve_event
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.sources.metadata import task_metadata

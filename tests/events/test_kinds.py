@@ -1,49 +1,16 @@
-"""Seeds, directions, eligibility and parameters, against published values."""
+"""Directions, eligibility and parameters of the event kinds, against published values."""
 
 import math
 from itertools import pairwise
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import EVENTS, Event
+from pytest_libero_max.benchmark.cases import Event
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.errors import ManifestError
-from pytest_libero_max.events.eligibility import eligible, eligible_events
-from pytest_libero_max.events.parameters import DIRECTIONS, resolve_event
+from pytest_libero_max.events.registry import EVENTS, eligible, eligible_events, resolve_event
+from pytest_libero_max.events.relocation import DIRECTIONS
 from pytest_libero_max.sources.metadata import task_metadata
-
-
-@pytest.mark.parametrize(
-    ("identity", "event", "variant", "seed"),
-    [
-        (Identity("pro", "libero_10", 0, 1, "camera_view_angle"), "sensor_noise_onset", 0, 2342431568),
-        (Identity("pro", "libero_10", 1, 6, "camera_view_angle"), "distractor_burst", 0, 318522221),
-        (Identity("plus", "libero_object", 646, 0), "target_relocation", 1, 1425746499),
-    ],
-)
-def test_published_seeds(identity: Identity, event: str, variant: int, seed: int) -> None:
-    assert identity.seed(event, variant) == seed
-
-
-@pytest.mark.parametrize(
-    ("suite", "task", "event", "direction"),
-    [("libero_10", 5, "target_relocation", 6), ("libero_10", 6, "receptacle_relocation", 1)],
-)
-def test_published_directions(suite: str, task: int, event: str, direction: int) -> None:
-    for source in ("libero", "plus", "pro"):
-        assert Identity(source, suite, task, 3, "object").direction_index(event) == direction
-
-
-def test_names() -> None:
-    pro = Identity("pro", "libero_10", 1, 6, "camera_view_angle")
-    assert pro.case_id("distractor_burst", 0) == "pro-camera-view-angle-10-t01-i06-distractor_burst-d0-p195"
-    assert pro.base_task_id == "libero-pro/camera_view_angle/libero_10/task_1"
-    plus = Identity("plus", "libero_object", 646, 0)
-    assert plus.scenario_id("target_relocation", 1) == "libero_object-t0646-target_relocation-d1"
-    assert plus.base_task_id == "libero_object/task_646"
-    libero = Identity("libero", "libero_spatial", 3, 4)
-    assert libero.case_id("camera_shift", 1) == "libero-spatial-t03-i04-camera_shift-d1-p195"
-    assert libero.base_task_id == "libero/libero_spatial/task_3"
 
 
 def test_the_eight_directions_are_unit_vectors() -> None:
@@ -84,7 +51,7 @@ def resolve(event: str, variant: int, suite: str = "libero_object", task: int = 
 @pytest.mark.parametrize("name", EVENTS)
 def test_an_event_carries_its_severity_and_trigger(name: str, variant: int) -> None:
     event = resolve(name, variant)
-    assert event.severity == EVENTS[name].severity[variant]
+    assert event.severity == EVENTS[name].severities[variant]
     assert (event.trigger.entity, event.trigger.distance_m) == ("alphabet_soup_1", 0.18)
 
 

@@ -1,0 +1,51 @@
+"""What the two insertions share: objects are taken out at reset and come back beside the trigger entity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from pytest_libero_max.benchmark.documents import Json
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
+    from pytest_libero_max.sources.metadata import TaskMetadata
+
+
+def placement(entity: str, anchor: str, offset_m: list[float], task: TaskMetadata) -> Json:
+    """Where an object comes back: at an offset from the anchor, as high as it was."""
+    return {
+        "object": entity,
+        "relative_to": anchor,
+        "offset_m": offset_m,
+        "preserve_initial_z": True,
+        "support_entity": task.support(entity),
+    }
+
+
+def removals(entities: Iterable[str]) -> tuple[Json, ...]:
+    """The setup that takes objects out of the scene until the event brings them back."""
+    return tuple(
+        {
+            "operation": "remove_object",
+            "object": entity,
+            "offworld_position_m": [-2.0 - 0.2 * index, 0.0, -5.0],
+        }
+        for index, entity in enumerate(entities)
+    )
+
+
+def placements(kind: type[Any], entity: str, anchor: str) -> SearchStrategy[Any]:
+    """Changes or placements of ``kind`` that put ``entity`` near ``anchor``, for Hypothesis."""
+    from hypothesis import strategies as st
+
+    from pytest_libero_max.changes.strategies import vectors
+
+    return st.builds(
+        kind,
+        object=st.just(entity),
+        relative_to=st.just(anchor),
+        offset_m=vectors(0.17, plane=True),
+        preserve_initial_z=st.booleans(),
+    )

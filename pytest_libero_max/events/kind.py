@@ -1,0 +1,149 @@
+"""The contract of an event kind: everything that is the same for all cases of one event."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, get_args
+
+from pytest_libero_max.benchmark.cases import Event, Trigger
+from pytest_libero_max.benchmark.documents import Json
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
+    from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.worlds.contract import Entity
+
+Response = Literal["continue", "replan"]
+
+VARIANTS = (0, 1)
+"""Every event has two parameter variants."""
+
+
+class Scenario(NamedTuple):
+    """What an event does, as a manifest spells it.
+
+    Attributes:
+        change: The change in the middle of the episode: an ``operation`` and its parameters.
+        setup: Changes that both arms share, applied right after reset.
+    """
+
+    change: Json
+    setup: tuple[Json, ...] = ()
+
+
+class EventKind(ABC):
+    """An event: its names, which tasks can host it, and how its parameters are drawn.
+
+    A subclass is one file in ``events/kinds``, or an entry point of a package of your own. Its docstring says
+    what happens to the world.
+
+    Attributes:
+        name: In manifests, ids, markers and reports: lower case letters, digits and underscores.
+        family: The paper's family, by which results are grouped; also a marker.
+        code: The family code of the manifests, for example ``OBS``.
+        severities: Severity of variant 0 and of variant 1: ``low``, ``medium`` or ``high``.
+        response: The manifests' word for what a policy is expected to do: ``continue`` where the task is what
+            it was, ``replan`` where the target, the destination or the path has changed.
+        needs: What a task must have, in words that follow "The task needs".
+        expected: What a policy is expected to do, in a sentence.
+    """
+
+    name: ClassVar[str]
+    family: ClassVar[str]
+    code: ClassVar[str]
+    severities: ClassVar[tuple[str, str]]
+    response: ClassVar[Response]
+    needs: ClassVar[str] = "an entity that the hand comes near: its target, or what its goal names first."
+    expected: ClassVar[str]
+
+    def eligible(self, task: TaskMetadata) -> bool:
+        """Whether the task can host the event; decided from the task's description alone."""
+        return task.trigger_entity is not None
+
+    def trigger(self, task: TaskMetadata) -> Trigger:
+        """When the event happens in an eligible task: when the hand comes near the trigger entity."""
+        assert task.trigger_entity is not None  # eligibility demands it
+        return Trigger(task.trigger_entity)
+
+    @abstractmethod
+    def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
+        """Fix every parameter for an eligible task.
+
+        Args:
+            variant: 0 or 1.
+            task: What the scene contains.
+            identity: Which configuration this is; the source of all seeds.
+        """
+
+    @abstractmethod
+    def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
+        """Scenarios of this event for a world with these entities, for Hypothesis.
+
+        Import Hypothesis in here, not at the top of the module: playing a pair must not need it.
+
+        Args:
+            entities: The world's entities by name.
+            trigger: The entity that the event is triggered by.
+            seed: The scenario seed.
+        """
+
+    def event(self, variant: int, seed: int, scenario: Scenario, trigger: Trigger) -> Event:
+        """The event of a case, with everything that is the same for all events of this kind."""
+        return Event(
+            name=self.name,
+            variant=variant,
+            seed=seed,
+            severity=self.severities[variant],
+            family_code=self.code,
+            response=self.response,
+            change=scenario.change,
+            setup=scenario.setup,
+            trigger=trigger,
+        )
+
+
+SEVERITIES = ("low", "medium", "high")
+
+_WORD = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def accept_kind(name: str, found: object) -> EventKind:
+    """The event kind that was registered under ``name``: a subclass of :class:`EventKind`, or one of its
+    instances.
+
+    Raises:
+        ValueError: It is not one, or one of its attributes breaks a rule.
+    """  # noqa: D205
+    if isinstance(found, type) and issubclass(found, EventKind):
+        found = found()
+    if not isinstance(found, EventKind):
+        raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.events.kind.EventKind")
+    lacking = [
+        attribute
+        for attribute in ("name", "family", "code", "severities", "response", "expected")
+        if not hasattr(found, attribute)
+    ]
+    if lacking:
+        raise ValueError(f"{type(found).__name__} lacks {', '.join(lacking)}")
+    if found.name != name:
+        raise ValueError(f"name={found.name!r}, but it is registered as {name!r}; both must be the same")
+    for attribute in ("name", "family"):
+        word = getattr(found, attribute)
+        if not isinstance(word, str) or not _WORD.fullmatch(word):
+            raise ValueError(
+                f"{attribute}={word!r}, but must be a word of lower case letters, digits and underscores, "
+                "since it is a pytest marker and a part of test ids"
+            )
+    if not isinstance(found.code, str) or not found.code:
+        raise ValueError(f"code={found.code!r}, but must be a family code such as 'OBS'")
+    if len(found.severities) != len(VARIANTS) or not {*found.severities} <= {*SEVERITIES}:
+        raise ValueError(
+            f"severities={found.severities!r}, but must be two of {', '.join(SEVERITIES)}: of variant 0 and 1"
+        )
+    if found.response not in get_args(Response):
+        raise ValueError(f"response={found.response!r}, but must be one of {', '.join(get_args(Response))}")
+    return found

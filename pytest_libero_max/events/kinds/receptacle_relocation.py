@@ -1,0 +1,43 @@
+"""receptacle_relocation: the place to put the object is somewhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.events.kind import EventKind, Scenario
+from pytest_libero_max.events.relocation import relocation, relocations
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
+    from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.worlds.contract import Entity
+
+DISTANCES_M = (0.06, 0.12)
+"""How far it is moved along the table, by variant."""
+
+
+class ReceptacleRelocation(EventKind):
+    """The receptacle is moved along its support, in a direction that is fixed for the task."""
+
+    name = "receptacle_relocation"
+    family = "geometry"
+    code = "GEO"
+    severities = ("medium", "high")
+    response = "replan"
+    needs = "a movable receptacle that was put on a table or floor."
+    expected = "Plan again: the place to put the object is 6 or 12 cm from where it was."
+
+    def eligible(self, task: TaskMetadata) -> bool:
+        return task.planar(task.primary_receptacle)
+
+    def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
+        return Scenario(relocation(self.name, task.primary_receptacle, DISTANCES_M[variant], task, identity))
+
+    def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
+        """Moves of any object but the trigger entity."""
+        return relocations(
+            [name for name, entity in entities.items() if entity.kind == "object" and name != trigger]
+        )

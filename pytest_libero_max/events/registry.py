@@ -1,0 +1,151 @@
+"""The event kinds there are, and what a manifest may say of them."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.benchmark.cases import Case, Event
+from pytest_libero_max.errors import ManifestError, did_you_mean
+from pytest_libero_max.events.kind import VARIANTS, EventKind, accept_kind
+from pytest_libero_max.registry import Registry, modules_in
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.sources.metadata import TaskMetadata
+
+ENTRY_POINT_GROUP = "pytest_libero_max.events"
+
+BENCHMARK_EVENTS = (
+    "illumination_switch",
+    "camera_shift",
+    "visual_theme_switch",
+    "sensor_noise_onset",
+    "target_relocation",
+    "receptacle_relocation",
+    "distractor_burst",
+    "obstacle_insertion",
+)
+"""The paper's eight events, in its order. The frozen tracks hold these and no others."""
+
+BENCHMARK_FAMILIES = ("geometry", "observation", "appearance_and_clutter", "path_constraint")
+"""The paper's four families, in its order."""
+
+_KINDS = "pytest_libero_max.events.kinds"
+
+
+def _own() -> Mapping[str, Callable[[], EventKind]]:
+    modules = modules_in(_KINDS)
+    others = (name for name in modules if name not in BENCHMARK_EVENTS)
+    return {name: _loader(name) for name in (*BENCHMARK_EVENTS, *others)}
+
+
+def _loader(name: str) -> Callable[[], EventKind]:
+    def load() -> EventKind:
+        module = importlib.import_module(f"{_KINDS}.{name}")
+        (kind,) = (
+            value
+            for value in vars(module).values()
+            if isinstance(value, type)
+            and issubclass(value, EventKind)
+            and value.__module__ == module.__name__
+        )
+        return accept_kind(name, kind)
+
+    return load
+
+
+EVENTS: Registry[EventKind] = Registry("event", ENTRY_POINT_GROUP, _own, accept_kind, ManifestError)
+"""Every event kind by name: the benchmark's eight first, then the others."""
+
+
+def families() -> tuple[str, ...]:
+    """The families of all events: the benchmark's first, then the others in the order of their events."""
+    return tuple(dict.fromkeys((*BENCHMARK_FAMILIES, *(kind.family for kind in EVENTS.values()))))
+
+
+def family_of(event: str) -> str:
+    """The family of an event.
+
+    Raises:
+        ManifestError: There is no such event.
+    """
+    return EVENTS[event].family
+
+
+def eligible(event: str, task: TaskMetadata) -> bool:
+    """Whether ``task`` has what ``event`` needs.
+
+    Raises:
+        ManifestError: There is no such event.
+    """
+    return EVENTS[event].eligible(task)
+
+
+def eligible_events(task: TaskMetadata) -> tuple[str, ...]:
+    """The events that ``task`` can host, in the registry's order."""
+    return tuple(event for event in EVENTS if eligible(event, task))
+
+
+def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identity) -> Event:
+    """Fix every parameter of an event for a task.
+
+    Args:
+        name: One of :data:`EVENTS`.
+        variant: 0 or 1.
+        task: What the scene contains.
+        identity: Which configuration this is; the source of all seeds.
+
+    Raises:
+        ManifestError: There is no such event or variant, or the task cannot host it.
+    """
+    kind = EVENTS[name]
+    if variant not in VARIANTS:
+        raise ManifestError(f"variant={variant!r}, but an event has the variants 0 and 1.")
+    if not kind.eligible(task):
+        raise ManifestError(
+            f"event={name!r} is not possible in {task.name!r}. The task needs {kind.needs} "
+            f"Possible: {', '.join(eligible_events(task)) or 'none'}."
+        )
+    scenario = kind.resolve(variant, task, identity)
+    return kind.event(variant, identity.seed(name, variant), scenario, kind.trigger(task))
+
+
+def check_cases(cases: Iterable[Case]) -> None:
+    """Check that every case of a manifest is one of an event that exists, before anything is played.
+
+    The event is registered, the case has its kind's family code, severity and response, and every change and
+    setup can be built.
+
+    Raises:
+        ManifestError: A case is not; names it.
+    """
+    from pytest_libero_max.changes import check_changes
+
+    cases = tuple(cases)
+    for case in cases:
+        _check_event(case.event, f"case {case.case_id!r}: scenario")
+    check_changes(cases)
+
+
+def _check_event(event: Event, where: str) -> None:
+    if event.name not in EVENTS:
+        raise ManifestError(
+            f"{where}.change_type={event.name!r} is not an event. {did_you_mean(event.name, EVENTS)}"
+        )
+    kind = EVENTS[event.name]
+    if event.family_code != kind.code:
+        raise ManifestError(
+            f"{where}.change_family={event.family_code!r}, but {kind.name} belongs to {kind.code!r}."
+        )
+    severity = kind.severities[event.variant]
+    if event.severity != severity:
+        raise ManifestError(
+            f"{where}.severity={event.severity!r}, but variant {event.variant} of {kind.name} has the "
+            f"severity {severity!r}."
+        )
+    if event.response != kind.response:
+        raise ManifestError(
+            f"{where}.expected_response_mode={event.response!r}, but {kind.name} expects {kind.response!r}."
+        )

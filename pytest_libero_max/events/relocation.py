@@ -1,0 +1,67 @@
+"""What the two relocations share: an object is moved along the table, in one of eight directions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.kind import Scenario
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
+    from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.sources.metadata import TaskMetadata
+
+_DIAGONAL = 1.0 / math.sqrt(2.0)
+DIRECTIONS = (
+    (1.0, 0.0),
+    (-1.0, 0.0),
+    (0.0, 1.0),
+    (0.0, -1.0),
+    (_DIAGONAL, _DIAGONAL),
+    (-_DIAGONAL, _DIAGONAL),
+    (_DIAGONAL, -_DIAGONAL),
+    (-_DIAGONAL, -_DIAGONAL),
+)
+"""Unit vectors in the table plane along which a relocation may go, world frame."""
+
+_DECIMALS = 8
+
+
+def relocation(
+    event: str, moved: str | None, distance_m: float, task: TaskMetadata, identity: Identity
+) -> Json:
+    """The change that moves an object; its direction depends on the task and the event alone.
+
+    Args:
+        event: Name of the event, from which the direction is drawn.
+        moved: The object; an eligible task has one.
+        distance_m: How far.
+        task: What the scene contains.
+        identity: Which configuration this is.
+    """
+    assert moved is not None  # eligibility demands it
+    x, y = DIRECTIONS[identity.direction_index(event)]
+    return {
+        "operation": "move_object",
+        "object": moved,
+        "delta_position_m": [round(x * distance_m, _DECIMALS), round(y * distance_m, _DECIMALS), 0.0],
+        "direction_xy": [round(x, _DECIMALS), round(y, _DECIMALS)],
+        "distance_m": distance_m,
+        "support_entity": task.support(moved),
+        "calibration": "deterministic_candidate_requires_preflight",
+    }
+
+
+def relocations(objects: Iterable[str]) -> SearchStrategy[Scenario]:
+    """Scenarios that move one of ``objects`` along the table, for Hypothesis."""
+    from hypothesis import strategies as st
+
+    from pytest_libero_max.changes import MoveObject
+    from pytest_libero_max.changes.strategies import vectors
+
+    moves = st.builds(MoveObject, st.sampled_from(sorted(objects)), vectors(0.12, plane=True))
+    return moves.map(lambda move: Scenario(move.to_dict()))

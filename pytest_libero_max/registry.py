@@ -1,0 +1,133 @@
+"""Registries: what this package offers by name, and what other installed packages add to it.
+
+There is one registry for each kind of thing that a user's package can add without touching this one. Each
+reads one entry-point group::
+
+    [project.entry-points."pytest_libero_max.events"]
+    push = "my_package.push:Push"
+
+Looking at the names imports nothing; an entry is imported when it is asked for.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Generic, TypeVar
+
+from pytest_libero_max.errors import LiberoMaxError, did_you_mean
+
+T = TypeVar("T")
+
+
+class Registry(Generic[T]):
+    """Named entries in a fixed order: the package's own first, then those of other packages by name.
+
+    Args:
+        noun: What an entry is called in messages, for example ``event``.
+        group: Entry-point group by which other packages add theirs.
+        own: Returns a function that loads the entry, for each name of the package's own, in order. It is
+            called on first use.
+        accept: Turns what an entry point names into an entry; raises ``ValueError`` with the rule that the
+            object breaks.
+        error: Raised for an unknown name, for a name that is used twice and for an entry that cannot be
+            loaded.
+    """
+
+    def __init__(
+        self,
+        noun: str,
+        group: str,
+        own: Callable[[], Mapping[str, Callable[[], T]]],
+        accept: Callable[[str, object], T],
+        error: type[LiberoMaxError],
+    ) -> None:
+        self.noun = noun
+        self.group = group
+        self._own = own
+        self._accept = accept
+        self._error = error
+        self._loaders: Mapping[str, Callable[[], T]] | None = None
+        self._loaded: dict[str, T] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known())
+
+    def __len__(self) -> int:
+        return len(self._known())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._known()
+
+    def __getitem__(self, name: str) -> T:
+        """The entry of that name.
+
+        Raises:
+            LiberoMaxError: Of the registry's kind: there is none (the message suggests the closest name), or
+                it cannot be loaded.
+        """
+        if name not in self._loaded:
+            if name not in self._known():
+                raise self._error(
+                    f"{self.noun}={name!r} is not {_a(self.noun)}. {did_you_mean(name, self._known())}"
+                )
+            self._loaded[name] = self._known()[name]()
+        return self._loaded[name]
+
+    def items(self) -> Iterator[tuple[str, T]]:
+        """Names with their entries, each of which is loaded."""
+        return ((name, self[name]) for name in self)
+
+    def values(self) -> Iterator[T]:
+        """The entries, each of which is loaded."""
+        return (self[name] for name in self)
+
+    def _known(self) -> Mapping[str, Callable[[], T]]:
+        if self._loaders is None:
+            loaders = dict(self._own())
+            sources = dict.fromkeys(loaders, "pytest-libero-max")
+            for point in sorted(entry_points(group=self.group), key=lambda point: point.name):
+                source = _distribution(point)
+                if point.name in loaders:
+                    raise self._error(
+                        f"The {self.noun} {point.name!r} is offered twice, by {sources[point.name]} and by "
+                        f"{source} (entry-point group {self.group!r}). Uninstall one of them or rename its "
+                        f"{self.noun}."
+                    )
+                loaders[point.name] = self._loader(point)
+                sources[point.name] = source
+            self._loaders = loaders
+        return self._loaders
+
+    def _loader(self, point: EntryPoint) -> Callable[[], T]:
+        def load() -> T:
+            try:
+                return self._accept(point.name, point.load())
+            except Exception as error:  # somebody else's module may raise anything
+                raise self._error(
+                    f"The {self.noun} {point.name!r} of {_distribution(point)} cannot be used: "
+                    f"{point.value} ({type(error).__name__}: {error}). Repair the package or uninstall it."
+                ) from error
+
+        return load
+
+
+def modules_in(package: str) -> tuple[str, ...]:
+    """Names of the modules in a package's folder, sorted; none of them is imported.
+
+    Args:
+        package: Its dotted name, for example ``pytest_libero_max.events.kinds``.
+    """
+    spec = importlib.util.find_spec(package)
+    folders = spec.submodule_search_locations if spec is not None else None
+    return tuple(sorted(module.name for module in pkgutil.iter_modules(folders or [])))
+
+
+def _distribution(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else point.value
+
+
+def _a(noun: str) -> str:
+    return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
