@@ -1,1 +1,28 @@
-"""Scripted policies that ship with the package; the expert is the instrument of certificates."""
+"""Scripted policies that ship with the package.
+
+``expert`` and ``stale_expert`` solve the tasks by reading the simulator; ``noop`` and ``random`` do not read
+it. Each is loaded by its name (``--libero-max-policy=expert``). They serve two purposes:
+
+* as a policy whose results are known, to try the benchmark and to compare an adapter with: ``expert`` plans
+  anew at every query and so answers to an event, ``stale_expert`` has the same skill and never looks again;
+* as the instrument of certificates: while tracks are built, a case is certified where ``expert`` completes
+  its task after the event. Whether a case exists does not depend on it.
+
+The two experts read MuJoCo's model and data, and the goal and the handles that a
+:class:`~pytest_libero_max.worlds.privileged.PrivilegedWorld` offers. They never write to the world, never
+look at images, never learn which event will happen or when, draw no random numbers, and keep nothing between
+episodes: the same state of the world gives the same actions, bit for bit.
+
+=====================  ===========================================================================
+``expert``             which goal comes next, and the route to it; the policy
+``stale_expert``       the same route, planned once at the first query; the policy
+``noop``, ``random``   policies that do not read the world
+``scene_view``         the hand, the parts that can be held and everything else as boxes
+``grasp``              where to take hold of an object from above
+``pick_and_place``     the route of an object from where it is to where it must be
+``regrasp``            putting a mug down so that its handle can be reached
+``articulation``       opening and closing drawers and doors, and turning knobs
+``retreat``            getting the hand away from what it has just used
+``motion``             waypoints, and the actions that follow them
+=====================  ===========================================================================
+"""

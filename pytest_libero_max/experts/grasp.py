@@ -1,4 +1,4 @@
-"""Where to take hold of something from above: two fingers around it, or around its rim if it is too wide."""
+"""Choosing a grasp: two fingers around an object, or around its rim if it is too wide."""
 
 from __future__ import annotations
 
@@ -11,20 +11,24 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.experts.motion import pointing
-from pytest_libero_max.experts.scene_view import FACING, View
+from pytest_libero_max.experts.motion import hand_orientation
+from pytest_libero_max.experts.scene_view import WRIST_MIDDLE_RAD, View
 
 Array = NDArray[np.float64]
 
 FINGERTIP_M = 0.0095  # how far the fingers reach below the point between them
 _PALM_M = 0.031  # how far the palm is above that point
 _WIDEST_M = 0.072  # of the 0.08 between open fingers
-_HOLD_M = 0.008  # how much of a finger has to be on the object
-_RIM_DEPTH_M, _WALL_M = 0.015, 0.0035
-_ROOM_M = 0.015
+_HOLD_M = 0.008  # how much of a finger must be on the object
+_RIM_DEPTH_M, _WALL_M = (
+    0.015,
+    0.0035,
+)  # how far the fingers go down over a rim; half the thickness of its wall
+_ROOM_M = 0.015  # a point of the hand that is nearer than that to something counts as crowded
 _RIM_POINTS = 12
-_EASY_REACH_M = 0.7
-LEAN = math.radians(45)
+_EASY_REACH_M = 0.7  # horizontal distance from the base beyond which the arm is outstretched
+TILT = math.radians(45)
+"""How far the hand is tilted to hold something by a handle at its side, rad."""
 _ROUND = ("neck", "knob")  # parts that can be held from any side
 
 
@@ -34,48 +38,48 @@ class Grasp:
 
     Attributes:
         position: (3,) m, world.
-        angle: Of the finger axis, rad.
-        lean: How far from straight down the hand points, rad.
-        heading: Horizontal direction in which it then points, rad.
+        angle: Horizontal direction of the finger axis before the tilt, rad.
+        tilt: Angle between the fingers and straight down, rad.
+        heading: Horizontal direction towards which the hand is tilted, rad.
     """
 
     position: Array
     angle: float
-    lean: float = 0.0
+    tilt: float = 0.0
     heading: float = 0.0
 
     @property
     def axis(self) -> Array:
-        """Unit vector in which the fingers point."""
-        level = math.sin(self.lean)
+        """(3,) unit vector in which the fingers point."""
+        level = math.sin(self.tilt)
         return np.array(
-            [level * math.cos(self.heading), level * math.sin(self.heading), -math.cos(self.lean)]
+            [level * math.cos(self.heading), level * math.sin(self.heading), -math.cos(self.tilt)]
         )
 
 
-def destination(view: View, grasp: Grasp) -> Grasp:
-    """Where the hand is when what it holds by a grasp is at the goal."""
+def release_pose(view: View, grasp: Grasp) -> Grasp:
+    """The pose of the hand when the object that it holds by a grasp is at its goal."""
     c, s = math.cos(view.turn), math.sin(view.turn)
     arm = grasp.position - view.position
     x, y = view.goal[:2] + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])
     height = grasp.position[2] - view.target.low + view.goal[2] - 0.002
-    # Into something deep the target falls the last bit, because the hand itself does not fit.
+    # The hand does not fit into a deep receptacle: the target is dropped from its edge.
     height = max(height, view.receptacle.high + 0.01) if view.inside else height
-    return Grasp(np.array([x, y, height]), grasp.angle + view.turn, grasp.lean, grasp.heading)
+    return Grasp(np.array([x, y, height]), grasp.angle + view.turn, grasp.tilt, grasp.heading)
 
 
-def choose(view: View) -> Grasp:
-    """The grasp with room for the hand and little turning, near to where the hand is already.
+def choose_grasp(view: View) -> Grasp:
+    """The grasp of least cost: with room for the hand, little turning, and near the hand.
 
-    Looking for room takes longest. It can only add to the cost, so it ends with the first grasp that costs
-    more without it than the best one with it.
+    Measuring the room takes longest and can only add to the cost. So the candidates are visited in the order
+    of the rest of their cost, up to the first that costs more without it than the best one with it.
     """
     best, least = None, math.inf
     efforts = [(_cost(view, grasp), grasp) for grasp in _candidates(view)]
     for effort, grasp in sorted(efforts, key=itemgetter(0)):
         if effort >= least:
             break
-        cost = _cost(view, grasp, _crowds(view, grasp))
+        cost = _cost(view, grasp, _crowding_of(view, grasp))
         if cost < least:
             best, least = grasp, cost
     assert best is not None, "every target offers a grasp"
@@ -83,24 +87,25 @@ def choose(view: View) -> Grasp:
 
 
 def _candidates(view: View) -> Iterator[Grasp]:
-    if view.frontal is not None:
+    """Grasps at the parts that are made to be held, or else around the object's box."""
+    if view.entry_heading is not None:
         for part in view.parts:
             if abs(part.out[2]) < 0.3 and abs(part.along[2]) > 0.9:
-                way = view.frontal
-                yield from _both_ways(part.position, way + math.pi / 2, LEAN, way)
+                way = view.entry_heading
+                yield from _both_wrist_angles(part.position, way + math.pi / 2, TILT, way)
     named = [part for part in view.parts if part.out[2] > 0.9]
     for part in named:
         across = np.cross(part.along, part.out)
         angle = math.atan2(across[1], across[0])
-        yield from _both_ways(part.position, angle)
+        yield from _both_wrist_angles(part.position, angle)
         if part.name.endswith(_ROUND):
-            yield from _both_ways(part.position, angle + math.pi / 2)
+            yield from _both_wrist_angles(part.position, angle + math.pi / 2)
     if not named:
-        yield from _plain(view)
+        yield from _box_grasps(view)
 
 
-def _plain(view: View) -> Iterator[Grasp]:
-    """Grasps of something that names no parts, or has fallen over: across its box, or at its rim."""
+def _box_grasps(view: View) -> Iterator[Grasp]:
+    """Grasps of an object without parts, or one that has fallen over: across its box, or at its rim."""
     corners = view.target.corners().reshape(-1, 3)
     local = corners @ view.axes
     low, high = local.min(axis=0), local.max(axis=0)
@@ -115,7 +120,7 @@ def _plain(view: View) -> Iterator[Grasp]:
         for n in range(_RIM_POINTS):
             angle = first + 2 * math.pi * n / _RIM_POINTS
             rim = middle[:2] + radius * np.array([math.cos(angle), math.sin(angle)])
-            yield from _both_ways(np.array([*rim, height]), angle)
+            yield from _both_wrist_angles(np.array([*rim, height]), angle)
         return
     height = max(top - _PALM_M + 0.004, bottom + FINGERTIP_M + 0.002)
     for k, along in (sides, sides[::-1]):
@@ -123,38 +128,46 @@ def _plain(view: View) -> Iterator[Grasp]:
             across, angle = view.axes[:, along], math.atan2(view.axes[1, k], view.axes[0, k])
             spare = max(0.0, (high - low)[along] / 2 - _HOLD_M)
             for offset in (0.0, -spare / 2, spare / 2, -spare, spare):
-                yield from _both_ways(np.array([*(middle + offset * across)[:2], height]), angle)
+                yield from _both_wrist_angles(np.array([*(middle + offset * across)[:2], height]), angle)
 
 
-def _both_ways(position: Array, angle: float, lean: float = 0.0, heading: float = 0.0) -> Iterator[Grasp]:
-    """The grasp and the one half a turn further, as far as the wrist allows."""
+def _both_wrist_angles(
+    position: Array, angle: float, tilt: float = 0.0, heading: float = 0.0
+) -> Iterator[Grasp]:
+    """The grasp and the one turned by half a turn, as far as the wrist reaches."""
     for turn in (angle - math.pi, angle, angle + math.pi):
-        if abs(turn - FACING) <= math.radians(95):
-            yield Grasp(position, turn, lean, heading)
+        if abs(turn - WRIST_MIDDLE_RAD) <= math.radians(95):
+            yield Grasp(position, turn, tilt, heading)
 
 
-def _cost(view: View, grasp: Grasp, crowds: float = 0.0) -> float:
-    """What speaks against a grasp: how crowded it is where it begins and ends, and the effort."""
-    end = destination(view, grasp)
-    turning = abs(grasp.angle - view.hand.angle) + abs(grasp.angle - FACING)
-    twist = 5 * max(0.0, abs(end.angle - FACING) - math.radians(95))
+def _cost(view: View, grasp: Grasp, crowded: float = 0.0) -> float:
+    """The cost of a grasp: its crowding, and how far the hand must turn, travel and reach."""
+    end = release_pose(view, grasp)
+    turning = abs(grasp.angle - view.hand.angle) + abs(grasp.angle - WRIST_MIDDLE_RAD)
+    twist = 5 * max(0.0, abs(end.angle - WRIST_MIDDLE_RAD) - math.radians(95))
     away = float(np.linalg.norm(grasp.position - view.hand.position))
     aside = float(np.linalg.norm((grasp.position - view.position)[:2]))
     reach = [float(np.linalg.norm((there.position - view.hand.base)[:2])) for there in (grasp, end)]
     stretch = sum(max(0.0, far - _EASY_REACH_M) for far in reach)
-    lid = 100.0 if view.frontal is not None and not grasp.lean else 0.0
-    return crowds + turning / 3 + twist + 5 * away + 20 * aside + 20 * stretch + lid
+    lid = 100.0 if view.entry_heading is not None and not grasp.tilt else 0.0
+    return crowded + turning / 3 + twist + 5 * away + 20 * aside + 20 * stretch + lid
 
 
-def _crowds(view: View, grasp: Grasp) -> float:
-    """How crowded it is around the hand at a grasp, and where that ends."""
-    end = destination(view, grasp)
-    return 2 * crowd(view, grasp, True) + (0.0 if grasp.lean else crowd(view, end, False))
+def _crowding_of(view: View, grasp: Grasp) -> float:
+    """The crowding around the hand where it takes hold, twice, and where it lets go."""
+    end = release_pose(view, grasp)
+    return 2 * crowding(view, grasp, True) + (0.0 if grasp.tilt else crowding(view, end, False))
 
 
-def crowd(view: View, grasp: Grasp, taking: bool) -> float:
-    """How much of the hand, and of what is between its fingers, would be inside or near of other things."""
-    turn = pointing(grasp.angle, grasp.lean, grasp.heading).as_matrix()
+def crowding(view: View, grasp: Grasp, taking: bool) -> float:
+    """How many points of the hand would be inside other things; a point that is near counts in part.
+
+    Args:
+        view: Where the other things are.
+        grasp: The pose of the hand.
+        taking: Whether the space between the fingers counts too, as it does where nothing is held yet.
+    """
+    turn = hand_orientation(grasp.angle, grasp.tilt, grasp.heading).as_matrix()
     points = grasp.position + _hand_points(taking) @ turn.T
     near = [boxes.near(points, _ROOM_M) for boxes in (view.others, view.receptacle)]
     room = np.minimum(*(boxes.distance(points) for boxes in near))
@@ -163,10 +176,10 @@ def crowd(view: View, grasp: Grasp, taking: bool) -> float:
 
 @cache
 def _hand_points(between: bool) -> Array:
-    """(n, 3) m: points of the open hand at the grasp and behind it, in the frame of the hand.
+    """(n, 3) m: points of the open hand at a grasp and behind it, in the frame of the hand.
 
     Args:
-        between: Whether points between the fingers are wanted too.
+        between: Whether to add points between the fingers.
     """
     finger = [(x, y, z) for x in (0.040, 0.052, 0.064) for y in (-0.01, 0.01) for z in (-0.009, 0.01, 0.03)]
     palm = [(x, y, 0.032) for x in np.linspace(0.0, 0.104, 7) for y in (-0.021, 0.0, 0.021)]

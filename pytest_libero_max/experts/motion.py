@@ -1,9 +1,10 @@
-"""Moving the hand along a route, and knowing in advance where each action will leave it.
+"""Following a route: the actions that move the hand along waypoints, and a prediction of what each one does.
 
-An action is relative to where the hand is when the action starts, which a policy that returns several at once
-has to foresee. The controller pulls the hand towards its goal like a critically damped spring, and sets the
-goal anew every control step. It scales the pull on the position and that on the orientation separately, so
-they disturb each other, and in an outstretched pose nearly cancel along one direction. All of that is linear.
+An action is relative to where the hand is when the action starts, so a policy that returns several at once
+must predict where each of them ends. The controller pulls the hand towards its goal like a critically damped
+spring, and sets a new goal every control step. It scales the pull on the position and that on the orientation
+separately, so they disturb each other, and in an outstretched pose they nearly cancel along one direction.
+All of that is linear, so the prediction is a matrix exponential.
 """
 
 from __future__ import annotations
@@ -26,25 +27,25 @@ _LIMIT = np.array([0.05] * 3 + [0.5] * 3)  # what an action of 1 asks for, m and
 _PERIOD_S = 0.05
 _STIFFNESS = 150.0
 _DAMPING = 2 * math.sqrt(_STIFFNESS)
-# The speed to aim at, for each m or rad that is missing, and the highest: that of an arm without couplings.
-_HASTE, _TOP_SPEED = 8.0, np.array([0.25] * 3 + [2.5] * 3)
+# The speed to aim at for each m or rad of error, and its limit: that of an arm whose axes are independent.
+_GAIN, _TOP_SPEED = 8.0, np.array([0.25] * 3 + [2.5] * 3)
 _WEIGHT = np.array([1.0] * 3 + [0.1] * 3)  # 0.1 rad/s is as bad as 1 cm/s
-_EFFORT = 1e-4  # no more than this is asked for in directions in which the hand hardly answers
+_DAMPING_OF_INVERSE = 1e-4  # keeps actions small in directions in which the hand hardly responds
 
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where the hand should be.
+    """A pose of the hand on a route.
 
     Attributes:
         position: (3,) m, world.
-        angle: Of the finger axis, rad, while the hand points straight down.
+        angle: Horizontal direction of the finger axis before the tilt, rad.
         grip: ``OPEN`` or ``CLOSED``.
-        tolerance_m: How near counts as there; ten times that in rad.
+        tolerance_m: Distance at which the waypoint counts as reached; ten times that in rad.
         wait: Control steps to stay.
-        lean: How far from straight down the hand points, rad.
-        heading: Horizontal direction in which it then points, rad.
-        exact: The orientation of the hand, instead of the three angles.
+        tilt: Angle between the fingers and straight down, rad.
+        heading: Horizontal direction towards which the hand is tilted, rad.
+        exact: The orientation of the hand, in place of the three angles.
     """
 
     position: Array
@@ -52,40 +53,41 @@ class Waypoint:
     grip: float
     tolerance_m: float = 0.005
     wait: int = 0
-    lean: float = 0.0
+    tilt: float = 0.0
     heading: float = 0.0
     exact: Rotation | None = None
 
     @property
     def turn(self) -> Rotation:
-        return self.exact or pointing(self.angle, self.lean, self.heading)
+        """Orientation of the hand."""
+        return self.exact or hand_orientation(self.angle, self.tilt, self.heading)
 
 
 @lru_cache(maxsize=64)
-def pointing(angle: float, lean: float, heading: float) -> Rotation:
-    """Orientation of a hand that was turned to ``angle`` and then leant over."""
+def hand_orientation(angle: float, tilt: float, heading: float) -> Rotation:
+    """Orientation of a hand that was turned to ``angle`` and then tilted towards ``heading``."""
     c, s = math.cos(angle), math.sin(angle)
     down = Rotation.from_matrix(np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]]))
-    return Rotation.from_rotvec(lean * np.array([math.sin(heading), -math.cos(heading), 0.0])) * down
+    return Rotation.from_rotvec(tilt * np.array([math.sin(heading), -math.cos(heading), 0.0])) * down
 
 
 Route = tuple[Waypoint, ...]
 
 
 def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
-    """Actions that bring the hand along a route.
+    """Actions that move the hand along a route.
 
     Args:
-        hand: Where it is now.
-        route: At least one waypoint; the last one is held for ever.
-        steps: How many actions.
+        hand: The hand now.
+        route: At least one waypoint; the last one is held to the end.
+        steps: Number of actions.
 
     Returns:
         (steps, 7) actions, and what is left of the route after each of them.
     """
     move_d, speed_d, move_v, speed_v = _response(hand.coupling)
     reply = _WEIGHT[:, None] * speed_d * _LIMIT
-    answer = np.linalg.solve(reply.T @ reply + _EFFORT * np.eye(6), reply.T) * _WEIGHT
+    answer = np.linalg.solve(reply.T @ reply + _DAMPING_OF_INVERSE * np.eye(6), reply.T) * _WEIGHT
     position, turn, velocity = hand.position, hand.turn, np.concatenate([hand.velocity, hand.spin])
     actions, left = [], []
     for _ in range(steps):
@@ -98,8 +100,8 @@ def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
             route = route[1:]
         if far < waypoint.tolerance_m and waypoint.wait:
             route = (replace(waypoint, wait=waypoint.wait - 1), *route[1:])
-        wanted = _shortened(_HASTE * error, _TOP_SPEED)
-        action = _shortened(answer @ (wanted - speed_v @ velocity), np.ones(6))
+        wanted = _within(_GAIN * error, _TOP_SPEED)
+        action = _within(answer @ (wanted - speed_v @ velocity), np.ones(6))
         actions.append(np.append(action, waypoint.grip))
         left.append(route)
         moved = move_d @ (action * _LIMIT) + move_v @ velocity
@@ -109,13 +111,18 @@ def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
 
 
 def _response(coupling: Array) -> tuple[Array, Array, Array, Array]:
-    """What one control step does, (6, 6) each: way and speed for each goal, then for each speed before."""
+    """What one control step does to the hand, as four (6, 6) matrices.
+
+    Returns:
+        The way and the speed for each unit of the goal, then the way and the speed for each unit of the speed
+        before (m, then rad).
+    """
     zero, one = np.zeros((6, 6)), np.eye(6)
     pull, brake = _STIFFNESS * coupling, _DAMPING * coupling
     flow = expm(np.block([[zero, one, zero], [-pull, -brake, pull], [zero, zero, zero]]) * _PERIOD_S)
     return flow[:6, 12:], flow[6:12, 12:], flow[:6, 6:12], flow[6:12, 6:12]
 
 
-def _shortened(vector: Array, limit: Array) -> Array:
-    """The vector, made shorter until no component exceeds its limit: the direction stays."""
+def _within(vector: Array, limit: Array) -> Array:
+    """The vector, scaled down until no component exceeds its limit."""
     return vector / max(1.0, float(np.max(np.abs(vector) / limit)))
