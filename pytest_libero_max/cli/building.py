@@ -36,13 +36,13 @@ def add_commands(commands: Commands) -> None:
         description="Interrupted, it goes on where it was when it is started again.",
     )
     build.add_argument("folder", type=Path, metavar="FOLDER", help="Where the tracks are written")
-    _add_examination(build, required=True)
+    _add_examination(build, default="expert")
     build.set_defaults(run=_build)
 
     preflight = commands.add_parser("preflight", help="Examine the cases of a track or manifest")
     preflight.add_argument("cases", metavar="TRACK|MANIFEST")
     preflight.add_argument("--limit", type=int, metavar="N", help="Only N of them, spread evenly")
-    _add_examination(preflight, required=False)
+    _add_examination(preflight, default=None)
     add_substrate(preflight)
     preflight.set_defaults(run=_preflight)
 
@@ -61,13 +61,15 @@ def add_commands(commands: Commands) -> None:
     show.set_defaults(run=_show)
 
 
-def _add_examination(command: argparse.ArgumentParser, *, required: bool) -> None:
+def _add_examination(command: argparse.ArgumentParser, *, default: str | None) -> None:
     command.add_argument(
         "--expert",
-        metavar="ADAPTER",
-        required=required,
-        help="Policy that solves the tasks: its approach is where events are tried, its success certifies"
-        + ("" if required else ". Without: the hand goes straight to the target, and nothing is certified"),
+        metavar="POLICY",
+        default=default,
+        help="Privileged policy that solves the tasks, as for pytest --libero-max-policy: events are tried "
+        "where its approach triggers them, and a case that it completes is certified (default: "
+        + (default or "none; the hand then goes straight to the target, and nothing is certified")
+        + ")",
     )
     command.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
     command.add_argument(
