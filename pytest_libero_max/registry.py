@@ -34,6 +34,7 @@ class Registry(Generic[T]):
             object breaks.
         error: Raised for an unknown name, for a name that is used twice and for an entry that cannot be
             loaded.
+        read: Returns what an entry point stands for: by default, what it names, which is imported for that.
     """
 
     def __init__(
@@ -43,12 +44,14 @@ class Registry(Generic[T]):
         own: Callable[[], Mapping[str, Callable[[], T]]],
         accept: Callable[[str, object], T],
         error: type[LiberoMaxError],
+        read: Callable[[EntryPoint], object] = EntryPoint.load,
     ) -> None:
         self.noun = noun
         self.group = group
         self._own = own
         self._accept = accept
         self._error = error
+        self._read = read
         self._loaders: Mapping[str, Callable[[], T]] | None = None
         self._loaded: dict[str, T] = {}
 
@@ -104,7 +107,7 @@ class Registry(Generic[T]):
     def _loader(self, point: EntryPoint) -> Callable[[], T]:
         def load() -> T:
             try:
-                return self._accept(point.name, point.load())
+                return self._accept(point.name, self._read(point))
             except Exception as error:  # somebody else's module may raise anything
                 raise self._error(
                     f"The {self.noun} {point.name!r} of {_distribution(point)} cannot be used: "

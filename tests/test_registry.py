@@ -118,3 +118,9 @@ def test_the_modules_of_a_folder_are_found_without_importing_them(
     monkeypatch.syspath_prepend(str(tmp_path))
     assert modules_in("some_folder") == ("a", "b")
     assert modules_in("no_such_folder") == ()
+
+
+def test_an_entry_may_be_read_without_importing_it(install: Install) -> None:
+    install("broken_words", "alpha = broken_words:alpha", module="raise RuntimeError('at import')")
+    words = Registry("word", GROUP, dict, accept_word, ChangeError, lambda point: point.value)
+    assert words["alpha"] == "broken_words:alpha"

@@ -4,26 +4,48 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cache
+from functools import partial
 from importlib.machinery import ModuleSpec, all_suffixes
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.registry import Registry
 
 DEFAULT_NAME = "policy"
 
 GROUP = "pytest_libero_max.policies"
 """Entry point group by which an installed package offers policies by name."""
 
-BUILT_IN: Mapping[str, str] = {
-    name: f"pytest_libero_max.experts.{name}:{DEFAULT_NAME}"
-    for name in ("expert", "stale_expert", "noop", "random")
-}
-"""Policies that ship with the package: the reference behind each name."""
+BUILT_IN = ("expert", "stale_expert", "noop", "random")
+"""Names of the policies that ship with the package."""
+
+
+def registry() -> Registry[str]:
+    """The reference behind each name that stands for a policy by itself.
+
+    These are the policies that ship with the package and those that installed packages offer. Nothing is
+    imported.
+    """
+    return Registry("policy", GROUP, _built_in, _accept, AdapterError, _value)
+
+
+def _built_in() -> Mapping[str, Callable[[], str]]:
+    return {name: partial("pytest_libero_max.experts.{}:{}".format, name, DEFAULT_NAME) for name in BUILT_IN}
+
+
+def _value(point: EntryPoint) -> str:
+    return point.value
+
+
+def _accept(name: str, reference: object) -> str:
+    return str(reference)
+
+
+POLICIES = registry()
 
 FORMS = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE, PACKAGE.MODULE:NAME, or the name of a policy (expert)."
 
@@ -53,30 +75,6 @@ class Reference:
         return f"{self.target}:{self.name}"
 
 
-def named_policies() -> dict[str, str]:
-    """The reference behind each name that stands for a policy by itself.
-
-    These are the policies that ship with the package and those that installed packages offer in the entry
-    point group ``pytest_libero_max.policies``.
-
-    Raises:
-        AdapterError: Two packages offer the same name, or one offers the name of a built-in policy.
-    """
-    named = dict(BUILT_IN)
-    for name, reference in _offered():
-        if named.setdefault(name, reference) != reference:
-            raise AdapterError(
-                f"policy {name!r} is offered twice, as {named[name]} and as {reference}. Uninstall one of "
-                "the two packages, or have it renamed."
-            )
-    return named
-
-
-@cache
-def _offered() -> tuple[tuple[str, str], ...]:
-    return tuple(sorted((point.name, point.value) for point in entry_points(group=GROUP)))
-
-
 def parse_reference(text: str) -> Reference:
     """Read what a user typed.
 
@@ -92,7 +90,8 @@ def parse_reference(text: str) -> Reference:
             f"policy={text!r} is the address of a policy server, which is not supported yet. {FORMS} "
             "An adapter may talk to a server itself, in predict."
         )
-    reference = named_policies().get(text, text)
+    names = set(POLICIES)
+    reference = POLICIES[text] if text in names else text
     target, colon, name = reference.rpartition(":")
     if not colon or "/" in name or "\\" in name:  # the second: a Windows drive
         target, name = reference, DEFAULT_NAME
@@ -178,7 +177,7 @@ def no_module(reference: Reference, missing: str) -> AdapterError:
     if reference.text == reference.target and "." not in reference.target:
         return AdapterError(
             f"policy={reference.text!r} is neither the name of a policy nor a module on the import path. "
-            f"{did_you_mean(reference.text, named_policies())} For an adapter of your own, give its file: "
+            f"{did_you_mean(reference.text, POLICIES)} For an adapter of your own, give its file: "
             f"{reference.text}.py."
         )
     return AdapterError(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies import references
 from pytest_libero_max.policies.loading import check_reference, load_policy
-from pytest_libero_max.policies.references import BUILT_IN, named_policies, parse_reference
+from pytest_libero_max.policies.references import BUILT_IN, GROUP, parse_reference
 
 Offer = Callable[..., None]
 
@@ -16,11 +17,17 @@ OWN = "class Own:\n    spec = None\npolicy = Own"
 
 
 @pytest.fixture
-def offer(monkeypatch: pytest.MonkeyPatch) -> Offer:
-    """Let installed packages offer policies by name."""
+def offer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Offer:
+    """Install a package that offers policies by name."""
 
-    def offer(*points: tuple[str, str]) -> None:
-        monkeypatch.setattr(references, "_offered", lambda: points)
+    def offer(package: str, *points: str) -> None:
+        info = tmp_path / "site" / f"{package}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text("\n".join([f"[{GROUP}]", *points]))
+        (info.parent / f"{package}.py").write_text(OWN)
+        monkeypatch.syspath_prepend(info.parent)
+        monkeypatch.setattr(references, "POLICIES", references.registry())
 
     return offer
 
@@ -60,20 +67,21 @@ def test_a_misspelt_name_is_told_the_closest(text: str, meant: str | None) -> No
 
 
 def test_a_package_offers_a_policy_by_name(offer: Offer) -> None:
-    offer(("my-vla", "my_vla.libero:Adapter"))
-    assert named_policies() == {**BUILT_IN, "my-vla": "my_vla.libero:Adapter"}
+    offer("my_vla", "my-vla = my_vla:Own")
     reference = parse_reference("my-vla")
-    assert (reference.target, reference.name) == ("my_vla.libero", "Adapter")
-    with pytest.raises(AdapterError, match="Did you mean 'my-vla'"):
-        check_reference("my_vla")
+    assert (reference.target, reference.name) == ("my_vla", "Own")
+    assert "my_vla" not in sys.modules
+    with pytest.raises(AdapterError, match=r"my_vla:Own\.spec=None, but must be a PolicySpec"):
+        load_policy("my-vla")
+    with pytest.raises(AdapterError, match=r"Did you mean 'my-vla'\? Known: expert, my-vla, noop"):
+        check_reference("my_vl")
 
 
 @pytest.mark.parametrize("taken", ["expert", "other"])
 def test_a_name_that_is_offered_twice_is_an_error(taken: str, offer: Offer) -> None:
-    offer(("other", "one.package:policy"), (taken, "another.package:policy"))
-    with pytest.raises(
-        AdapterError, match=f"policy '{taken}' is offered twice, as .* and as another.package"
-    ):
+    offer("one_package", "other = one_package:Own")
+    offer("two_package", f"{taken} = two_package:Own")
+    with pytest.raises(AdapterError, match=f"The policy '{taken}' is offered twice, by .*two_package"):
         parse_reference("noop")
 
 
