@@ -27,6 +27,7 @@ from pytest_libero_max.changes.poses import (
     TurnObject,
 )
 from pytest_libero_max.changes.registry import OPERATIONS, change_from_dict, check_changes
+from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.changes.robot import OffsetArm
 
 __all__ = [
@@ -49,6 +50,7 @@ __all__ = [
     "Placement",
     "PutObject",
     "RemoveObject",
+    "Reversal",
     "SensorCorruption",
     "SetGlare",
     "SetInstruction",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from pytest_libero_max.worlds.contract import World
@@ -22,12 +22,14 @@ class Evidence:
         factors: What it was allowed to touch, sorted.
         before: Measured values just before, by name with unit suffix.
         after: The same names, just after.
+        saved: What only a reversal needs, as plain JSON values. No record holds it.
     """
 
     operation: str
     factors: tuple[Factor, ...]
     before: Mapping[str, Any]
     after: Mapping[str, Any]
+    saved: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -40,7 +42,7 @@ class Evidence:
 
 @runtime_checkable
 class Change(Protocol):
-    """A frozen value that alters a world when it is told to; *when* is somebody else's business."""
+    """A frozen value that alters a world when it is applied. When that happens is up to the caller."""
 
     operation: ClassVar[str]
     """The name manifests use."""
@@ -64,6 +66,20 @@ class Change(Protocol):
 
         Raises:
             ChangeError: ``strength`` is not within 0 to 1, or the change cannot be divided.
+        """
+        ...
+
+    def reverted(self, evidence: Evidence) -> Change:
+        """The change that takes this one back: its factors get the values they had before, bit for bit.
+
+        Objects come to rest where they were before the change; what has happened to anything else since then
+        stays as it is.
+
+        Args:
+            evidence: What :meth:`apply` returned.
+
+        Raises:
+            ChangeError: The evidence is of another change, or the change cannot be taken back; says why.
         """
         ...
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -19,7 +18,9 @@ from pytest_libero_max.changes.fields import (
     text,
     vector3,
 )
+from pytest_libero_max.changes.reversal import Reversal, altered_rows, check_evidence
 from pytest_libero_max.errors import ChangeError, did_you_mean
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array, World
 
 FOVY_RANGE_DEG = (5.0, 150.0)
@@ -78,10 +79,14 @@ class ShiftCamera(ManifestFields):
         if any(self.delta_position_m):
             world.alter("cam_pos", index, model.cam_pos[index] + self.delta_position_m)
         if self.yaw_degrees:
-            world.alter("cam_quat", index, _turned(model.cam_quat[index], self.yaw_degrees))
+            world.alter("cam_quat", index, _yawed(model.cam_quat[index], self.yaw_degrees))
         if self.delta_fovy_degrees:
             world.alter("cam_fovy", index, fovy)
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The camera where it was before."""
+        return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> ShiftCamera:
         """The shift with position, yaw and field-of-view deltas multiplied by ``strength``."""
@@ -112,14 +117,21 @@ def camera_index(world: World, operation: str, camera: str) -> int:
         ) from None
 
 
-def _turned(quaternion: Sequence[float], yaw_degrees: float) -> list[float]:
-    """``Rz(yaw) * quaternion`` (wxyz), normalised."""
-    half = math.radians(yaw_degrees) / 2
-    c, s = math.cos(half), math.sin(half)
-    w, x, y, z = (float(item) for item in quaternion)
-    turned = [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w]
-    norm = math.sqrt(sum(item * item for item in turned))
-    return [item / norm for item in turned]
+def _yawed(turn: Array, yaw_degrees: float) -> rotations.Quaternion:
+    return rotations.unit_by_squares(rotations.yawed(rotations.quaternion(turn), yaw_degrees))
+
+
+_MEASURED = {
+    "camera_position_m": "cam_pos",
+    "camera_quaternion_wxyz": "cam_quat",
+    "camera_fovy_deg": "cam_fovy",
+}
+
+
+def _camera_reversal(change: ShiftCamera | OrbitCamera | PlaceCamera, evidence: Evidence) -> Reversal:
+    check_evidence(change, evidence)
+    rows = altered_rows(evidence, _MEASURED, change.camera)
+    return Reversal(change.operation, change.factors, rows=rows)
 
 
 def measure_camera(world: World, index: int) -> dict[str, Any]:
@@ -132,7 +144,7 @@ def measure_camera(world: World, index: int) -> dict[str, Any]:
     }
 
 
-Quaternion4 = tuple[float, float, float, float]
+_Y, _Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -182,21 +194,26 @@ class OrbitCamera(ManifestFields):
         index = camera_index(world, self.operation, self.camera)
         before = measure_camera(world, index)
         pivot = np.array(self.pivot_m)
-        place, turn = world.model.cam_pos[index].copy(), world.model.cam_quat[index].copy()
+        place = world.model.cam_pos[index].copy()
+        turn = rotations.quaternion(world.model.cam_quat[index])
         if self.elevation_degrees:
-            tilt = _about((0.0, 1.0, 0.0), -self.elevation_degrees)
-            place, turn = pivot + _rotated(tilt, place - pivot), _product(tilt, turn)
+            tilt = rotations.about(_Y, math.radians(-self.elevation_degrees))
+            place, turn = pivot + rotations.rotate(tilt, place - pivot), rotations.multiply(tilt, turn)
         if self.azimuth_degrees:
-            swing = _about((0.0, 0.0, 1.0), self.azimuth_degrees)
-            place, turn = _rotated(swing, place), _product(swing, turn)
+            swing = rotations.about(_Z, math.radians(self.azimuth_degrees))
+            place, turn = np.array(rotations.rotate(swing, place)), rotations.multiply(swing, turn)
         if self.distance_scale != 1.0:
             place = pivot + (place - pivot) * self.distance_scale
         if self.yaw_degrees:
-            turn = _product(_about((0.0, 0.0, 1.0), self.yaw_degrees), turn)
+            turn = rotations.multiply(rotations.about(_Z, math.radians(self.yaw_degrees)), turn)
         if self.pitch_degrees:
-            turn = _product(_about((0.0, 1.0, 0.0), -self.pitch_degrees), turn)
+            turn = rotations.multiply(rotations.about(_Y, math.radians(-self.pitch_degrees)), turn)
         _write(world, index, place, turn)
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The camera where it was before."""
+        return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> OrbitCamera:
         """Every angle multiplied by ``strength``, the distance factor moved from 1 towards its value."""
@@ -229,7 +246,7 @@ class PlaceCamera(ManifestFields):
 
     camera: str
     position_m: Vector3
-    quaternion_wxyz: Quaternion4
+    quaternion_wxyz: rotations.Quaternion
     blend: float | None = None
 
     def __post_init__(self) -> None:
@@ -251,7 +268,13 @@ class PlaceCamera(ManifestFields):
         back /= np.linalg.norm(back)
         right = np.array([-back[1], back[0], 0.0]) / math.hypot(back[0], back[1])
         up = np.cross(back, right)
-        turn = _of_axes(right, up, back)
+        try:
+            turn = rotations.of_axes(right, up, back)
+        except ValueError:
+            raise ChangeError(
+                f"aim_m={aim_m!r} lies straight behind position_m={position_m!r}, where no single "
+                "upright orientation exists. Move either of them."
+            ) from None
         return cls(camera, position_m, tuple(round(float(part), 8) for part in turn))  # type: ignore[arg-type]
 
     @property
@@ -268,12 +291,16 @@ class PlaceCamera(ManifestFields):
         before = measure_camera(world, index)
         if self.share:
             place, turn = world.model.cam_pos[index], world.model.cam_quat[index]
-            goal_place, goal_turn = np.array(self.position_m), np.array(self.quaternion_wxyz)
+            goal_place, goal_turn = np.array(self.position_m), self.quaternion_wxyz
             if self.share != 1.0:
                 goal_place = place + (goal_place - place) * self.share
-                goal_turn = _between(turn, goal_turn, self.share)
+                goal_turn = rotations.between(rotations.quaternion(turn), goal_turn, self.share)
             _write(world, index, goal_place, goal_turn)
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The camera where it was before."""
+        return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PlaceCamera:
         """The pose approached by the share ``strength`` of the way."""
@@ -281,52 +308,8 @@ class PlaceCamera(ManifestFields):
         return self if s == 1.0 else replace(self, blend=self.share * s)
 
 
-def _write(world: World, index: int, place: Array, turn: Array) -> None:
+def _write(world: World, index: int, place: Array, turn: rotations.Quaternion) -> None:
     if not np.array_equal(place, world.model.cam_pos[index]):
         world.alter("cam_pos", index, place)
     if not np.array_equal(turn, world.model.cam_quat[index]):
-        world.alter("cam_quat", index, turn / np.linalg.norm(turn))
-
-
-def _about(axis: Vector3, degrees: float) -> Array:
-    half = math.radians(degrees) / 2
-    return np.array([math.cos(half), *(part * math.sin(half) for part in axis)])
-
-
-def _product(first: Array, second: Array) -> Array:
-    w, x, y, z = first
-    a, b, c, d = second
-    return np.array(
-        [
-            w * a - x * b - y * c - z * d,
-            w * b + x * a + y * d - z * c,
-            w * c - x * d + y * a + z * b,
-            w * d + x * c - y * b + z * a,
-        ]
-    )
-
-
-def _rotated(turn: Array, vector: Array) -> Array:
-    back = turn * np.array([1.0, -1.0, -1.0, -1.0])
-    rotated: Array = _product(_product(turn, np.array([0.0, *vector])), back)[1:]
-    return rotated
-
-
-def _of_axes(x: Array, y: Array, z: Array) -> Array:
-    """The quaternion of the frame whose axes these are; the first two do not lie opposite to the world's."""
-    w = math.sqrt(max(1.0 + x[0] + y[1] + z[2], 0.0)) / 2
-    if w < 1e-6:
-        raise ChangeError("A camera that looks straight back has no single upright orientation.")
-    return np.array([w, (y[2] - z[1]) / (4 * w), (z[0] - x[2]) / (4 * w), (x[1] - y[0]) / (4 * w)])
-
-
-def _between(start: Array, end: Array, share: float) -> Array:
-    """The quaternion a share of the way along the shorter arc."""
-    cosine = float(start @ end)
-    if cosine < 0.0:
-        cosine, end = -cosine, -end
-    angle = math.acos(min(cosine, 1.0))
-    if angle < 1e-9:
-        return start.copy()
-    mixed: Array = (math.sin((1 - share) * angle) * start + math.sin(share * angle) * end) / math.sin(angle)
-    return mixed
+        world.alter("cam_quat", index, rotations.unit_fused(turn))

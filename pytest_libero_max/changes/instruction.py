@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, text
 from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.reversal import Reversal, check_evidence, frozen, saved
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import Goal, World
 
@@ -39,9 +40,14 @@ class SetInstruction(ManifestFields):
         return frozenset({"instruction"})
 
     def apply(self, world: World) -> Evidence:
-        before = _measure(world)
+        before, former = _measure(world), _assigned(world)
         world.assign(instruction=self.instruction)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The words that were given before."""
+        check_evidence(self, evidence)
+        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
     def scaled(self, strength: float) -> SetInstruction | Nothing:
         """The words at strength 1, nothing at strength 0; there is nothing between."""
@@ -82,9 +88,14 @@ class SetTask(ManifestFields):
         return frozenset({"instruction", "goal"})
 
     def apply(self, world: World) -> Evidence:
-        before = _measure(world)
+        before, former = _measure(world), _assigned(world)
         world.assign(self.instruction, self.goal)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The task that was given before."""
+        check_evidence(self, evidence)
+        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
     def scaled(self, strength: float) -> SetTask | Nothing:
         """The task at strength 1, nothing at strength 0; there is nothing between."""
@@ -94,3 +105,8 @@ class SetTask(ManifestFields):
 def _measure(world: World) -> dict[str, Any]:
     goal = world.assigned[1]
     return {"instruction": world.language, "goal": None if goal is None else [list(fact) for fact in goal]}
+
+
+def _assigned(world: World) -> dict[str, Any]:
+    instruction, goal = world.assigned
+    return {"assigned": [instruction, None if goal is None else [list(fact) for fact in goal]]}

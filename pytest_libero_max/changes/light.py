@@ -11,6 +11,7 @@ import numpy as np
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, Vector3, flag, number, strength_of, vector3
 from pytest_libero_max.changes.pixels import Brightness, filter_records
+from pytest_libero_max.changes.reversal import Reversal, added_filters, altered_rows, check_evidence
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import Array, World
 
@@ -61,6 +62,12 @@ class SetLighting(ManifestFields):
         if self.pixel_brightness != 1.0:
             world.add_filter(Brightness(self.pixel_brightness))
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lighting(world))
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The lamps as they were, without the brightness of the images."""
+        check_evidence(self, evidence)
+        rows = altered_rows(evidence, {field: field for field in LIGHT_FIELDS})
+        return Reversal(self.operation, self.factors, rows=rows, filters=added_filters(evidence))
 
     def scaled(self, strength: float) -> SetLighting:
         """Both factors moved from 1 towards their full value: ``1 + (factor - 1) * strength``."""
@@ -134,6 +141,12 @@ class SetLamps(ManifestFields):
         if share > 0.0:
             self._alter(world, share)
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lamps(world))
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The lamps as they were."""
+        check_evidence(self, evidence)
+        rows = altered_rows(evidence, {field: field for field in _LAMP_FIELDS})
+        return Reversal(self.operation, self.factors, rows=rows)
 
     def scaled(self, strength: float) -> SetLamps:
         """The share ``strength`` of it; shadows are there or not, so a change with shadows takes 0 and 1."""

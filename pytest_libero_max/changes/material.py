@@ -22,10 +22,15 @@ from pytest_libero_max.changes.fields import (
     vector3,
 )
 from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.reversal import Reversal, Row, check_evidence, frozen, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import World
 
 COLOUR_FIELDS = ("geom_rgba", "mat_rgba")
+COLOUR_ROLE = 1
+"""Column of ``mat_texid`` that holds the colour texture (mjTEXROLE_RGB)."""
+
+_DRAWN_GROUP = 1
 
 
 @dataclass(frozen=True)
@@ -70,11 +75,17 @@ class SetVisualTheme(ManifestFields):
         return frozenset({"material"})
 
     def apply(self, world: World) -> Evidence:
-        before = _mean_colours(world)
+        before, former = _mean_colours(world), []
         if self.share > 0.0:
             for field in COLOUR_FIELDS:
-                world.alter(field, slice(None), self._recoloured(getattr(world.model, field)))
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _mean_colours(world))
+                new = self._recoloured(getattr(world.model, field))
+                former.append(_alter(world, field, None, new))
+        after = _mean_colours(world)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The colours as they were."""
+        return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> SetVisualTheme:
         """The theme blended into the original colours: its share multiplied by ``strength``."""
@@ -95,12 +106,6 @@ def _mean_colours(world: World) -> dict[str, Any]:
         rgba = getattr(world.model, field)
         means[f"{field}_mean"] = [float(value) for value in rgba.mean(axis=0)] if len(rgba) else None
     return means
-
-
-COLOUR_ROLE = 1
-"""Column of ``mat_texid`` that holds the colour texture (mjTEXROLE_RGB)."""
-
-_DRAWN_GROUP = 1
 
 
 @dataclass(frozen=True)
@@ -132,10 +137,13 @@ class SetTexture(ManifestFields):
         material = _number_of(world, "mat", "set_texture.material", self.material)
         texture = _number_of(world, "tex", "set_texture.texture", self.texture)
         before = _measure_materials(world, [material])
-        _show(world, material, texture, None)
-        return Evidence(
-            self.operation, tuple(sorted(self.factors)), before, _measure_materials(world, [material])
-        )
+        former = _show(world, material, texture, None)
+        after = _measure_materials(world, [material])
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The texture that the material showed before."""
+        return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> SetTexture | Nothing:
         """The texture at strength 1, nothing at strength 0; there is nothing between."""
@@ -181,25 +189,44 @@ class CoverEntity(ManifestFields):
         if self.texture is not None:
             texture = _number_of(world, "tex", "cover_entity.texture", self.texture)
         before = _measure_materials(world, materials)
-        for material in materials:
-            _show(world, material, texture, self.rgb)
-        return Evidence(
-            self.operation, tuple(sorted(self.factors)), before, _measure_materials(world, materials)
-        )
+        former = [row for material in materials for row in _show(world, material, texture, self.rgb)]
+        after = _measure_materials(world, materials)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The entity's own textures and colours."""
+        return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> CoverEntity | Nothing:
         """The cover at strength 1, nothing at strength 0; there is nothing between."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
-def _show(world: World, material: int, texture: int, rgb: Vector3 | None) -> None:
+def _alter(world: World, field: str, row: int | None, value: Any) -> list[Any]:
+    """Write a row of a model field, or all of it; returns what takes it back: field, row, former values."""
+    index = slice(None) if row is None else row
+    former = getattr(world.model, field)[index].tolist()
+    world.alter(field, index, value)
+    return [field, row, former]
+
+
+def _show(world: World, material: int, texture: int, rgb: Vector3 | None) -> list[list[Any]]:
+    """Let a material show a texture, painted over unless ``rgb`` is None; returns what takes it back."""
     row = world.model.mat_texid[material].copy()
     row[COLOUR_ROLE] = texture
-    world.alter("mat_texid", material, row)
+    former = [_alter(world, "mat_texid", material, row)]
     if rgb is not None:
-        world.alter("mat_rgba", material, [*rgb, world.model.mat_rgba[material][3]])
+        former.append(_alter(world, "mat_rgba", material, [*rgb, world.model.mat_rgba[material][3]]))
         for geom in np.flatnonzero(world.model.geom_matid == material):
-            world.alter("geom_rgba", int(geom), [*rgb, world.model.geom_rgba[geom][3]])
+            colour = [*rgb, world.model.geom_rgba[geom][3]]
+            former.append(_alter(world, "geom_rgba", int(geom), colour))
+    return former
+
+
+def _material_reversal(change: SetVisualTheme | SetTexture | CoverEntity, evidence: Evidence) -> Reversal:
+    check_evidence(change, evidence)
+    rows: list[Row] = [(field, row, frozen(values)) for field, row, values in saved(evidence, "rows")]
+    return Reversal(change.operation, change.factors, rows=tuple(rows))
 
 
 def _materials_of(world: World, entity: str) -> list[int]:

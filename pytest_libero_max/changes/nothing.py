@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, strength_of
+from pytest_libero_max.changes.reversal import check_evidence
 from pytest_libero_max.worlds.contract import World
 
 
@@ -22,6 +23,11 @@ class Nothing(ManifestFields):
 
     def apply(self, world: World) -> Evidence:
         return Evidence(self.operation, (), {}, {})
+
+    def reverted(self, evidence: Evidence) -> Nothing:
+        """Nothing, again."""
+        check_evidence(self, evidence)
+        return self
 
     def scaled(self, strength: float) -> Nothing:
         strength_of(self.operation, strength)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.changes import image_corruptions
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of, text
+from pytest_libero_max.changes.reversal import Reversal, added_filters, check_evidence
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, Image, World
 
@@ -212,6 +213,11 @@ class SetSensorCorruption(ManifestFields):
         after = {"filters": filter_records(world)}
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The images without this filter."""
+        check_evidence(self, evidence)
+        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
+
     def scaled(self, strength: float) -> SetSensorCorruption:
         """Noise and covered area multiplied by ``strength``; noise pattern and rectangle's place stay."""
         s = strength_of(self.operation, strength)
@@ -268,6 +274,11 @@ class CorruptPicture(ManifestFields):
         after = {"filters": filter_records(world)}
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The images without this filter."""
+        check_evidence(self, evidence)
+        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
+
     def scaled(self, strength: float) -> CorruptPicture:
         """The corrupted picture mixed into the clean one with the share ``strength``."""
         s = strength_of(self.operation, strength)
@@ -309,6 +320,11 @@ class SetGlare(ManifestFields):
             world.add_filter(Glare(self.strength, self.across, self.up, self.radius))
         after = {"filters": filter_records(world)}
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The images without this filter."""
+        check_evidence(self, evidence)
+        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
     def scaled(self, strength: float) -> SetGlare:
         """The veil's strength multiplied by ``strength``."""

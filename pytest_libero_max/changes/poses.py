@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -24,7 +23,9 @@ from pytest_libero_max.changes.fields import (
 )
 from pytest_libero_max.changes.lowering import lower, reach, top
 from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.reversal import Reversal, check_evidence, former_poses, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array, World
 
 _FAR_ABOVE_M = 1.0
@@ -91,6 +92,10 @@ class MoveObject(ManifestFields):
             self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
         )
 
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The entity back at where it was, in its former orientation, at rest."""
+        return _pose_reversal(self, evidence)
+
     def scaled(self, strength: float) -> MoveObject:
         """The move with its length multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
@@ -143,6 +148,10 @@ class RemoveObject(ManifestFields):
         return Evidence(
             self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
         )
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The object back in the scene where it was, at rest."""
+        return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> RemoveObject | Nothing:
         """The removal at strength 1, nothing at strength 0; there is nothing between."""
@@ -202,6 +211,10 @@ class InsertObstacle(Placement):
     def apply(self, world: World) -> Evidence:
         return _insert(world, self.operation, [self])
 
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The object out of the scene again."""
+        return _pose_reversal(self, evidence)
+
     def scaled(self, strength: float) -> InsertObstacle | Nothing:
         """The insertion at strength 1, nothing at strength 0; there is nothing between."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
@@ -247,6 +260,10 @@ class InsertDistractors(ManifestFields):
 
     def apply(self, world: World) -> Evidence:
         return _insert(world, self.operation, self.placements)
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The objects out of the scene again."""
+        return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertDistractors | Nothing:
         """The insertion at strength 1, nothing at strength 0; there is nothing between."""
@@ -301,7 +318,7 @@ class PutObject(ManifestFields):
         if kind != "object":
             raise ChangeError(f"put_object.object={self.object!r} is a {kind}, but only objects can be put.")
         require_in_scene(world, self.operation, "onto", self.onto)
-        before = measure_poses(world, [self.object])
+        before, former = measure_poses(world, [self.object]), _parked_poses(world, [self.object])
         x, y = self.offset_xy_m
         if self.relative_to is not None:
             require_in_scene(world, self.operation, "relative_to", self.relative_to)
@@ -312,11 +329,14 @@ class PutObject(ManifestFields):
             world.unpark(self.object, (x, y, above + _FAR_ABOVE_M))  # its size is not known before
         start = np.array([x, y, above + reach(world, self.object)])
         turn = world.pose(self.object)[1]
-        world.place(self.object, start, _turned(turn, self.yaw_degrees) if self.yaw_degrees else None)
+        world.place(self.object, start, _yawed(turn, self.yaw_degrees) if self.yaw_degrees else None)
         lower(world, self.object, self.onto, start)
-        return Evidence(
-            self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
-        )
+        after = measure_poses(world, [self.object])
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"parked": former})
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The object back at where it was, at rest, or out of the scene again."""
+        return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PutObject | Nothing:
         """The move at strength 1, nothing at strength 0; there is nothing between."""
@@ -358,10 +378,14 @@ class TurnObject(ManifestFields):
         before = measure_poses(world, [self.object])
         if self.yaw_degrees:
             position, turn = world.pose(self.object)
-            world.place(self.object, position, _turned(turn, self.yaw_degrees))
+            world.place(self.object, position, _yawed(turn, self.yaw_degrees))
         return Evidence(
             self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
         )
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The entity back at where it was, in its former orientation, at rest."""
+        return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> TurnObject:
         """The angle multiplied by ``strength``."""
@@ -400,10 +424,40 @@ def _insert(world: World, operation: str, placements: Iterable[Placement]) -> Ev
         if placement.preserve_initial_z:
             position[2] = world.parked_pose(placement.object)[0][2]
         targets.append(position)
-    before = measure_poses(world, names)
+    before, former = measure_poses(world, names), _parked_poses(world, names)
     for name, target in zip(names, targets, strict=True):
         world.unpark(name, target)
-    return Evidence(operation, tuple(sorted(pose_factors(names))), before, measure_poses(world, names))
+    after = measure_poses(world, names)
+    return Evidence(operation, tuple(sorted(pose_factors(names))), before, after, {"parked": former})
+
+
+def _parked_poses(world: World, names: Iterable[str]) -> dict[str, list[float]]:
+    """The poses (m and wxyz) that those of the objects which are out of the scene had in it."""
+    poses = {name: world.parked_pose(name) for name in names if name in world.parked}
+    return {name: [*position.tolist(), *turn.tolist()] for name, (position, turn) in poses.items()}
+
+
+def _pose_reversal(
+    change: MoveObject | TurnObject | PutObject | RemoveObject | InsertObstacle | InsertDistractors,
+    evidence: Evidence,
+) -> Reversal:
+    check_evidence(change, evidence)
+    names = [name for name in evidence.before["position_m"] if _moved(evidence, name)]
+    out = evidence.before["taken_out"]
+    parked = [
+        (name, tuple(evidence.before["position_m"][name]), tuple(saved(evidence, "parked")[name]))
+        for name in names
+        if name in out
+    ]
+    placed = former_poses(evidence, [name for name in names if name not in out])
+    return Reversal(change.operation, change.factors, placed=placed, parked=tuple(parked))
+
+
+def _moved(evidence: Evidence, name: str) -> bool:
+    """Whether a change has altered the pose of an entity, or brought it into the scene or out of it."""
+    before, after = evidence.before, evidence.after
+    poses = any(before[key][name] != after[key][name] for key in ("position_m", "quaternion_wxyz"))
+    return poses or (name in before["taken_out"]) != (name in after["taken_out"])
 
 
 def _require_known(world: World, entity: str) -> None:
@@ -440,11 +494,5 @@ def measure_poses(world: World, names: Iterable[str]) -> dict[str, Any]:
     }
 
 
-def _turned(quaternion: Array, yaw_degrees: float) -> Array:
-    """``Rz(yaw) * quaternion`` (wxyz), normalised."""
-    half = math.radians(yaw_degrees) / 2
-    c, s = math.cos(half), math.sin(half)
-    w, x, y, z = (float(part) for part in quaternion)
-    turned = [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w]
-    norm = math.hypot(*turned)
-    return np.array(turned) / norm
+def _yawed(turn: Array, yaw_degrees: float) -> rotations.Quaternion:
+    return rotations.unit_by_hypot(rotations.yawed(rotations.quaternion(turn), yaw_degrees))

@@ -9,6 +9,7 @@ import numpy as np
 
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, flag, items, number, strength_of
+from pytest_libero_max.changes.reversal import Reversal, check_evidence
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import World
 
@@ -61,6 +62,13 @@ class OffsetArm(ManifestFields):
                     f"{self}: the arm touches something on every way there. Use a smaller offset."
                 )
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """The arm back at the joint positions that it had, at rest; the controller holds it there."""
+        check_evidence(self, evidence)
+        former = tuple(evidence.before["joint_pos_rad"])
+        moved = evidence.before["joint_pos_rad"] != evidence.after["joint_pos_rad"]
+        return Reversal(self.operation, self.factors, joints=former if moved else None)
 
     def scaled(self, strength: float) -> OffsetArm:
         """Every joint's offset multiplied by ``strength``."""

@@ -13,8 +13,8 @@ from functools import cache
 
 import numpy as np
 
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.arenas import ARENAS, Arena
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.objects.base import Link

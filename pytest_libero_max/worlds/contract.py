@@ -244,6 +244,14 @@ class World(Protocol):
         """Let every later image of every camera pass through ``filter``, after those already there."""
         ...
 
+    def remove_filter(self, index: int) -> None:
+        """Remove the pixel filter ``filters[index]``; the others stay, in their order.
+
+        Raises:
+            SubstrateError: There is none.
+        """
+        ...
+
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
         """Put the arm's (7,) joints there, rad, at rest; the controller then holds that pose.
 
@@ -258,6 +266,10 @@ class World(Protocol):
         Raises:
             SubstrateError: The goal names something that the scene does not have.
         """
+        ...
+
+    def reassign(self, assigned: tuple[str | None, Goal | None]) -> None:
+        """Put back what :attr:`assigned` was earlier in the episode; None means the task's own."""
         ...
 
     def close(self) -> None:

@@ -353,6 +353,11 @@ class MujocoWorld(ABC):
             )
         self._filters = (*self._filters, (filter, self._steps))
 
+    def remove_filter(self, index: int) -> None:
+        if not 0 <= index < len(self._filters):
+            raise SubstrateError(f"index={index!r}, but the world has {len(self._filters)} pixel filters.")
+        self._filters = (*self._filters[:index], *self._filters[index + 1 :])
+
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
         raise SubstrateError(f"{self._scene} has no arm with seven joints that could be posed.")
 
@@ -361,6 +366,11 @@ class MujocoWorld(ABC):
             self._check_goal(goal)
         words, target = self._assigned
         self._assigned = (words if instruction is None else instruction, target if goal is None else goal)
+
+    def reassign(self, assigned: tuple[str | None, Goal | None]) -> None:
+        if assigned[1] is not None:
+            self._check_goal(assigned[1])
+        self._assigned = assigned
 
     def close(self) -> None:
         if self._renderer is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -169,3 +169,31 @@ def test_things_stay_where_a_variation_puts_them(substrate: EmbeddedSubstrate) -
         play(world, [NOOP_ACTION] * 20)
         for name in names:
             assert np.linalg.norm(world.position(name) - before[name]) < 0.006, (variation.key, name)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_a_variation_is_taken_back_change_by_change(
+    substrate: EmbeddedSubstrate, kind: tuple[Source, str, str]
+) -> None:
+    """All but velocities (what was moved is at rest), the order of what is out of the scene, and the goal of
+    the arm's controller."""
+
+    def seen() -> dict[str, Any]:
+        state = full_state(world)
+        poses = {name: pose_bytes(world, name) for name in world.entities}
+        parked = sorted(state.pop("parked"))
+        return {**state, "parked": parked, "poses": poses, "assigned": world.assigned}
+
+    variation = PER_KIND[kind][len(PER_KIND[kind]) // 2]
+    world = substrate.varied_world(variation).varied(None)
+    world.reset(0)
+    changes = [change_from_dict(raw) for raw in variation.changes]
+    states, evidence = [], []
+    for change in changes:
+        states.append(seen())
+        evidence.append(change.apply(world))
+        assert differing(states[-1], seen())
+    for change, found, state in zip(reversed(changes), reversed(evidence), reversed(states), strict=True):
+        change.reverted(found).apply(world)
+        free = {"qvel", "physics", *(["controller"] if change.operation == "offset_arm" else [])}
+        assert differing(state, seen()) <= free

@@ -24,7 +24,7 @@ from pytest_libero_max.worlds.embedded.objects.base import (
     slab_mesh,
     texture_element,
 )
-from pytest_libero_max.worlds.embedded.rotations import Quaternion
+from pytest_libero_max.worlds.rotations import Quaternion
 
 Pose = tuple[Vector, Quaternion]
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.scene import Scene, links
 from pytest_libero_max.worlds.privileged import GraspablePart

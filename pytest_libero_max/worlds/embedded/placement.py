@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pytest_libero_max.errors import SimulatorError, SubstrateError
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.arenas import ARENAS
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.predicates import touching

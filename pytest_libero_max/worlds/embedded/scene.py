@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Entity, Image
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.arenas import ARENAS, Arena, furnish
 from pytest_libero_max.worlds.embedded.objects import base, category
 from pytest_libero_max.worlds.embedded.objects.base import Link

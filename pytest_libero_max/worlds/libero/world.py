@@ -235,6 +235,10 @@ class LiberoWorld(RobosuiteWorld):
         super().add_filter(filter)
         self._refresh()
 
+    def remove_filter(self, index: int) -> None:
+        super().remove_filter(index)
+        self._refresh()
+
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
         super().pose_arm(joints)
         self._stale = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from pytest_libero_max.worlds.embedded import rotations
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.embedded.objects import category
 from pytest_libero_max.worlds.embedded.scene import Scene, joint_state, joints_of
 from pytest_libero_max.worlds.embedded.tasks import Fact, category_of

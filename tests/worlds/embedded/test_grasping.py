@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.worlds.embedded import rotations
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.embedded.objects import CATEGORIES, base, category
 
 PAD = 'type="box" size="0.008 0.004 0.008" solref="0.01 0.5" friction="2 0.05 0.0001"'

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array, Entity
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.objects import CATEGORIES, category
 
 from .scenes import ALL, at_start

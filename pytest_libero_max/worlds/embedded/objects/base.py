@@ -19,10 +19,10 @@ from typing import Literal
 
 import numpy as np
 
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Image
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.meshes import Mesh, box, join
-from pytest_libero_max.worlds.embedded.rotations import IDENTITY, Quaternion
+from pytest_libero_max.worlds.rotations import IDENTITY, Quaternion
 
 Vector = tuple[float, float, float]
 Colour = tuple[float, float, float]

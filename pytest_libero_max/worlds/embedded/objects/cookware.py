@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pytest_libero_max.worlds.embedded import rotations
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.embedded.meshes import Mesh, box, faceted, join, revolve, tube
 from pytest_libero_max.worlds.embedded.objects.base import (
     Category,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Image
-from pytest_libero_max.worlds.embedded import rotations, textures
+from pytest_libero_max.worlds.embedded import textures
 from pytest_libero_max.worlds.embedded.meshes import box, join, panel, revolve
 from pytest_libero_max.worlds.embedded.objects.base import (
     Category,

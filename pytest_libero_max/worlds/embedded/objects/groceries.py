@@ -8,8 +8,8 @@ from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded.labels import Label, box_atlas
 from pytest_libero_max.worlds.embedded.objects.base import Category
 from pytest_libero_max.worlds.embedded.objects.packaging import bottle, can, carton, packet
-from pytest_libero_max.worlds.embedded.rotations import Quaternion
 from pytest_libero_max.worlds.embedded.textures import Rgb
+from pytest_libero_max.worlds.rotations import Quaternion
 
 _HALF_TURN: Quaternion = (0.0, 0.0, 0.0, 1.0)
 _QUARTER_TURN: Quaternion = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))

@@ -6,8 +6,8 @@ from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.embedded.labels import Label, box_atlas
 from pytest_libero_max.worlds.embedded.objects.base import Category
 from pytest_libero_max.worlds.embedded.objects.packaging import packet
-from pytest_libero_max.worlds.embedded.rotations import IDENTITY
 from pytest_libero_max.worlds.embedded.textures import Rgb
+from pytest_libero_max.worlds.rotations import IDENTITY
 
 _SIZE = (0.030, 0.100, 0.115)
 

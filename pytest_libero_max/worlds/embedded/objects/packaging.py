@@ -10,11 +10,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Image
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.meshes import Mesh, atlas_cell, box, join, panel, revolve
 from pytest_libero_max.worlds.embedded.objects.base import Category, Colour, Link, Skin, Solid, Vector
-from pytest_libero_max.worlds.embedded.rotations import Quaternion
+from pytest_libero_max.worlds.rotations import Quaternion
 
 # LIBERO's tins and bottles have y up in their own frames.
 TIN_UPRIGHT: Quaternion = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))

@@ -12,8 +12,8 @@ from typing import cast
 
 import numpy as np
 
+from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Image
-from pytest_libero_max.worlds.embedded import rotations
 from pytest_libero_max.worlds.embedded.objects.base import Category, Colour, Link, Skin, Vector
 
 SMALL = "small_"
