@@ -14,6 +14,7 @@ from pytest_libero_max.benchmark.documents import (
     require_keys,
     require_object,
     require_text,
+    slug,
 )
 from pytest_libero_max.errors import ManifestError, did_you_mean
 
@@ -119,7 +120,7 @@ class Case:
     @property
     def item_id(self) -> str:
         """Name of the case's test item, for example ``libero-spatial-t00-i00-camera_shift-v1``."""
-        category = "" if self.source == "libero" else f"-{_slug(self.source_category)}"
+        category = "" if self.source == "libero" else f"-{slug(self.source_category)}"
         suite = self.suite.removeprefix("libero_")
         width = 4 if self.source == "plus" else 2
         return (
@@ -255,7 +256,3 @@ def _change(value: Any, where: str) -> Json:
     change = require_object(value, where)
     require_text(change, "operation", where)
     return dict(change)
-
-
-def _slug(text: str) -> str:
-    return text.lower().replace(" ", "_")

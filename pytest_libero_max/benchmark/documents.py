@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
+import os
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,6 +39,28 @@ def read_content(path: Path) -> bytes:
         return gzip.decompress(content)
     except (EOFError, zlib.error) as error:
         raise OSError(f"{path}: {error}") from error
+
+
+def slug(text: str) -> str:
+    """A name as one word of an id: lower case, underscores for spaces."""
+    return text.lower().replace(" ", "_")
+
+
+def cut_torn_line(path: Path) -> bool:
+    """Remove the end of a file of lines after its last line end: a line that a kill cut off.
+
+    Returns:
+        Whether there was one.
+
+    Raises:
+        OSError: The file cannot be read or written.
+    """
+    content = path.read_bytes()
+    whole = content.rfind(b"\n") + 1
+    if whole == len(content):
+        return False
+    os.truncate(path, whole)
+    return True
 
 
 def require_object(value: Any, where: str) -> Json:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.documents import Json, canonical_digest
+from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
 from pytest_libero_max.construction.examination import Examination, examine
 from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.errors import ChangeError, SubstrateError
@@ -139,11 +139,8 @@ def read_examinations(path: Path) -> dict[str, Examination]:
     """The examinations of a file by case id; a last line that was cut off is removed from it."""
     if not path.exists():
         return {}
-    content = path.read_bytes()
-    whole = content.rfind(b"\n") + 1
-    if whole < len(content):
-        os.truncate(path, whole)
-    examinations = (Examination.from_dict(json.loads(line)) for line in content[:whole].splitlines())
+    cut_torn_line(path)
+    examinations = (Examination.from_dict(json.loads(line)) for line in path.read_bytes().splitlines())
     return {examination.case_id: examination for examination in examinations}
 
 

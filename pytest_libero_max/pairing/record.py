@@ -193,3 +193,17 @@ class PairError:
         if values.keys() != known:
             raise ReportError(f"A pair error has the fields {sorted(values)}, but must have {sorted(known)}.")
         return cls(**values)
+
+
+def is_error(values: Json) -> bool:
+    """Whether a stored result is a :class:`PairError`; otherwise it is a :class:`PairRecord`."""
+    return "kind" in values
+
+
+def result_from_dict(values: Json) -> PairRecord | PairError:
+    """Read what either ``to_dict`` wrote.
+
+    Raises:
+        ReportError: See the two ``from_dict``.
+    """
+    return PairError.from_dict(values) if is_error(values) else PairRecord.from_dict(values)

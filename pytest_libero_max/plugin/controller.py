@@ -12,7 +12,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record import PairError, PairRecord, result_from_dict
 from pytest_libero_max.plugin.collection import case_of, cases_of, manifest_of, settings_of
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.loading import check_reference
@@ -59,7 +59,7 @@ class RunController:
 
     def _measured_before(self) -> tuple[str, ...]:
         path = self.settings.output / PAIRS_NAME
-        if self.settings.resume == "no" or not path.exists():
+        if not self.settings.resume or not path.exists():
             return ()
         return tuple(record.item_id for record in read_pairs(path).records)
 
@@ -95,7 +95,7 @@ class RunController:
         if not planned or self.store is not None or self.config.option.collectonly:
             return
         run = Run.of(planned, self._provenance())
-        if self.settings.resume == "no":
+        if not self.settings.resume:
             self.store = PairStore(self.settings.output, run)
             return
         try:
@@ -164,7 +164,7 @@ class RunController:
             session.exitstatus = INCOMPLETE
             return [
                 f"Exit status {INCOMPLETE}: the run is incomplete ({pairs['invalid']} invalid, "
-                f"{pairs['missing']} missing). Repair what broke and continue with --libero-max-resume=yes."
+                f"{pairs['missing']} missing). Repair what broke and continue with --libero-max-resume."
             ]
         if failed_gates and status == pytest.ExitCode.OK:
             session.exitstatus = GATE_FAILED
@@ -188,7 +188,7 @@ def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | 
     """What a report says of its pair, if it is the one that says it."""
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is not None:
-        return PairError.from_dict(result) if "kind" in result else PairRecord.from_dict(result)
+        return result_from_dict(result)
     if not report.failed:
         return None
     # The item ended without a word: its worker died, or somebody's hook failed it.

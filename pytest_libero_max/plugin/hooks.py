@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record import PairRecord, is_error
 from pytest_libero_max.plugin import collection, options
 from pytest_libero_max.plugin.fixtures import (
     libero_max_inject,
@@ -98,15 +98,14 @@ def pytest_runtest_makereport(
     """Send the pair's record to the controller, once, as JSON types."""
     report = yield
     result = item.stash.get(RESULT, None)
-    measured = result is not None and "kind" not in result
-    if result is not None and call.when == ("call" if measured else "setup"):
+    if result is not None and call.when == ("setup" if is_error(result) else "call"):
         setattr(report, RESULT_ATTRIBUTE, result)
     return report
 
 
 def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
     result = getattr(report, RESULT_ATTRIBUTE, None)
-    if result is None or "kind" in result or report.when != "call" or not report.passed:
+    if result is None or is_error(result) or report.when != "call" or not report.passed:
         return None
     from pytest_libero_max.plugin.outcome_letters import status
 

@@ -40,6 +40,7 @@ class Option:
     Attributes:
         parse: Turns the text into a value; raises ``ValueError`` with the accepted form.
         many: Whether it may be given several times (in the ini file: one a line).
+        switch: Whether it is a flag without a value (in the ini file: true or false).
     """
 
     name: str
@@ -48,6 +49,7 @@ class Option:
     parse: Callable[[str], Any]
     default: Any = None
     many: bool = False
+    switch: bool = False
 
     @property
     def flag(self) -> str:
@@ -197,10 +199,11 @@ OPTIONS = (
     Option("output", "FOLDER", "Where pairs.jsonl and report.json go", _text, DEFAULT_OUTPUT),
     Option(
         "resume",
-        "WHETHER",
-        "Continue the run in the output folder, skipping the pairs it has measured: yes or no",
-        _one_of("yes", "no"),
-        "no",
+        "",
+        "Continue the run in the output folder, skipping the pairs it has measured",
+        bool,
+        False,
+        switch=True,
     ),
 )
 """Every option, in the order of the help."""
@@ -229,7 +232,7 @@ class Settings:
     noise_floor: int | None
     gate: tuple[Gate, ...]
     output: Path
-    resume: str
+    resume: bool
 
     @property
     def reference(self) -> str:
@@ -257,16 +260,14 @@ def add_options(parser: pytest.Parser) -> None:
     )
     for option in OPTIONS:
         default = f" (default: {option.default})" if option.default else ""
-        group.addoption(
-            option.flag,
-            dest=option.key,
-            metavar=option.metavar,
-            default=None,
-            help=option.help + default,
-            action="append" if option.many else "store",
-        )
+        how: dict[str, Any] = {"metavar": option.metavar, "action": "append" if option.many else "store"}
+        if option.switch:
+            how = {"action": "store_true"}
+        group.addoption(option.flag, dest=option.key, default=None, help=option.help + default, **how)
         words = f"{option.help}{default}; overridden by {option.flag}"
-        kind: Literal["linelist", "string"] = "linelist" if option.many else "string"
+        kind: Literal["linelist", "string", "bool"] = "linelist" if option.many else "string"
+        if option.switch:
+            kind = "bool"
         parser.addini(option.key, words, kind, default=None)
 
 
@@ -312,12 +313,21 @@ def given_on_command_line(config: pytest.Config) -> bool:
 def _value(config: pytest.Config, option: Option) -> Any:
     text, where = config.getoption(option.key), option.flag
     if text is None:
-        text, where = config.getini(option.key), f"ini option {option.key}"
+        text, where = _ini_value(config, option.key), f"ini option {option.key}"
+    if option.switch:
+        return bool(text)
     if not text:
         return option.default if text is None or option.many else _parsed(option, text, where)
     if option.many:
         return tuple(_parsed(option, line, where) for line in text)
     return _parsed(option, text, where)
+
+
+def _ini_value(config: pytest.Config, key: str) -> Any:
+    try:
+        return config.getini(key)
+    except ValueError as error:
+        raise pytest.UsageError(f"ini option {key}: {error}; expected true or false") from None
 
 
 def _parsed(option: Option, text: str, where: str) -> Any:

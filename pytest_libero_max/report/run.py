@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, slug
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields
@@ -31,7 +31,7 @@ class PlannedPair:
     @property
     def category(self) -> str:
         """Source and source category as one word, for example ``plus-camera_viewpoints``."""
-        return f"{self.source}-{self.source_category.lower().replace(' ', '_')}"
+        return f"{self.source}-{slug(self.source_category)}"
 
     @property
     def event_variant(self) -> str:

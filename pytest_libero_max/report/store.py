@@ -14,7 +14,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json, canonical_digest
+from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.run import Run
@@ -86,8 +86,7 @@ class PairStore:
         stored = read_pairs(store.path)
         _require_same_run(stored.run, run, store.path)
         if stored.torn:
-            content = store.path.read_bytes()
-            os.truncate(store.path, content.rindex(b"\n") + 1)
+            cut_torn_line(store.path)
         store._append_to_existing = True
         return store, stored
 

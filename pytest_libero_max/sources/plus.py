@@ -22,7 +22,7 @@ from functools import cache
 
 import numpy as np
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, slug
 from pytest_libero_max.changes.camera import OrbitCamera
 from pytest_libero_max.changes.image_corruptions import KINDS as CORRUPTIONS
 from pytest_libero_max.changes.image_corruptions import LEVELS
@@ -90,7 +90,6 @@ def plus_suite(suite: str) -> tuple[Variation, ...]:
             for number, candidate in _chosen(suite, base, category)
         ]
         levels = _difficulties(suite, category, [candidate.magnitude for *_, candidate in chosen])
-        slug = category.lower().replace(" ", "_")
         for (base, number, candidate), level in zip(chosen, levels, strict=True):
             variations.append(
                 Variation(
@@ -98,7 +97,7 @@ def plus_suite(suite: str) -> tuple[Variation, ...]:
                     suite,
                     len(variations),
                     base,
-                    f"{task_of(suite, base).name}_{slug}_{number:02d}",
+                    f"{task_of(suite, base).name}_{slug(category)}_{number:02d}",
                     category,
                     candidate.kind,
                     level,

@@ -75,7 +75,7 @@ def test_a_run_is_resumed_where_it_stopped(
     pairs = Path(pytester.path, "part", "pairs.jsonl")
     lines = pairs.read_bytes().splitlines(keepends=True)
     pairs.write_bytes(b"".join(lines[:9]) + lines[9][:100])  # the plan, eight pairs, and a torn ninth
-    result = run("--libero-max-output=part", "--libero-max-resume=yes", f"-n{workers}", subprocess=True)
+    result = run("--libero-max-output=part", "--libero-max-resume", f"-n{workers}", subprocess=True)
     assert result.ret == 0
     result.stdout.fnmatch_lines(["*8 measured before*"])
     whole, part = results("whole"), results("part")
@@ -86,14 +86,28 @@ def test_a_run_is_resumed_where_it_stopped(
 
 def test_resuming_a_finished_run_plays_nothing_and_is_fine(run: Run) -> None:
     run("-k", "camera_shift")
-    result = run("-k", "camera_shift", "--libero-max-resume=yes")
+    result = run("-k", "camera_shift", "--libero-max-resume")
     assert result.ret == 0
     result.stdout.fnmatch_lines(["*2 of 2 planned pairs played*"])
 
 
+def test_the_ini_file_can_ask_for_resuming(run: Run, pytester: pytest.Pytester) -> None:
+    run("-k", "camera_shift")
+    pytester.makeini("[pytest]\nlibero_max_resume = true\n")
+    result = run("-k", "camera_shift")
+    result.stdout.fnmatch_lines(["*2 measured before*"])
+
+
+def test_resuming_is_asked_for_with_true_or_false(run: Run, pytester: pytest.Pytester) -> None:
+    pytester.makeini("[pytest]\nlibero_max_resume = perhaps\n")
+    result = run("-k", "camera_shift")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: ini option libero_max_resume:*perhaps*expected true or false"])
+
+
 def test_another_run_is_not_resumed(run: Run) -> None:
     run("-k", "camera_shift")
-    result = run("-k", "camera_shift", "--libero-max-resume=yes", "--libero-max-prefix=replay")
+    result = run("-k", "camera_shift", "--libero-max-resume", "--libero-max-prefix=replay")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert "--libero-max-resume" in result.stdout.str() + result.stderr.str()
 
