@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -96,3 +97,35 @@ def test_every_comparison_is_as_the_schema_says() -> None:
     assert len(comparison["contrasts"]) == 3
     assert next(iter(comparison)) == "schema_version"
     _validator("comparison").validate(json.loads(json.dumps(comparison, allow_nan=False)))
+
+
+def _fields(schema: Json, path: str = "") -> Iterator[tuple[str, Json]]:
+    """Every property of a schema by its path, those of its definitions included."""
+    for name, field in schema.get("properties", {}).items():
+        yield f"{path}.{name}", field
+        yield from _fields(field, f"{path}.{name}")
+    for part in ("items", "additionalProperties"):
+        if isinstance(schema.get(part), dict):
+            yield from _fields(schema[part], f"{path}.*")
+    for part in ("oneOf", "anyOf", "allOf"):
+        for option in schema.get(part, []):
+            yield from _fields(option, path)
+    for name, definition in schema.get("$defs", {}).items():
+        yield from _fields(definition, f"${name}")
+
+
+@pytest.mark.parametrize("name", ["report", "comparison"])
+def test_every_field_is_described(name: str) -> None:
+    schema = _validator(name).schema
+    assert isinstance(schema, dict)
+    fields = dict(_fields(schema))
+    assert len(fields) > 50
+    assert [path for path, field in fields.items() if len(field.get("description", "")) < 8] == []
+
+
+@pytest.mark.parametrize("name", ["report", "comparison", "record"])
+def test_a_definition_that_two_schemas_share_is_the_same(name: str) -> None:
+    definitions = _validator(name).schema.get("$defs", {})
+    for other in ("report", "comparison", "record"):
+        for key, definition in _validator(other).schema.get("$defs", {}).items():
+            assert definitions.get(key, definition) == definition, f"{key} of {name} and of {other}"
