@@ -326,7 +326,7 @@ def _value(config: pytest.Config, option: Option) -> Any:
 def _ini_value(config: pytest.Config, key: str) -> Any:
     try:
         return config.getini(key)
-    except ValueError as error:
+    except (ValueError, pytest.UsageError) as error:  # which one depends on pytest's version
         raise pytest.UsageError(f"ini option {key}: {error}; expected true or false") from None
 
 
