@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Any, ClassVar, Protocol, cast
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes.base import Change
@@ -23,6 +24,7 @@ from pytest_libero_max.changes.poses import (
 )
 from pytest_libero_max.changes.robot import OffsetArm
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
+from pytest_libero_max.registry import Registry
 
 _KINDS = (
     SetLighting,
@@ -49,10 +51,38 @@ _KINDS = (
     SetTask,
 )
 
-OPERATIONS: tuple[str, ...] = tuple(kind.operation for kind in _KINDS)
-"""Every operation a manifest may name."""
 
-_BY_OPERATION = {kind.operation: kind for kind in _KINDS}
+class ChangeType(Protocol):
+    """A class of changes: what an operation name stands for."""
+
+    operation: ClassVar[str]
+
+    def from_dict(self, raw: Mapping[str, Any]) -> Change:
+        """Build the change from its manifest object, ``operation`` included; refuse what breaks a rule."""
+        ...
+
+
+def _accept(name: str, found: object) -> ChangeType:
+    operation = getattr(found, "operation", None)
+    if operation != name:
+        raise ValueError(f"operation={operation!r}, but it is registered as {name!r}; both must be the same")
+    for method in ("from_dict", "apply", "scaled", "to_dict"):
+        if not callable(getattr(found, method, None)):
+            raise ValueError(
+                f"{found!r} has no {method}(): a change follows pytest_libero_max.changes.base.Change; "
+                "pytest_libero_max.changes.fields.ManifestFields offers from_dict() and to_dict()"
+            )
+    return cast(ChangeType, found)
+
+
+def _own() -> Mapping[str, Callable[[], ChangeType]]:
+    return {kind.operation: partial(_accept, kind.operation, kind) for kind in _KINDS}
+
+
+OPERATIONS: Registry[ChangeType] = Registry(
+    "operation", "pytest_libero_max.changes", _own, _accept, ChangeError
+)
+"""Every operation a manifest may name: this package's, then those that installed packages add."""
 
 
 def change_from_dict(raw: Mapping[str, Any]) -> Change:
@@ -67,11 +97,11 @@ def change_from_dict(raw: Mapping[str, Any]) -> Change:
     if not isinstance(raw, Mapping):
         raise ChangeError(f"change={raw!r}, but must be an object with an operation and its parameters.")
     operation = raw.get("operation")
-    if not isinstance(operation, str) or operation not in _BY_OPERATION:
+    if not isinstance(operation, str) or operation not in OPERATIONS:
         raise ChangeError(
             f"operation={operation!r} is not a change. {did_you_mean(str(operation), OPERATIONS)}"
         )
-    return _BY_OPERATION[operation].from_dict(raw)
+    return OPERATIONS[operation].from_dict(raw)
 
 
 def check_changes(cases: Iterable[Case]) -> None:

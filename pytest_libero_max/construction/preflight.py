@@ -18,7 +18,15 @@ import numpy as np
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.changes import Change, change_from_dict
 from pytest_libero_max.errors import SimulatorError
-from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, NOOP_ACTION, Array, Image, World
+from pytest_libero_max.worlds.contract import (
+    CAMERAS,
+    CONTROL_HZ,
+    NOOP_ACTION,
+    Array,
+    Image,
+    World,
+    WorldState,
+)
 
 MAX_SHIFT_M = 0.02
 """How much farther than without the event anything may drift while the world is held still."""
@@ -192,8 +200,13 @@ def _apply_and_look(world: World, case: Case, before: _Before, steps: int) -> It
     image, here = _look(world), world.snapshot()
     calm = {**before.settling, **_drift(world, steps)}
     world.restore(here)
+    places = _positions(world)
     change.apply(world)
-    yield from _image_problems(image, _look(world))
+    now = _positions(world)
+    if places.keys() == now.keys() and all((now[name] == places[name]).all() for name in now):
+        yield from _image_problems(*_looks_later(world, here, steps))  # it set things in motion
+    else:
+        yield from _image_problems(image, _look(world))
     for name in entities:
         yield from _too_close(world, name, touching[name])
         yield from _out_of_view(world, name)
@@ -224,6 +237,18 @@ def _hold(world: World, steps: int) -> None:
 def _look(world: World) -> Image:
     image: Image = world.observe(CAMERAS[:1], _IMAGE_SIZE)[f"{CAMERAS[0]}_image"]
     return image
+
+
+def _looks_later(world: World, calm: WorldState, steps: int) -> tuple[Image, Image]:
+    """What is seen after the world was held still for some steps: from ``calm``, and from now on."""
+    changed = world.snapshot()
+    _hold(world, steps)
+    after = _look(world)
+    world.restore(calm)
+    _hold(world, steps)
+    before = _look(world)
+    world.restore(changed)
+    return before, after
 
 
 def _image_problems(before: Image, after: Image) -> Iterable[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,6 +19,7 @@ from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
 from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
 from pytest_libero_max.worlds.registry import describe_substrate
 
@@ -48,6 +50,7 @@ class RunController:
         self.measured: tuple[str, ...] = ()
         self._lines: list[str] = []
         self._reported: set[str] = set()
+        self._hook_raised = False
         try:
             check_reference(self.settings.reference)
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
@@ -128,6 +131,16 @@ class RunController:
         if pair is not None:
             self._reported.add(name)
             self.store.append(pair)
+            self._tell(pair)
+
+    def _tell(self, pair: PairRecord | PairError) -> None:
+        """Tell conftest files of a stored pair; the first time that one of them raises is said at the end."""
+        try:
+            self.config.hook.pytest_libero_max_pair_stored(pair=copy.deepcopy(pair), config=self.config)
+        except Exception as error:  # a user's hook may raise anything, and must not cost the run
+            if not self._hook_raised:
+                self._lines.append(f"pytest_libero_max_pair_stored raised {type(error).__name__}: {error}")
+            self._hook_raised = True
 
     # What is said at the end.
 
@@ -141,7 +154,7 @@ class RunController:
 
         self.store.close()
         folder, here = self.settings.output, self.config.invocation_params.dir
-        self.report, written = write_reports(folder)
+        self.report, written = write_reports(folder, self._add_sections)
         verdicts = decide(self.settings.gate, folder, here)
         failed = [verdict for verdict in verdicts if not verdict.passed]
         self._lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
@@ -150,6 +163,16 @@ class RunController:
             self._lines += github_annotations(verdicts)
             _append_step_summary(folder / "report.md", gate_lines(verdicts))
         self._lines += self._set_status(session, len(failed))
+
+    def _add_sections(self, report: Json) -> Json:
+        """Let conftest files add sections to the report, and nothing else."""
+        amended = copy.deepcopy(report)
+        try:
+            self.config.hook.pytest_libero_max_report(report=amended, config=self.config)
+            return with_sections(report, amended)
+        except Exception as error:  # a user's hook may raise anything, and must not cost the report
+            self._lines.append(f"The report has no sections of your own: {type(error).__name__}: {error}")
+            return report
 
     def _set_status(self, session: pytest.Session, failed_gates: int) -> list[str]:
         """Turn pytest's status into ours where the run itself has more to say; never anything into OK."""

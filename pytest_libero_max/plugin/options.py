@@ -5,7 +5,7 @@ Precedence, for every option: command line, then ini file, then default.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -91,6 +91,12 @@ def _gate(text: str) -> Gate:
 
 
 def _one_of(*known: str) -> Callable[[str], str]:
+    return _known_in(known)
+
+
+def _known_in(known: Collection[str]) -> Callable[[str], str]:
+    """Accepts a name of a collection, which is not looked at before."""
+
     def parse(text: str) -> str:
         if text not in known:
             raise ValueError(f"unknown value. {did_you_mean(text, known)}")
@@ -119,7 +125,7 @@ OPTIONS = (
         "NAME",
         "What builds the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
         "for a dry run",
-        _one_of(*SUBSTRATES),
+        _known_in(SUBSTRATES),
         "embedded",
     ),
     Option(

@@ -104,6 +104,7 @@ def build_report(
             "category": macro_json(macro_average([r.outcomes for r, _ in groups["category"].values()]))
         },
         "largest_split": split_json(largest_split(_variants(groups["variant"]))),
+        "sections": {},
         "methods": METHODS,
         "provenance": provenance,
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
@@ -30,8 +31,12 @@ def report_of(stored: StoredRun) -> Json:
     return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
 
 
-def write_reports(folder: Path) -> tuple[Json, list[Path]]:
+def write_reports(folder: Path, amend: Callable[[Json], Json] | None = None) -> tuple[Json, list[Path]]:
     """Compute the report of the run in ``folder`` and write it beside its pairs.
+
+    Args:
+        folder: The folder of the run.
+        amend: Returns the report with sections of the user's own.
 
     Returns:
         The report, and every file of the run: the pairs, ``report.json``, ``report.md`` and ``report.html``.
@@ -41,6 +46,8 @@ def write_reports(folder: Path) -> tuple[Json, list[Path]]:
     """
     stored = read_pairs(folder)
     report = report_of(stored)
+    if amend is not None:
+        report = amend(report)
     regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
     files = {
         REPORT_NAME: report_json(report),

@@ -59,6 +59,8 @@ def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str
         body += _results(report)
         body += _regressions(regressions, replay)
     body += _faults(pairs)
+    for title, values in report["sections"].items():
+        body += [f"<h2>{escape(title)}</h2>", _table(("Name", "Value"), list(values.items()))]
     body += _provenance(report)
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"

@@ -36,9 +36,10 @@ def markdown(report: Json) -> str:
         "Intervals are 95%: Wilson for rates, exact paired bootstrap for changes. Groups hold different",
         "cases: differences between them are descriptions, not effects.",
         "",
-        "## Provenance",
-        "",
     ]
+    for title, values in report["sections"].items():
+        lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
+    lines += ["## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
     lines += _table(("Part", "Version"), [*versions, ("case set", provenance["case_set"]["digest"])])
     return "\n".join(lines) + "\n"

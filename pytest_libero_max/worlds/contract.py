@@ -223,6 +223,14 @@ class World(Protocol):
         """Put an entity elsewhere, at rest; the orientation (wxyz) stays unless given. Nothing else moves."""
         ...
 
+    def push(self, entity: str, velocity_m_s: Sequence[float] | Array) -> None:
+        """Add (3,) m/s in the world frame to the linear velocity of an object; it stays where it is now.
+
+        Raises:
+            SubstrateError: The entity is no object, or is parked.
+        """
+        ...
+
     def park(self, entity: str, position: Sequence[float] | Array) -> None:
         """Take an object out of the scene: unseen, untouchable, weightless at ``position`` until unparked."""
         ...

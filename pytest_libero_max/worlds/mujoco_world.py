@@ -301,6 +301,14 @@ class MujocoWorld(ABC):
         self._write_pose(name, _position(position), None if quaternion is None else _quaternion(quaternion))
         self._settle()
 
+    def push(self, entity: str, velocity_m_s: Sequence[float] | Array) -> None:
+        name = self._free(entity)
+        if name in self._parked:
+            raise SubstrateError(f"{name!r} is parked, so it cannot be pushed: unpark it before.")
+        first = self._dofs(name).start
+        self._data.qvel[first : first + 3] += _three_numbers("velocity_m_s", velocity_m_s, "m/s")
+        self._settle()
+
     def park(self, entity: str, position: Sequence[float] | Array) -> None:
         name = self._free(entity)
         if name in self._parked:
@@ -458,7 +466,9 @@ class MujocoWorld(ABC):
     def _free(self, entity: str) -> str:
         if self._known(entity) not in self._joint:
             kind = self._entities[entity].kind
-            raise SubstrateError(f"{entity!r} is a {kind}: only objects have a free joint and can be parked.")
+            raise SubstrateError(
+                f"{entity!r} is a {kind}: only objects have a free joint and can be parked or pushed."
+            )
         return entity
 
     def _body_id(self, entity: Entity) -> int:
@@ -513,10 +523,14 @@ def _frozen(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _position(values: Sequence[float] | Array) -> Array:
-    position = np.array(values, dtype=np.float64)
-    if position.shape != (3,) or not np.isfinite(position).all():
-        raise SubstrateError(f"position={values!r}: three finite numbers in metres are needed.")
-    return position
+    return _three_numbers("position", values, "metres")
+
+
+def _three_numbers(what: str, values: Sequence[float] | Array, unit: str) -> Array:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise SubstrateError(f"{what}={values!r}: three finite numbers in {unit} are needed.")
+    return array
 
 
 def _quaternion(values: Sequence[float] | Array) -> Array:

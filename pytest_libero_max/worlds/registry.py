@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
-from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.registry import Registry, modules_in
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.worlds.contract import SourceVariation, Substrate
     from pytest_libero_max.worlds.libero.installation import Installation
-
-SUBSTRATES = ("embedded", "libero", "tiny")
 
 SEMANTICS = ("published", "corrected")
 """``published`` keeps the defects of the authors' event code, since published numbers contain them."""
@@ -46,6 +47,47 @@ class SubstrateOptions:
     variations: Literal["installed", "own"] = "installed"
 
 
+class SubstrateOpener(Protocol):
+    """Opens a substrate; each substrate of this package is a module with one called ``open_substrate``."""
+
+    def __call__(
+        self, options: SubstrateOptions, variation_of: Callable[[Case], SourceVariation] | None
+    ) -> Substrate:
+        """The substrate, which builds nothing before it is asked for a world.
+
+        Args:
+            options: What the genuine substrate is told; others may ignore it.
+            variation_of: Finds this package's own source variation that a case plays, or None.
+        """
+        ...
+
+
+def _accept(name: str, found: object) -> SubstrateOpener:
+    if not callable(found):
+        raise ValueError(
+            f"{found!r} cannot be called: an entry is a function (options, variation_of) -> Substrate"
+        )
+    return cast(SubstrateOpener, found)
+
+
+def _own() -> Mapping[str, Callable[[], SubstrateOpener]]:
+    """The substrates of this package: the folders of ``worlds`` with a module ``substrate``, and tiny."""
+    worlds = "pytest_libero_max.worlds"
+    folders = [name for name in modules_in(worlds) if "substrate" in modules_in(f"{worlds}.{name}")]
+    modules = {name: f"{worlds}.{name}.substrate" for name in folders} | {"tiny": f"{worlds}.tiny"}
+    return {name: partial(_opener, name, module) for name, module in modules.items()}
+
+
+def _opener(name: str, module: str) -> SubstrateOpener:
+    return _accept(name, importlib.import_module(module).open_substrate)
+
+
+SUBSTRATES: Registry[SubstrateOpener] = Registry(
+    "substrate", "pytest_libero_max.substrates", _own, _accept, SubstrateError
+)
+"""Every substrate by name: this package's, then those that installed packages add."""
+
+
 def open_substrate(
     name: str,
     options: SubstrateOptions | None = None,
@@ -62,27 +104,7 @@ def open_substrate(
     Raises:
         SubstrateError: There is none of that name, or it cannot be imported.
     """
-    if name == "embedded":
-        from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
-
-        return EmbeddedSubstrate(variation_of)
-    if name == "libero":
-        from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
-
-        options = options or SubstrateOptions()
-        if options.variations == "installed":
-            variation_of = None
-        elif variation_of is None:
-            raise SubstrateError(
-                "variations='own', but no catalogue of them was given. Open the substrate with one, as "
-                "pytest_libero_max.sources.open_substrate does."
-            )
-        return LiberoSubstrate(_installations(options), options.semantics, options.instruction, variation_of)
-    if name == "tiny":
-        from pytest_libero_max.worlds.tiny import TinySubstrate
-
-        return TinySubstrate()
-    raise SubstrateError(f"substrate={name!r} is not known. {did_you_mean(name, SUBSTRATES)}")
+    return SUBSTRATES[name](options or SubstrateOptions(), variation_of)
 
 
 def describe_substrate(name: str, options: SubstrateOptions | None = None) -> dict[str, Any]:
@@ -94,7 +116,7 @@ def describe_substrate(name: str, options: SubstrateOptions | None = None) -> di
     if name != "libero":
         return {"name": name}
     options = options or SubstrateOptions()
-    installations = [str(found) for found in _installations(options)]
+    installations = [str(found) for found in installations_of(options)]
     return {
         "name": name,
         "installations": installations,
@@ -104,7 +126,12 @@ def describe_substrate(name: str, options: SubstrateOptions | None = None) -> di
     }
 
 
-def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
+def installations_of(options: SubstrateOptions) -> tuple[Installation, ...]:
+    """The genuine installations that the options name, or the one that ``import libero`` finds.
+
+    Raises:
+        SubstrateError: One is missing or incomplete.
+    """
     from pytest_libero_max.worlds.libero.installation import find_installation
 
     return tuple(find_installation(root, assets=options.assets) for root in options.installations or (None,))

@@ -53,11 +53,13 @@ policy = Reacher
 """Moves to where the box begins, so that every event fires, and stays there."""
 
 
-def tiny_manifest(inits: tuple[int, ...] = (0,)) -> dict[str, Any]:
+def tiny_manifest(
+    inits: tuple[int, ...] = (0,), events: tuple[str, ...] = BENCHMARK_EVENTS
+) -> dict[str, Any]:
     records = []
     for init in inits:
         identity = Identity("libero", "libero_spatial", 0, init)
-        for name in BENCHMARK_EVENTS:
+        for name in events:
             for variant in (0, 1):
                 records.append(
                     case_record(identity, resolve_event(name, variant, TINY_TASK, identity), TINY_TASK.name)

@@ -204,6 +204,10 @@ class LiberoWorld(RobosuiteWorld):
         super().place(entity, position, quaternion)
         self._refresh()
 
+    def push(self, entity: str, velocity_m_s: Sequence[float] | Array) -> None:
+        super().push(entity, velocity_m_s)
+        self._refresh()
+
     def park(self, entity: str, position: Sequence[float] | Array) -> None:
         if self._semantics == "published":
             at, orientation = self.pose(self._free(entity))

@@ -1,0 +1,46 @@
+"""Hooks that this plugin calls. Each is a recipe: put the function into a ``conftest.py``.
+
+They are called in the process that owns the run: with ``pytest -n`` that is the controller, not a worker. A
+hook takes any of the arguments named here.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.pairing.record import PairError, PairRecord
+
+
+def pytest_libero_max_pair_stored(pair: PairRecord | PairError, config: pytest.Config) -> None:
+    """Called after a pair has been written to ``pairs.jsonl``, in the order in which pairs arrive.
+
+    To follow a long run from elsewhere, put this in ``conftest.py``::
+
+        def pytest_libero_max_pair_stored(pair):
+            with open("/tmp/progress.txt", "a") as file:
+                print(pair.item_id, getattr(pair, "outcome", "invalid"), file=file)
+
+    Args:
+        pair: The measured pair, or what broke it. Nothing that is done to it reaches the results.
+        config: pytest's config.
+    """
+
+
+def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
+    """Called with the report of the run before it is written and before gates are decided.
+
+    To add a section of your own to ``report.json``, ``report.md`` and ``report.html``, put this in
+    ``conftest.py``::
+
+        def pytest_libero_max_report(report):
+            report["sections"]["Checkpoint"] = {"step": 30000, "trained on": "libero_goal"}
+
+    A section is a title with a table of names and values. Only ``sections`` may be changed: every other
+    number of a report can be computed again from ``pairs.jsonl`` alone. For the same reason
+    ``libero-max report``, which does so, writes a report without sections.
+
+    Args:
+        report: The report as it will be written.
+        config: pytest's config.
+    """

@@ -1,0 +1,49 @@
+"""Sections that a user's hook adds to a report: titles with tables of names and values."""
+
+from __future__ import annotations
+
+from pytest_libero_max.benchmark.documents import Json, canonical_json
+from pytest_libero_max.errors import ReportError
+
+
+def with_sections(report: Json, amended: Json) -> Json:
+    """The report with the sections of its amended copy.
+
+    Args:
+        report: As computed from the pairs.
+        amended: A copy that a hook was given; only its ``sections`` may differ.
+
+    Raises:
+        ReportError: Something else differs, or a section is not a table of names and plain values.
+    """
+    changed = [key for key in {**report, **amended} if key != "sections" and _differs(report, amended, key)]
+    if changed:
+        raise ReportError(
+            f"pytest_libero_max_report changed {', '.join(sorted(changed))}, but may only add to "
+            "report['sections']: every other number is computed from pairs.jsonl alone."
+        )
+    sections = amended.get("sections")
+    if not isinstance(sections, dict):
+        raise ReportError(f"report['sections']={sections!r}, but must be a dict of titles to tables.")
+    for title, table in sections.items():
+        if not isinstance(title, str) or not title or not isinstance(table, dict):
+            raise ReportError(
+                f"report['sections'][{title!r}]={table!r}, but must be a title with a dict of values by name."
+            )
+        for name, value in table.items():
+            plain = value is None or isinstance(value, str | bool | int | float)
+            if not isinstance(name, str) or not plain or value != value:
+                raise ReportError(
+                    f"report['sections'][{title!r}][{name!r}]={value!r}, but must be a name with a text, a "
+                    "number, true, false or null."
+                )
+    return {**report, "sections": sections}
+
+
+def _differs(report: Json, amended: Json, key: str) -> bool:
+    if key not in report or key not in amended:
+        return True
+    try:
+        return canonical_json(amended[key]) != canonical_json(report[key])
+    except (TypeError, ValueError):  # not JSON, so a hook has put it there
+        return True

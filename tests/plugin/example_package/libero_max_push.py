@@ -1,0 +1,87 @@
+"""A ninth event in a package of its own: somebody bumps into the target just before it is grasped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+from pytest_libero_max.changes import Evidence, Factor
+from pytest_libero_max.changes.fields import ManifestFields, Vector3, strength_of, text, vector3
+from pytest_libero_max.events.kind import EventKind, Scenario
+from pytest_libero_max.events.relocation import DIRECTIONS
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import SearchStrategy
+
+    from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.worlds.contract import Entity, World
+
+SPEEDS_M_S = (0.3, 0.5)
+"""Speed that the target is given, by variant: it slides for one or two centimetres."""
+
+
+@dataclass(frozen=True)
+class PushObject(ManifestFields):
+    """Give an object a velocity.
+
+    Attributes:
+        object: The object.
+        velocity_m_s: Added to its linear velocity, world frame.
+    """
+
+    operation: ClassVar[str] = "push_object"
+
+    object: str
+    velocity_m_s: Vector3
+
+    def __post_init__(self) -> None:
+        text("push_object.object", self.object)
+        self._set("velocity_m_s", vector3("push_object.velocity_m_s", self.velocity_m_s))
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({f"pose:{self.object}"})
+
+    def apply(self, world: World) -> Evidence:
+        before = {"position_m": world.position(self.object).tolist()}
+        if any(self.velocity_m_s):
+            world.push(self.object, self.velocity_m_s)
+        after = {"position_m": world.position(self.object).tolist()}
+        return Evidence(self.operation, tuple(self.factors), before, after)
+
+    def scaled(self, strength: float) -> PushObject:
+        """The push with its velocity multiplied by ``strength``."""
+        s = strength_of(self.operation, strength)
+        x, y, z = self.velocity_m_s
+        return replace(self, velocity_m_s=(x * s, y * s, z * s))
+
+
+class Push(EventKind):
+    """The target is given a velocity along the table."""
+
+    name = "push"
+    family = "dynamics"
+    code = "DYN"
+    severities = ("medium", "high")
+    response = "replan"
+    needs = "a movable target that was put on a table or floor."
+    expected = "Plan again: the object to grasp has slid away."
+
+    def eligible(self, task: TaskMetadata) -> bool:
+        return task.planar(task.primary_target)
+
+    def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
+        x, y = DIRECTIONS[identity.direction_index(self.name)]
+        speed = SPEEDS_M_S[variant]
+        velocity = [round(x * speed, 8), round(y * speed, 8), 0.0]
+        return Scenario({"operation": "push_object", "object": task.primary_target, "velocity_m_s": velocity})
+
+    def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
+        """Pushes of the trigger entity in any direction along the table."""
+        from hypothesis import strategies as st
+
+        component = st.floats(-0.5, 0.5)
+        pushes = st.builds(PushObject, st.just(trigger), st.tuples(component, component, st.just(0.0)))
+        return pushes.map(lambda push: Scenario(push.to_dict()))

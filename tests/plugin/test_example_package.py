@@ -1,0 +1,136 @@
+"""A package that adds an event: ids, markers, results, a strategy and the preflight know it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.plugin.conftest import REACHER
+
+PACKAGE = Path(__file__).with_name("example_package")
+REPOSITORY = Path(__file__).parents[2]
+
+MANIFEST = """
+import json, pathlib
+from tests.plugin.conftest import tiny_manifest
+pathlib.Path("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift", "push"))))
+"""
+
+RUN = ("--libero-max-policy=adapter.py", "--libero-max-manifest=tiny.json", "--libero-max-substrate=tiny")
+
+Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
+
+
+@pytest.fixture
+def installed(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
+    """A folder with the example package installed, an adapter, and a manifest with its event."""
+    place = pytester.mkdir("site")
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
+    info = place / f"libero_max_push-{project['version']}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    )
+    groups = (
+        "\n".join([f"[{group}]", *(f"{name} = {value}" for name, value in points.items())])
+        for group, points in project["entry-points"].items()
+    )
+    (info / "entry_points.txt").write_text("\n".join(groups))
+    shutil.copy(PACKAGE / "libero_max_push.py", place)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(place), str(REPOSITORY)]))
+    pytester.makepyfile(adapter=REACHER)
+    subprocess.run([sys.executable, "-c", MANIFEST], cwd=pytester.path, check=True)
+    return pytester
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["plain", "two workers"])
+def test_a_new_event_is_played_and_reported(
+    installed: pytest.Pytester, results: Results, workers: tuple[str, ...]
+) -> None:
+    done = installed.runpytest_subprocess(
+        *RUN, "--strict-markers", "-m", "push", "--libero-max-gate=event.push.played == 2", *workers
+    )
+    done.assert_outcomes(passed=2)
+    lines, report = results()
+    assert {(line["event"], line["family"], line["severity"]) for line in lines} == {
+        ("push", "dynamics", "medium"),
+        ("push", "dynamics", "high"),
+    }
+    assert {line["item_id"] for line in lines} == {
+        "libero-spatial-t00-i00-push-v0",
+        "libero-spatial-t00-i00-push-v1",
+    }
+    assert list(report["by"]["event"]) == ["push"]
+    assert list(report["by"]["family"]) == ["dynamics"]
+    for line in lines:
+        assert len({line["base_digest"], line["dynamic_digest"]}) == 2  # the push is felt
+
+
+def test_both_ways_of_playing_it_agree(installed: pytest.Pytester, results: Results) -> None:
+    records = []
+    for mode in ("fork", "replay"):
+        installed.runpytest_subprocess(*RUN, "-k", "push", f"--libero-max-prefix={mode}")
+        records.append([(line["item_id"], line["dynamic_digest"]) for line in results()[0]])
+    assert records[0] == records[1]
+
+
+def test_the_benchmarks_events_stay_first(installed: pytest.Pytester) -> None:
+    done = installed.runpytest_subprocess("--markers", "--libero-max-policy=adapter.py")
+    markers = [line.split(":")[0] for line in done.outlines if "LIBERO-MAX pairs with this event" in line]
+    assert markers[0] == "@pytest.mark.illumination_switch"
+    assert markers[8:] == ["@pytest.mark.push"]
+    assert any("@pytest.mark.dynamics" in line for line in done.outlines)
+
+
+def test_a_manifest_with_an_event_that_is_not_installed_is_refused(
+    installed: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
+    done = installed.runpytest_subprocess(*RUN)
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines(["ERROR: *change_type='push' is not an event.*"])
+
+
+STRATEGY = """
+from hypothesis import given
+from pytest_libero_max import strategies
+from pytest_libero_max.changes import change_from_dict
+
+@given(strategies.events(names=["push"]))
+def test_drawn(event):
+    assert event.name == "push"
+    assert change_from_dict(event.change).object == event.trigger.entity
+
+@given(strategies.events())
+def test_any(event):
+    assert event.family_code
+"""
+
+
+def test_its_strategy_is_among_the_events(installed: pytest.Pytester) -> None:
+    installed.makepyfile(test_strategy=STRATEGY)
+    installed.runpytest_subprocess("test_strategy.py", "-p", "no:xdist").assert_outcomes(passed=2)
+
+
+def test_the_preflight_examines_it(installed: pytest.Pytester) -> None:
+    path = installed.path / "tiny.json"
+    manifest = json.loads(path.read_text())
+    (fast,) = (case for case in manifest["cases"] if case["case_id"].endswith("push-d1-p195"))
+    fast["scenario"]["change"]["velocity_m_s"] = [
+        10 * component for component in fast["scenario"]["change"]["velocity_m_s"]
+    ]
+    path.write_text(json.dumps(manifest))
+    call = "from pytest_libero_max.cli import main; main()"
+    command = [sys.executable, "-c", call, "preflight", "tiny.json", "--substrate", "tiny", "--jobs", "1"]
+    done = subprocess.run(command, cwd=installed.path, capture_output=True, text=True, check=False)
+    assert "3 of 4 cases pass" in done.stdout, done.stdout + done.stderr
+    assert f"{fast['case_id']}: box_1 moves by" in done.stdout
