@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import ReportError
 
@@ -31,11 +33,11 @@ def with_sections(report: Json, amended: Json) -> Json:
                 f"report['sections'][{title!r}]={table!r}, but must be a title with a dict of values by name."
             )
         for name, value in table.items():
-            plain = value is None or isinstance(value, str | bool | int | float)
-            if not isinstance(name, str) or not plain or value != value:
+            plain = value is None or isinstance(value, str | bool | int)
+            if not isinstance(name, str) or not (plain or (isinstance(value, float) and isfinite(value))):
                 raise ReportError(
                     f"report['sections'][{title!r}][{name!r}]={value!r}, but must be a name with a text, a "
-                    "number, true, false or null."
+                    "finite number, true, false or null."
                 )
     return {**report, "sections": sections}
 

@@ -275,6 +275,43 @@ def test_parking_does_not_disturb_the_rest_of_the_scene() -> None:
         assert same[1] == pytest.approx(same[0], abs=1e-9)
 
 
+def test_a_push_gives_an_object_a_velocity_and_leaves_it_where_it_is(world: TinyWorld) -> None:
+    world.reset(0)
+    play(world, 0, 5)
+    calm = world.snapshot()
+    at = world.position("box_1")
+    turning = world.data.qvel.copy()
+    world.push("box_1", (0.3, 0.0, 0.0))
+    assert (world.position("box_1") == at).all()
+    assert sorted(np.flatnonzero(world.data.qvel != turning)) == [world.model.body("box_1_main").dofadr[0]]
+    pushed = world.digest()
+    world.step(NOOP_ACTION)
+    assert world.position("box_1")[0] > at[0] + 0.002
+    world.restore(calm)
+    assert world.digest() != pushed
+    world.push("box_1", (0.3, 0.0, 0.0))
+    assert world.digest() == pushed
+
+
+@pytest.mark.parametrize(
+    ("entity", "velocity", "message"),
+    [
+        ("cabinet_1", (1, 0, 0), "is a fixture: only objects have a free joint"),
+        ("clutter_1", (1, 0, 0), "is parked, so it cannot be pushed"),
+        ("box_1", (1, 0), "three finite numbers in m/s"),
+        ("box_1", (np.nan, 0, 0), "three finite numbers in m/s"),
+        ("bxo_1", (1, 0, 0), "Did you mean 'box_1'"),
+    ],
+)
+def test_a_push_needs_an_object_and_a_velocity(
+    world: TinyWorld, entity: str, velocity: tuple[float, ...], message: str
+) -> None:
+    world.reset(0)
+    world.park("clutter_1", (-2.0, 0.0, -5.0))
+    with pytest.raises((SubstrateError, EntityError), match=message):
+        world.push(entity, velocity)
+
+
 def test_parking_needs_an_object_that_is_there(world: TinyWorld) -> None:
     with pytest.raises(SubstrateError, match=r"'cabinet_1' is a fixture"):
         world.park("cabinet_1", AWAY)
