@@ -66,7 +66,7 @@ def _accept(name: str, found: object) -> ChangeType:
     operation = getattr(found, "operation", None)
     if operation != name:
         raise ValueError(f"operation={operation!r}, but it is registered as {name!r}; both must be the same")
-    for method in ("from_dict", "apply", "scaled", "to_dict"):
+    for method in ("from_dict", "apply", "scaled", "reverted", "to_dict"):
         if not callable(getattr(found, method, None)):
             raise ValueError(
                 f"{found!r} has no {method}(): a change follows pytest_libero_max.changes.base.Change; "

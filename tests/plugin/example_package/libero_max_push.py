@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from pytest_libero_max.changes import Evidence, Factor
+from pytest_libero_max.changes import Change, Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, Vector3, strength_of, text, vector3
+from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.events.kind import EventKind, Scenario
 from pytest_libero_max.events.relocation import DIRECTIONS
 
@@ -56,6 +57,9 @@ class PushObject(ManifestFields):
         s = strength_of(self.operation, strength)
         x, y, z = self.velocity_m_s
         return replace(self, velocity_m_s=(x * s, y * s, z * s))
+
+    def reverted(self, evidence: Evidence) -> Change:
+        raise ChangeError("push_object cannot be taken back: the object has moved since.")
 
 
 class Push(EventKind):
