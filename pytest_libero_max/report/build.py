@@ -36,7 +36,11 @@ REPORT_VERSION = 1
 METHODS = {
     "confidence": CONFIDENCE,
     "rates": "Wilson score interval",
-    "paired_change": "exact percentile bootstrap over pairs; by_source keeps the pairs of each source",
+    "paired_change": "lower and upper: melded exact interval of independent pairs (Fay and Lumbard 2021), "
+    "which agrees with the exact McNemar test and says how the pairs of these cases would come out again; "
+    "by_task: tasks resampled, for other tasks of the same kind",
+    "paired_change_bootstrap": "the paper's exact percentile bootstrap over pairs, for comparison with it; "
+    "by_source keeps the pairs of each source; too narrow with few changed pairs",
     "mcnemar": "exact two-sided test of regressions against gains",
     "stale_actions": "over pairs with a query after the event; quantiles by inverse CDF",
     "macro": "unweighted mean over source categories; secondary to the rates over all pairs",
@@ -163,6 +167,7 @@ def columns_of(records: Sequence[PairRecord]) -> Pairs:
         responded=[record.responded for record in records],
         stale=[-1 if record.stale_actions is None else record.stale_actions for record in records],
         source=[record.source for record in records],
+        task=[f"{record.suite}/{record.task_index}" for record in records],
     )
 
 

@@ -57,8 +57,7 @@ def change_profile(report: Json, dimension: str = "event") -> str:
         if change["value"] is None:
             continue
         color = _direction(change["value"])
-        if not change["degenerate"]:
-            shapes.append(line(_signed(change["lower"]), y, _signed(change["upper"]), y, color, 2.5))
+        shapes.append(line(_signed(change["lower"]), y, _signed(change["upper"]), y, color, 2.5))
         note = f"{points(change['value'])} {interval_text(change, signed=True)}"
         shapes += [
             circle(_signed(change["value"]), y, 5, color),

@@ -185,11 +185,9 @@ def change_text(change: Json) -> str:
 
 
 def interval_text(value: Json, signed: bool = False) -> str:
-    """An interval in percent; says so where resampling could not vary."""
+    """An interval in percent."""
     if value["lower"] is None:
         return "n/a"
-    if value.get("degenerate"):
-        return "(all alike)"
     sign = "+" if signed else ""
     return f"[{100 * value['lower']:{sign}.1f}, {100 * value['upper']:{sign}.1f}]"
 
@@ -212,7 +210,7 @@ def count_text(ratio: Json) -> str:
 def p_text(test: Json) -> str:
     """A p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
     log10_p = test["log10_p_value"]
-    return "n/a (no discordant pair)" if log10_p is None else f"p = {p_number(log10_p)}"
+    return "n/a" if log10_p is None else f"p = {p_number(log10_p)}"
 
 
 def p_number(log10_p: float) -> str:

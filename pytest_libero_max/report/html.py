@@ -92,7 +92,7 @@ def _results(report: Json) -> list[str]:
         body.append(f"<p>{escape(FLOOR_NOTE)}</p>")
     body += [
         "<h2>Paired change by event</h2>",
-        "<p>Percentage points with 95% intervals. A point without a bar: all its pairs are alike.</p>",
+        "<p>Percentage points with 95% intervals.</p>",
         change_profile(report),
         "<h2>Source categories</h2>",
         "<p>Paired change in percentage points (pairs). Cells hold different cases and describe them.</p>",

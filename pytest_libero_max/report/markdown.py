@@ -33,7 +33,7 @@ def markdown(report: Json) -> str:
         lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report["by"][key])]
     lines += [
         "",
-        "Intervals are 95%: Wilson for rates, exact paired bootstrap for changes. Groups hold different",
+        "Intervals are 95%: Wilson for rates, melded exact for changes. Groups hold different",
         "cases: differences between them are descriptions, not effects.",
         "",
     ]

@@ -26,8 +26,8 @@ def result_json(result: PairedResult, planned: int) -> Json:
         "mcnemar": {
             "regressions": result.mcnemar.losses,
             "gains": result.mcnemar.gains,
-            "p_value": number(result.mcnemar.p_value),
-            "log10_p_value": number(result.mcnemar.log10_p),
+            "p_value": number(result.mcnemar.p_value if outcomes.total else None),
+            "log10_p_value": number(result.mcnemar.log10_p if outcomes.total else None),
         },
         "trigger_coverage": rate_json(result.trigger_coverage, result.trigger_interval),
         "response_coverage": rate_json(result.response_coverage, result.response_interval),
@@ -56,15 +56,14 @@ def rate_json(ratio: Ratio, interval: Interval | None) -> Json:
     """A ratio with its counts and interval."""
     return {
         **ratio_json(ratio),
-        "lower": number(interval.lower if interval else None),
-        "upper": number(interval.upper if interval else None),
+        **interval_json(interval),
     }
 
 
 def change_json(result: PairedResult) -> Json:
-    """The paired change with its interval, and the one with the number of pairs of each source fixed."""
+    """The paired change: exact interval, the one clustered by task, and the paper's two bootstraps."""
 
-    def bounds(change: MeanChange | None) -> Json:
+    def bootstrap(change: MeanChange | None) -> Json:
         return {
             "lower": number(change.lower if change else None),
             "upper": number(change.upper if change else None),
@@ -73,8 +72,24 @@ def change_json(result: PairedResult) -> Json:
 
     return {
         **ratio_json(result.outcomes.change),
-        **bounds(result.change),
-        "by_source": bounds(result.change_by_source),
+        **interval_json(result.change),
+        "by_task": {
+            "tasks": result.change_by_task.tasks,
+            "changed_tasks": result.change_by_task.changed,
+            **interval_json(result.change_by_task.interval),
+        },
+        "bootstrap": {
+            **bootstrap(result.bootstrap),
+            "by_source": bootstrap(result.bootstrap_by_source),
+        },
+    }
+
+
+def interval_json(interval: Interval | None) -> Json:
+    """Both ends of an interval; None where there is none."""
+    return {
+        "lower": number(interval.lower if interval else None),
+        "upper": number(interval.upper if interval else None),
     }
 
 
@@ -131,8 +146,11 @@ def contrast_json(contrast: Contrast) -> Json:
         "second_only": contrast.second_only,
         "difference": {
             "value": number(difference.estimate if difference else None),
-            "lower": number(difference.lower if difference else None),
-            "upper": number(difference.upper if difference else None),
+            **interval_json(contrast.interval),
+            "bootstrap": {
+                "lower": number(difference.lower if difference else None),
+                "upper": number(difference.upper if difference else None),
+            },
         },
         "p_value": number(contrast.test.p_value),
         "log10_p_value": number(contrast.test.log10_p),

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.outcomes import Outcomes
-from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
+from pytest_libero_max.stats.paired import PairedResult, Pairs, measure_groups
 
 FLOOR_BASE_RATE = 0.2
 """Below this Base success rate a small change does not show a successful response (the paper's limit)."""
@@ -64,7 +64,8 @@ def breakdown(pairs: Pairs, labels: ArrayLike, groups: Sequence[str]) -> dict[st
     strays = sorted(set(names.tolist()) - set(groups))
     if strays:
         raise ReportError(f"Pairs are labelled {strays}, which are not among the groups {list(groups)}.")
-    return {group: measure(pairs.where(names == group)) for group in groups}
+    results = measure_groups([pairs.where(names == group) for group in groups])
+    return dict(zip(groups, results, strict=True))
 
 
 def macro_average(groups: Sequence[Outcomes]) -> MacroAverage:

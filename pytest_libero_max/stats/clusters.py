@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import special, stats
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.intervals import CONFIDENCE
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
 
 REPLICATES = 10_000
 
+LEAST_TASKS = 30
+"""With fewer tasks, an interval clustered by task cannot be decided."""
+
+LEAST_CHANGED_TASKS = 15
+"""With fewer tasks in which a pair changed, it cannot either: resampling has too little to vary."""
+
 _CHUNK = 4_000_000
-"""Draws held in memory at once."""
+"""Weights held in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,7 @@ def cluster_bootstrap(
     replicates: int = REPLICATES,
     seed: int = 0,
     confidence: float = CONFIDENCE,
+    expanded: bool = False,
 ) -> ClusterInterval | None:
     """Percentile bootstrap of a mean that draws clusters with replacement and takes all cases of each.
 
@@ -63,6 +73,9 @@ def cluster_bootstrap(
         replicates: How many resamples.
         seed: Of the private generator.
         confidence: Two-sided level.
+        expanded: Take percentiles further out, by as much as Student's t is wider than the normal and the
+            sample variance larger than the resampled one. Reference: T. C. Hesterberg (2015), The American
+            Statistician 69:371-386, section 4.2.
 
     Returns:
         The interval, None without cases.
@@ -89,19 +102,24 @@ def cluster_bootstrap(
             "A cluster lies in two strata, so it cannot be drawn within one. Split the cluster."
         )
 
-    generator = np.random.Generator(np.random.PCG64(seed))
     total = np.zeros((replicates, pool_count))
     cases = np.zeros((replicates, pool_count))
-    for stratum in np.unique(stratum_of_cluster):
+    strata_found = np.unique(stratum_of_cluster)
+    if len(strata_found) == 1 and replicates * cluster_count <= _CHUNK:
+        times = _cached_draws(seed, replicates, cluster_count)
+        total, cases, strata_found = times @ sums, times @ sizes, strata_found[:0]
+    generator = np.random.Generator(np.random.PCG64(seed))
+    for stratum in strata_found:
         members = np.flatnonzero(stratum_of_cluster == stratum)
-        for rows in _chunks(replicates, len(members)):
-            drawn = members[generator.integers(len(members), size=(len(rows), len(members)))]
-            for pool in range(pool_count):
-                total[rows, pool] += sums[drawn, pool].sum(axis=1)
-                cases[rows, pool] += sizes[drawn, pool].sum(axis=1)
+        for rows, times in _draws(generator, replicates, len(members)):
+            total[rows] += times @ sums[members]
+            cases[rows] += times @ sizes[members]
     weights = np.where(cases > 0, sizes.sum(axis=0) / n, 0.0)
     means = (weights * total / np.maximum(cases, 1)).sum(axis=1) / weights.sum(axis=1)
     tail = (1 - confidence) / 2
+    if expanded and cluster_count > 1:
+        widening = np.sqrt(cluster_count / (cluster_count - 1))
+        tail = float(special.ndtr(widening * stats.t.ppf(tail, cluster_count - 1)))
     lower, upper = np.quantile(means, [tail, 1 - tail], method="inverted_cdf")
     return ClusterInterval(
         estimate=float(numbers.sum() / n),
@@ -110,6 +128,53 @@ def cluster_bootstrap(
         clusters=cluster_count,
         replicates=replicates,
         seed=seed,
+    )
+
+
+@dataclass(frozen=True)
+class TaskInterval:
+    """An interval of the paired change for statements about other tasks of the same kind.
+
+    Attributes:
+        tasks: How many tasks the pairs are of.
+        changed: In how many of them a pair changed.
+        interval: None where it cannot be decided, with fewer than :data:`LEAST_TASKS` tasks or fewer than
+            :data:`LEAST_CHANGED_TASKS` that changed.
+    """
+
+    tasks: int
+    changed: int
+    interval: Interval | None
+
+
+def task_interval(
+    differences: ArrayLike, tasks: ArrayLike, sources: ArrayLike, independent: Interval | None
+) -> TaskInterval:
+    """Interval of a paired change that takes the pairs of a task as one draw.
+
+    An expanded percentile interval over resampled tasks (see :func:`cluster_bootstrap`), drawn jointly across
+    the sources, whose shares of all pairs stay fixed; and never narrower than the interval that takes all
+    pairs as independent. The two minima were chosen by simulation: with 30 tasks, 20 or 200 pairs each and
+    task effects from frequent to rare, 6.5% of all runs or fewer had an interval that missed the truth.
+
+    Args:
+        differences: (n,) Dynamic - Base.
+        tasks: (n,) labels.
+        sources: (n,) labels.
+        independent: The interval for independent pairs.
+    """
+    values, labels = np.asarray(differences), np.asarray(tasks)
+    count = len(np.unique(labels))
+    changed = len(np.unique(labels[values != 0]))
+    if count < LEAST_TASKS or changed < LEAST_CHANGED_TASKS:
+        return TaskInterval(count, changed, None)
+    clustered = cluster_bootstrap(values, labels, pools=sources, expanded=True)
+    assert clustered is not None
+    assert independent is not None
+    return TaskInterval(
+        count,
+        changed,
+        Interval(min(clustered.lower, independent.lower), max(clustered.upper, independent.upper)),
     )
 
 
@@ -122,7 +187,19 @@ def _codes(labels: ArrayLike, n: int, name: str) -> tuple[NDArray[np.int64], int
     return codes.astype(np.int64), len(distinct)
 
 
-def _chunks(replicates: int, width: int) -> list[NDArray[np.int64]]:
-    """Row numbers in pieces of at most ``_CHUNK`` draws."""
-    step = max(1, _CHUNK // width)
-    return [np.arange(start, min(start + step, replicates)) for start in range(0, replicates, step)]
+@lru_cache(maxsize=4)
+def _cached_draws(seed: int, replicates: int, clusters: int) -> NDArray[np.float64]:
+    """All draws at once: the groups of a report mostly have the same tasks."""
+    ((_, times),) = _draws(np.random.Generator(np.random.PCG64(seed)), replicates, clusters)
+    return times
+
+
+def _draws(
+    generator: np.random.Generator, replicates: int, clusters: int
+) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    """For each resample, how often each cluster is drawn; in pieces of at most ``_CHUNK`` numbers."""
+    step = max(1, _CHUNK // clusters)
+    for start in range(0, replicates, step):
+        rows = slice(start, min(start + step, replicates))
+        times = generator.multinomial(clusters, np.full(clusters, 1 / clusters), size=rows.stop - start)
+        yield rows, times.astype(np.float64)

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.intervals import MeanChange, mean_change
+from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change
 from pytest_libero_max.stats.outcomes import BoolArray, boolean
+from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, holm, mcnemar
 
 
@@ -26,6 +27,7 @@ class Contrast:
         first_only: Cases in which only the first succeeds.
         second_only: Cases in which only the second succeeds.
         difference: Mean of (second - first) with its paired bootstrap interval; None without cases.
+        interval: Exact interval of the same, which agrees with the uncorrected test; None without cases.
         test: Exact McNemar test, uncorrected.
         log10_p_holm: Its p-value after Holm's correction over the family of contrasts; None if untestable.
     """
@@ -35,6 +37,7 @@ class Contrast:
     first_only: int
     second_only: int
     difference: MeanChange | None
+    interval: Interval | None
     test: McNemar
     log10_p_holm: float | None
 
@@ -82,6 +85,8 @@ def contrasts(
         for first, second in chosen
     ]
     adjusted = holm([test.log10_p for test in tests])
+    cases = next(iter(lengths.values()), 0)
+    intervals = paired_differences([(test.losses, test.gains, cases) for test in tests])
     return tuple(
         Contrast(
             first=first,
@@ -89,10 +94,11 @@ def contrasts(
             first_only=test.losses,
             second_only=test.gains,
             difference=mean_change(columns[second].astype(np.int64) - columns[first], strata),
+            interval=interval,
             test=test,
             log10_p_holm=corrected,
         )
-        for (first, second), test, corrected in zip(chosen, tests, adjusted, strict=True)
+        for (first, second), test, interval, corrected in zip(chosen, tests, intervals, adjusted, strict=True)
     )
 
 

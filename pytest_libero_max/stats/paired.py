@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.clusters import TaskInterval, task_interval
 from pytest_libero_max.stats.exposure import Exposure, expose
 from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change, wilson
 from pytest_libero_max.stats.outcomes import BoolArray, Outcomes, Ratio, boolean, tabulate
+from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, mcnemar
 
 
@@ -25,6 +28,7 @@ class Pairs:
         responded: (n,) bool, a query followed it.
         stale: (n,) int, stale actions; -1 where the event never fired.
         source: (n,) labels; strata of the fixed-composition bootstrap.
+        task: (n,) labels; pairs of one task are not independent.
 
     Raises:
         ReportError: The columns differ in length or contradict each other.
@@ -36,6 +40,7 @@ class Pairs:
     responded: BoolArray
     stale: NDArray[np.int64]
     source: NDArray[np.str_]
+    task: NDArray[np.str_]
 
     def __post_init__(self) -> None:
         lengths = {name: len(column) for name, column in vars(self).items()}
@@ -60,6 +65,7 @@ class Pairs:
         responded: ArrayLike,
         stale: ArrayLike,
         source: ArrayLike,
+        task: ArrayLike,
     ) -> Pairs:
         """Build the columns from any sequences."""
         return cls(
@@ -69,6 +75,7 @@ class Pairs:
             boolean(responded, "responded"),
             np.asarray(stale, dtype=np.int64),
             np.asarray(source, dtype=np.str_),
+            np.asarray(task, dtype=np.str_),
         )
 
     def where(self, mask: BoolArray) -> Pairs:
@@ -85,8 +92,10 @@ class PairedResult:
         base: Interval of the Base success rate.
         dynamic: Interval of the Dynamic success rate.
         conditional_regression: Interval of the share of Base successes lost.
-        change: Paired change, resampling all pairs alike.
-        change_by_source: Paired change, resampling within each source.
+        change: Interval of the paired change for independent pairs: exact, and never without a width.
+        change_by_task: The same for statements about other tasks.
+        bootstrap: The paper's interval of the paired change, resampling all pairs alike.
+        bootstrap_by_source: The paper's interval, resampling within each source.
         mcnemar: Exact test of (1, 0) against (0, 1).
         trigger_coverage: Pairs whose event fired, of all.
         response_coverage: Pairs with a query after the event, of all.
@@ -101,8 +110,10 @@ class PairedResult:
     base: Interval | None
     dynamic: Interval | None
     conditional_regression: Interval | None
-    change: MeanChange | None
-    change_by_source: MeanChange | None
+    change: Interval | None
+    change_by_task: TaskInterval
+    bootstrap: MeanChange | None
+    bootstrap_by_source: MeanChange | None
     mcnemar: McNemar
     trigger_coverage: Ratio
     response_coverage: Ratio
@@ -114,7 +125,19 @@ class PairedResult:
 
 def measure(pairs: Pairs) -> PairedResult:
     """Compute the result of a set of pairs; every value without a denominator is None."""
-    outcomes = tabulate(pairs.base, pairs.dynamic)
+    return measure_groups([pairs])[0]
+
+
+def measure_groups(groups: Sequence[Pairs]) -> list[PairedResult]:
+    """:func:`measure` for several sets of pairs, whose exact intervals are computed together."""
+    outcomes = [tabulate(pairs.base, pairs.dynamic) for pairs in groups]
+    changes = paired_differences(
+        [(cell.regression, cell.change_associated_success, cell.total) for cell in outcomes]
+    )
+    return [_result(*parts) for parts in zip(groups, outcomes, changes, strict=True)]
+
+
+def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None) -> PairedResult:
     differences = pairs.dynamic.astype(np.int64) - pairs.base
     triggered = Ratio(int(pairs.triggered.sum()), len(pairs))
     responded = Ratio(int(pairs.responded.sum()), len(pairs))
@@ -123,8 +146,10 @@ def measure(pairs: Pairs) -> PairedResult:
         base=wilson(outcomes.base),
         dynamic=wilson(outcomes.dynamic),
         conditional_regression=wilson(outcomes.conditional_regression),
-        change=mean_change(differences),
-        change_by_source=mean_change(differences, pairs.source),
+        change=change,
+        change_by_task=task_interval(differences, pairs.task, pairs.source, change),
+        bootstrap=mean_change(differences),
+        bootstrap_by_source=mean_change(differences, pairs.source),
         mcnemar=mcnemar(outcomes.regression, outcomes.change_associated_success),
         trigger_coverage=triggered,
         response_coverage=responded,

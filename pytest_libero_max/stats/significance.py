@@ -17,17 +17,17 @@ class McNemar:
     Attributes:
         losses: Discordant pairs in which the first condition succeeds, (1, 0).
         gains: Discordant pairs in which the second does, (0, 1).
-        log10_p: Decimal logarithm of the p-value; None without a discordant pair.
+        log10_p: Decimal logarithm of the p-value; 0 (p = 1) without a discordant pair.
     """
 
     losses: int
     gains: int
-    log10_p: float | None
+    log10_p: float
 
     @property
-    def p_value(self) -> float | None:
+    def p_value(self) -> float:
         """The p-value; 0.0 where it is below the smallest double, for which ``log10_p`` stays exact."""
-        return None if self.log10_p is None else 10.0**self.log10_p
+        return float(10.0**self.log10_p)
 
 
 def mcnemar(losses: int, gains: int) -> McNemar:
@@ -36,12 +36,10 @@ def mcnemar(losses: int, gains: int) -> McNemar:
     Under the null the smaller count is Binomial(losses + gains, 1/2); the two-sided p-value is
     min(1, 2 P(X <= min)). It is summed in log space because eight thousand pairs make it smaller than the
     smallest double. Reference: Q. McNemar (1947), Psychometrika 12:153-157; A. Agresti, Categorical Data
-    Analysis, 3rd ed., 11.1. Conservative for few discordant pairs (no p below 0.05 with fewer than six);
-    no p-value at all without one.
+    Analysis, 3rd ed., 11.1. Conservative for few discordant pairs: no p below 0.05 with fewer than six, and
+    p = 1 without one, where nothing speaks against the null.
     """
     n, k = losses + gains, min(losses, gains)
-    if n == 0:
-        return McNemar(losses, gains, None)
     if 2 * k + 1 >= n:
         return McNemar(losses, gains, 0.0)
     tail = special.logsumexp(stats.binom.logpmf(np.arange(k + 1), n, 0.5))

@@ -122,7 +122,7 @@ def test_the_summary_fits_a_terminal() -> None:
 def test_a_p_value_is_never_printed_as_zero() -> None:
     assert p_text({"p_value": 0.25, "log10_p_value": -0.602}) == "p = 0.250"
     assert p_text({"p_value": 0.0, "log10_p_value": -470.25}) == "p = 5.6e-471"
-    assert p_text({"p_value": None, "log10_p_value": None}) == "n/a (no discordant pair)"
+    assert p_text({"p_value": None, "log10_p_value": None}) == "n/a"
 
 
 def test_markdown_has_a_table_per_breakdown() -> None:

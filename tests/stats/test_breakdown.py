@@ -22,6 +22,7 @@ def _pairs(fates: list[tuple[int, str]]) -> Pairs:
         responded=[kind < 4 for kind in kinds],
         stale=[kind if kind < 4 else -1 for kind in kinds],
         source=[source for _, source in fates],
+        task=[f"task {kind}" for kind in kinds],
     )
 
 
@@ -37,8 +38,11 @@ def test_every_assigned_pair_is_in_every_denominator(fates: list[tuple[int, str]
     assert result.given_response.total == result.response_coverage.count
     assert (result.change is None) == (n == 0)
     if result.change is not None:
-        assert result.change.pairs == n
-        assert result.change.estimate == result.outcomes.change.value
+        assert result.outcomes.change.value is not None
+        assert result.change.lower < result.change.upper
+        assert result.change.lower <= result.outcomes.change.value <= result.change.upper
+        assert result.bootstrap is not None
+        assert result.bootstrap.estimate == result.outcomes.change.value
 
 
 @settings(deadline=None, max_examples=30)
@@ -66,11 +70,11 @@ def test_a_label_outside_the_groups_would_lose_pairs() -> None:
 
 def test_contradicting_columns_are_refused() -> None:
     with pytest.raises(ReportError, match="never fired"):
-        Pairs.of([True], [True], triggered=[False], responded=[True], stale=[-1], source=["plus"])
+        Pairs.of([True], [True], triggered=[False], responded=[True], stale=[-1], source=["plus"], task=["t"])
     with pytest.raises(ReportError, match="exactly the triggered pairs"):
-        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[-1], source=["plus"])
+        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[-1], source=["plus"], task=["t"])
     with pytest.raises(ReportError, match="must have one"):
-        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[0], source=[])
+        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[0], source=[], task=["t"])
 
 
 def test_a_macro_average_weighs_groups_alike() -> None:

@@ -2,10 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.clusters import cluster_bootstrap
+from pytest_libero_max.stats.clusters import TaskInterval, cluster_bootstrap, task_interval
 from pytest_libero_max.stats.intervals import mean_change
+from pytest_libero_max.stats.paired_difference import paired_difference
 
 RANDOM = np.random.default_rng(7)
 VALUES = RANDOM.choice([-1, 0, 1], size=300, p=[0.3, 0.6, 0.1])
@@ -92,3 +94,58 @@ def test_the_interval_covers_the_mean_of_clustered_cases() -> None:
         assert interval is not None
         hits.append(interval.lower <= 0.5 <= interval.upper)
     assert 0.9 <= np.mean(hits) <= 0.985
+
+
+def _task_interval(differences: NDArray[np.int64], tasks: NDArray[np.int64]) -> TaskInterval:
+    losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
+    independent = paired_difference(losses, gains, len(differences))
+    return task_interval(differences, tasks, ["plus"] * len(tasks), independent)
+
+
+def test_few_tasks_or_few_changed_ones_cannot_be_decided() -> None:
+    tasks = np.repeat(np.arange(40), 5)
+    alike = np.zeros(200, dtype=int)
+    assert _task_interval(alike, tasks) == TaskInterval(40, 0, None)
+    rare = np.where(tasks < 14, -1, 0)
+    assert _task_interval(rare, tasks) == TaskInterval(40, 14, None)
+    few = np.repeat([-1, 0], 100)
+    assert _task_interval(few, np.arange(200) % 29) == TaskInterval(29, 29, None)
+    assert _task_interval(few, np.arange(200) % 30).interval is not None
+
+
+def test_an_interval_by_task_is_never_narrower_than_the_one_of_independent_pairs() -> None:
+    tasks = np.repeat(np.arange(40), 5)
+    for values in (np.tile([-1, 0, 0, 1, 0], 40), np.where(tasks % 2 == 0, -1, 0), VALUES[:200]):
+        alone = paired_difference(int((values < 0).sum()), int((values > 0).sum()), 200)
+        interval = _task_interval(values, tasks).interval
+        assert alone is not None
+        assert interval is not None
+        assert interval.lower <= alone.lower
+        assert interval.upper >= alone.upper
+    together = _task_interval(np.where(tasks % 2 == 0, -1, 0), tasks).interval
+    apart = _task_interval(np.where(np.arange(200) % 2 == 0, -1, 0), tasks).interval
+    assert together is not None
+    assert apart is not None
+    assert together.upper - together.lower > 1.5 * (apart.upper - apart.lower)
+
+
+@pytest.mark.parametrize(("first", "second", "mean"), [(0.4, 1.6, 0.2), (0.2, 9.8, 0.02)])
+def test_an_interval_by_task_seldom_misses_the_mean_over_tasks(
+    first: float, second: float, mean: float
+) -> None:
+    random = np.random.default_rng(13)
+    missed = 0
+    for _ in range(200):
+        rates = random.beta(first, second, size=30)
+        values = -(random.random((30, 40)) < rates[:, None]).astype(int).ravel()
+        interval = _task_interval(values, np.repeat(np.arange(30), 40)).interval
+        missed += interval is not None and not interval.lower <= -mean <= interval.upper
+    assert missed / 200 <= 0.08
+
+
+def test_expanded_percentiles_lie_further_out() -> None:
+    plain = cluster_bootstrap(VALUES, np.arange(300) % 30)
+    wide = cluster_bootstrap(VALUES, np.arange(300) % 30, expanded=True)
+    assert plain is not None
+    assert wide is not None
+    assert wide.lower < plain.lower < plain.upper < wide.upper
