@@ -31,7 +31,7 @@ from pytest_libero_max.stats.intervals import CONFIDENCE, wilson
 from pytest_libero_max.stats.outcomes import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 
-REPORT_VERSION = 1
+REPORT_VERSION = 2
 
 METHODS = {
     "confidence": CONFIDENCE,

@@ -20,7 +20,7 @@ from pytest_libero_max.stats.breakdown import breakdown
 from pytest_libero_max.stats.comparison import contrasts, profile_agreement, ranks
 from pytest_libero_max.stats.paired import measure
 
-COMPARISON_VERSION = 1
+COMPARISON_VERSION = 2
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ rank  run                            Base   Dynamic    change     lost
    2  new                          100.0%     87.5%     -12.5     4/32
 
 Dynamic success, second against first      change     95% interval    Holm p
-new against old                             -12.5    [-25.0, -3.1]     0.125
+new against old                             -12.5    [-29.0, +2.8]     0.125
 
 4 cases changed, (Base, Dynamic) in old, new:
 (1,1) (1,0)  pro-spatial-t00-distractor_burst-v0

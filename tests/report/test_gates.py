@@ -114,10 +114,15 @@ def test_missing_pairs_make_rates_undecidable_and_counts_not() -> None:
 def test_a_zero_denominator_makes_a_gate_undecidable() -> None:
     records = [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS]
     report = build_report(records, [], PAIRS, PROVENANCE)
-    for name in ("conditional_regression", "retained", "p_value", "stale_mean"):
+    for name in ("conditional_regression", "retained", "stale_mean"):
         result = evaluate(parse_gate(f"{name} <= 99"), report)
         assert result.verdict == "undecidable"
         assert f"no pair to measure {name} on" in result.reason
+
+
+def test_without_a_changed_pair_the_p_value_is_one() -> None:
+    report = build_report([record_of(pair, True, True) for pair in PAIRS], [], PAIRS, PROVENANCE)
+    assert evaluate(parse_gate("p_value == 1"), report).passed
 
 
 def test_a_group_the_run_does_not_have_is_undecidable_with_a_hint() -> None:

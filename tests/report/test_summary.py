@@ -27,21 +27,21 @@ Scores on the embedded substrate are not comparable with published ones.
 
 Base success                    65.6% [48.3, 79.6]  21/32
 Dynamic success                 46.9% [30.9, 63.6]  15/32
-Paired change                   -18.8 pp [-40.6, +6.2]   McNemar p = 0.210
+Paired change                   -18.8 pp [-43.7, +8.9]   McNemar p = 0.210
 Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 11   (0,0) 6
 Base successes lost             52.4% [32.4, 71.7]  11/21   retained 71.4%
 Event fired                     31/32   query after it 31/32
 Stale actions                   mean 2.00   median 2
 
 Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch                 4    50.0%    25.0%    -25.0 [-100.0, +50.0]       2/2
-camera_shift                        4    75.0%    50.0%      -25.0 [-75.0, +0.0]       1/3
-visual_theme_switch                 4    50.0%    50.0%      +0.0 [-75.0, +75.0]       1/2
-sensor_noise_onset                  4    75.0%    50.0%    -25.0 [-100.0, +50.0]       2/3
-target_relocation                   4    75.0%    50.0%      -25.0 [-75.0, +0.0]       1/3
-receptacle_relocation               4    50.0%    50.0%      +0.0 [-75.0, +75.0]       1/2
-distractor_burst                    4    75.0%    50.0%    -25.0 [-100.0, +50.0]       2/3
-obstacle_insertion                  4    75.0%    50.0%      -25.0 [-75.0, +0.0]       1/3
+illumination_switch                 4    50.0%    25.0%     -25.0 [-90.4, +69.1]       2/2
+camera_shift                        4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
+visual_theme_switch                 4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
+sensor_noise_onset                  4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
+target_relocation                   4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
+receptacle_relocation               4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
+distractor_burst                    4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
+obstacle_insertion                  4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
 Written: out/pairs.jsonl, out/report.json"""
 
 INCOMPLETE = """\
@@ -52,14 +52,14 @@ Scores on the embedded substrate are not comparable with published ones.
 Over the 30 played pairs only:
 Base success                    66.7% [48.8, 80.8]  20/30
 Dynamic success                 50.0% [33.2, 66.8]  15/30
-Paired change                   -16.7 pp [-40.0, +6.7]   McNemar p = 0.302
+Paired change                   -16.7 pp [-42.8, +12.0]   McNemar p = 0.302
 Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 10   (0,0) 5
 Base successes lost             50.0% [29.9, 70.1]  10/20   retained 75.0%
 Event fired                     30/30   query after it 30/30
 Stale actions                   mean 2.00   median 2
 
 Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch            2 of 4    50.0%    50.0%    +0.0 [-100.0, +100.0]       1/1"""
+illumination_switch            2 of 4    50.0%    50.0%      +0.0 [-97.5, +97.5]       1/1"""
 
 NOTHING = """\
 INCOMPLETE: 0 of 32 planned pairs played, 31 invalid, 1 missing. No score.
@@ -73,14 +73,14 @@ scripted (H=10 Q=5) on libero, track smoke: 32 of 32 planned pairs played
 
 Base success                    0.0% [0.0, 10.7]  0/32
 Dynamic success                 0.0% [0.0, 10.7]  0/32
-Paired change                   +0.0 pp (all alike)   McNemar n/a (no discordant pair)
+Paired change                   +0.0 pp [-10.9, +10.9]   McNemar p = 1.000
 Outcomes (Base, Dynamic)        (1,1) 0   (0,1) 0   (1,0) 0   (0,0) 32
 Base successes lost             n/a  0/0   retained n/a
 Event fired                     0/32   query after it 0/32
 Stale actions                   mean n/a   median n/a
 
 Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch *               4     0.0%     0.0%         +0.0 (all alike)       0/0"""
+illumination_switch *               4     0.0%     0.0%      +0.0 [-60.2, +60.2]       0/0"""
 
 
 def _text(records: list[PairRecord], *paths: str, provenance: Json = PROVENANCE) -> str:
