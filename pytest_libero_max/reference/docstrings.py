@@ -1,0 +1,88 @@
+"""What docstrings say: Google style, as the whole package writes it."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+_SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields):$", re.M)
+_ENTRY = re.compile(r"^(?P<name>\w+): (?P<text>.*(?:\n(?: .*)?)*)", re.M)
+
+
+@dataclass(frozen=True)
+class Documented:
+    """A name of a module and what is said of it.
+
+    Attributes:
+        name: The name.
+        value: How the source spells its value.
+        text: Its docstring; empty where there is none.
+    """
+
+    name: str
+    value: str
+    text: str
+
+
+def description(thing: object) -> str:
+    """The docstring without its sections, such as ``Attributes:``."""
+    return _SECTION.split(inspect.getdoc(thing) or "", maxsplit=1)[0].strip()
+
+
+def summary(thing: object) -> str:
+    """The docstring's first paragraph on one line."""
+    return " ".join(description(thing).split("\n\n", maxsplit=1)[0].split())
+
+
+def section(thing: object, name: str) -> dict[str, str]:
+    """The entries of a docstring's section by name, each on one line.
+
+    Args:
+        thing: What has the docstring.
+        name: ``Args``, ``Attributes`` or ``Raises``.
+    """
+    pieces = _SECTION.split(inspect.getdoc(thing) or "")
+    bodies = dict(zip(pieces[1::2], pieces[2::2], strict=True))
+    body = textwrap.dedent(bodies.get(name, "").strip("\n"))
+    return {match["name"]: " ".join(match["text"].split()) for match in _ENTRY.finditer(body)}
+
+
+def constants(module: ModuleType) -> Iterator[Documented]:
+    """The public constants of a module that have a docstring, in the order of the source."""
+    source = inspect.getsource(module)
+    statements = ast.parse(source).body
+    for statement, following in zip(statements, statements[1:], strict=False):
+        target = _target(statement)
+        if target is None or not target.isupper() or target.startswith("_"):
+            continue
+        if isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
+            value = getattr(statement, "value", None)
+            spelled = ast.get_source_segment(source, value) if value is not None else None
+            yield Documented(target, " ".join((spelled or "").split()), str(following.value.value).strip())
+
+
+def public_names(module: Any) -> tuple[str, ...]:
+    """``__all__``, or the functions and classes that the module defines under a public name."""
+    if hasattr(module, "__all__"):
+        return tuple(module.__all__)
+    return tuple(
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_")
+        and (inspect.isfunction(value) or inspect.isclass(value))
+        and value.__module__ == module.__name__
+    )
+
+
+def _target(statement: ast.stmt) -> str | None:
+    if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+        return statement.target.id
+    if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
+        return statement.targets[0].id
+    return None

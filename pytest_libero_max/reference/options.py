@@ -1,0 +1,74 @@
+"""The page of the plugin: options, fixtures, markers, outcome letters, exit statuses."""
+
+from __future__ import annotations
+
+import inspect
+
+from pytest_libero_max.plugin import controller, hooks, outcome_letters
+from pytest_libero_max.plugin.options import OPTIONS, Option
+from pytest_libero_max.reference.docstrings import constants, description
+from pytest_libero_max.reference.markdown import code, one_line, prose, table
+
+
+def page() -> str:
+    """The text."""
+    options = table(
+        ("Option", "ini key", "Default", "Meaning"),
+        (
+            (code(_usage(option)), code(option.key), _default(option), one_line(option.help))
+            for option in OPTIONS
+        ),
+    )
+    fixtures = "\n\n".join(_fixture(name) for name in ("libero_max_case", *sorted(hooks.__all__)))
+    letters = table(
+        ("Letter", "Outcome"),
+        (
+            *((code(letter), outcome) for outcome, letter in outcome_letters.LETTERS.items()),
+            (code(outcome_letters.UNTRIGGERED), "the event never fired"),
+            (code("E"), "error: the pair could not be measured"),
+        ),
+    )
+    statuses = table(
+        ("Exit status", "Meaning"),
+        ((item.value, one_line(item.text)) for item in constants(controller) if item.value.isdigit()),
+    )
+    return f"""# The plugin: options, fixtures, outcomes
+
+## Options
+
+Every option is also an ini key. The command line wins over the ini file, and the ini file over the default.
+
+{options}
+
+## Fixtures
+
+{fixtures}
+
+## Outcomes
+
+Each pair is one letter on the progress line and one sentence with `-v`.
+
+{letters}
+
+## Exit statuses
+
+Those of pytest, and two of our own.
+
+{statuses}
+"""
+
+
+def _usage(option: Option) -> str:
+    return option.flag if option.metavar is None else f"{option.flag}={option.metavar}"
+
+
+def _default(option: Option) -> str:
+    return code(option.default) if option.default else ""
+
+
+def _fixture(name: str) -> str:
+    if name == "libero_max_case":
+        text = "The case of the item. A test that asks for it, also through another fixture, has one item a case."
+    else:
+        text = description(inspect.unwrap(getattr(hooks, name)))
+    return f"**`{name}`**. {prose(text)}"

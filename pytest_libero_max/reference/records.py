@@ -1,0 +1,50 @@
+"""The page of the pair runner: what ``pairs.jsonl`` holds."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from pytest_libero_max import pairing
+from pytest_libero_max.pairing import record
+from pytest_libero_max.reference.docstrings import description, section
+from pytest_libero_max.reference.markdown import code, one_line, prose, table
+
+
+def page() -> str:
+    """The text."""
+    classes = [
+        value
+        for value in vars(record).values()
+        if inspect.isclass(value) and is_dataclass(value) and value.__module__ == record.__name__
+    ]
+    order = {name: position for position, name in enumerate(("PairRecord", "ArmRecord", "FiringRecord"))}
+    classes.sort(key=lambda cls: order.get(cls.__name__, len(order)))
+    return f"""# Pair records
+
+{prose(description(pairing))}
+
+`pairs.jsonl` holds one JSON object a line. The first line, `"line": "run"`, is the run: `provenance` and the `planned`
+pairs. Every other line is a measured pair (`"line": "pair"`, the fields of `PairRecord`) or a pair that could not be
+measured (`"line": "error"`, the fields of `PairError`). The schema is
+[`record.schema.json`](../report/record.schema.json). The schema version is {record.RECORD_VERSION}.
+
+{"\n\n".join(_class(cls) for cls in classes)}
+"""
+
+
+def _class(cls: type[Any]) -> str:
+    texts = section(cls, "Attributes")
+    rows = (
+        (code(item.name), code(item.type), one_line(texts.get(item.name, _common(item.name))))
+        for item in fields(cls)
+    )
+    return f"## {cls.__name__}\n\n{prose(description(cls))}\n\n{table(('Field', 'Type', 'Meaning'), rows)}"
+
+
+def _common(name: str) -> str:
+    """What is said of a field where another class of the module documents it."""
+    if name == "schema_version":
+        return f"Version of the form of the record: {record.RECORD_VERSION}."
+    return section(record.PairRecord, "Attributes").get(name, "")

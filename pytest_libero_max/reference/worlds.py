@@ -1,0 +1,94 @@
+"""The page of the worlds: protocol constants, observations, actions, and the contract of a world."""
+
+from __future__ import annotations
+
+import inspect
+
+from pytest_libero_max import worlds
+from pytest_libero_max.benchmark import cases
+from pytest_libero_max.reference.docstrings import constants, description, summary
+from pytest_libero_max.reference.markdown import code, one_line, prose, table
+from pytest_libero_max.worlds import contract
+
+OBSERVATIONS = {
+    "agentview_image": ("(size, size, 3)", "uint8", "Red, green, blue. Row 0 is the bottom of the picture."),
+    "robot0_eye_in_hand_image": ("(size, size, 3)", "uint8", "The same, of the camera at the wrist."),
+    "robot0_eef_pos": ("(3,)", "float64", "Position of the grip site between the fingers, m, world frame."),
+    "robot0_eef_quat": ("(4,)", "float64", "Orientation of the hand, quaternion xyzw, world frame."),
+    "robot0_gripper_qpos": ("(2,)", "float64", "Positions of the two fingers, m."),
+    "robot0_gripper_qvel": ("(2,)", "float64", "Velocities of the two fingers, m/s."),
+    "robot0_joint_pos": ("(7,)", "float64", "Angles of the arm's joints, rad."),
+    "robot0_joint_vel": ("(7,)", "float64", "Velocities of the arm's joints, rad/s."),
+}
+"""Shape, type and meaning of every key of an observation; a test compares them with what a world returns."""
+
+ACTIONS = (
+    ("0 to 2", "Movement of the hand along x, y, z of the world: 1 is 5 cm."),
+    ("3 to 5", "Rotation of the hand about x, y, z of the world: 1 is 0.5 rad."),
+    ("6", "Gripper: above 0 closes it, below 0 opens it."),
+)
+
+
+def page() -> str:
+    """The text."""
+    observations = table(
+        ("Key", "Shape", "Type", "Meaning"), ((code(key), *entry) for key, entry in OBSERVATIONS.items())
+    )
+    budgets = table(("Suite", "Policy steps"), ((suite, str(n)) for suite, n in cases.SUITE_BUDGETS.items()))
+    numbers = table(
+        ("Constant", "Value", "Meaning"),
+        (
+            (code(item.name), code(item.value), one_line(item.text))
+            for module in (cases, contract)
+            for item in constants(module)
+            if item.value.isdigit() or item.value.startswith("(")
+        ),
+    )
+    methods = table(
+        ("Member", "Meaning"),
+        ((code(name + _arguments(value)), one_line(summary(value))) for name, value in _members()),
+    )
+    return f"""# Worlds
+
+{prose(description(worlds))}
+
+## Observations
+
+A policy gets a dictionary with LIBERO's own keys. It holds an image for each camera that the policy's spec names, of the
+size that the spec names. `image[::-1]` is the right way up.
+
+{observations}
+
+## Actions
+
+A policy returns an array (n, 7) with components within [-1, 1]; what lies beyond is clipped.
+
+{table(("Component", "Meaning"), ACTIONS)}
+
+## Budgets
+
+{one_line(next(item.text for item in constants(cases) if item.name == "SUITE_BUDGETS"))}
+
+{budgets}
+
+## Protocol constants
+
+{numbers}
+
+## The contract of a world
+
+{prose(description(contract.World))}
+
+{methods}
+"""
+
+
+def _members() -> list[tuple[str, object]]:
+    return [(name, value) for name, value in vars(contract.World).items() if not name.startswith("_")]
+
+
+def _arguments(value: object) -> str:
+    if not inspect.isfunction(value):
+        return ""
+    names = [name for name in inspect.signature(value).parameters if name != "self"]
+    return f"({', '.join(names)})"
