@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit status: 0, or 1 with a message on standard error.
     """
-    options = _parser().parse_args(arguments)
+    options = parser().parse_args(arguments)
     try:
         options.run(options)
     except LiberoMaxError as error:
@@ -31,12 +31,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole command."""
+    command = argparse.ArgumentParser(
         prog="libero-max",
         description="Around runs of pytest --libero-max-policy: measure, compare, build the benchmark.",
     )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands = command.add_subparsers(required=True, metavar="COMMAND")
     for subject in (measuring, results, building):
         subject.add_commands(commands)
-    return parser
+    return command

@@ -4,43 +4,112 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import import_module
-from types import ModuleType
+from typing import Any, NamedTuple
 
 from pytest_libero_max.reference import COMMAND, PAGES
-from pytest_libero_max.reference.docstrings import public_names, summary
-from pytest_libero_max.reference.markdown import code, one_line, table
+from pytest_libero_max.reference.docstrings import description, section, summary
+from pytest_libero_max.reference.markdown import code, one_line, prose, table
 
-MODULES: Mapping[str, str] = {
-    "pytest_libero_max": "What an adapter imports.",
-    "pytest_libero_max.policies.contract": "What a policy is.",
-    "pytest_libero_max.policies.check": "Checks of a policy, which the pair runner makes as well.",
-    "pytest_libero_max.policies.loading": "From the text of `--libero-max-policy` to a policy.",
-    "pytest_libero_max.benchmark.cases": "Cases and their events.",
-    "pytest_libero_max.benchmark.manifests": "Manifests: files of cases.",
-    "pytest_libero_max.benchmark.tracks": "The tracks that are installed with the package.",
-    "pytest_libero_max.benchmark.sampling": "Smaller sets of cases.",
-    "pytest_libero_max.worlds.contract": "What a world and a substrate are.",
-    "pytest_libero_max.worlds.registry": "The substrates by name.",
-    "pytest_libero_max.changes": "Changes of a world.",
-    "pytest_libero_max.pairing.runner": "Playing a pair, or a part of it, without pytest.",
-    "pytest_libero_max.pairing.record": "What is kept of a pair.",
-    "pytest_libero_max.report.build": "From records to the report.",
-    "pytest_libero_max.report.store": "Reading and writing `pairs.jsonl`.",
-    "pytest_libero_max.report.gates": "Conditions on a report.",
-    "pytest_libero_max.strategies": "Hypothesis strategies.",
-    "pytest_libero_max.errors": "Every exception that the package raises.",
+
+class Public(NamedTuple):
+    """What a module offers to other people's code.
+
+    Attributes:
+        text: What the module is for.
+        names: The names, in the order of the page.
+    """
+
+    text: str
+    names: tuple[str, ...]
+
+
+ADAPTER = ("PolicySpec", "Policy", "Episode", "Query")
+"""What an adapter imports from the package itself; these are described at length."""
+
+MODULES: Mapping[str, Public] = {
+    "pytest_libero_max.policies.contract": Public(
+        "Policies, beyond what an adapter imports.", ("RemembersPolicy", "query_seed")
+    ),
+    "pytest_libero_max.policies.loading": Public(
+        "From the text of `--libero-max-policy` to a policy.", ("load_policy", "check_reference")
+    ),
+    "pytest_libero_max.policies.check": Public(
+        "The checks that the pair runner makes of a policy and its answers.",
+        ("check_policy", "check_actions", "remembers"),
+    ),
+    "pytest_libero_max.benchmark.cases": Public(
+        "Cases: the frozen units of the benchmark.", ("Case", "Event", "parse_case")
+    ),
+    "pytest_libero_max.benchmark.manifests": Public(
+        "Manifests: files of cases.", ("Manifest", "load_manifest", "parse_manifest")
+    ),
+    "pytest_libero_max.benchmark.tracks": Public(
+        "The tracks that are installed with the package.", ("track_names", "load_track")
+    ),
+    "pytest_libero_max.benchmark.sampling": Public("Smaller sets of cases.", ("stratified",)),
+    "pytest_libero_max.sources": Public("Substrates by name.", ("open_substrate",)),
+    "pytest_libero_max.worlds.contract": Public(
+        "What a world and a substrate are.",
+        ("World", "WorldState", "Entity", "PixelFilter", "Substrate"),
+    ),
+    "pytest_libero_max.changes": Public(
+        "Changes of a world.", ("Change", "Evidence", "change_from_dict", "check_changes")
+    ),
+    "pytest_libero_max.pairing.runner": Public(
+        "Playing a pair, or a part of it, without pytest.",
+        ("play_pair", "measure_pair", "play_prefix", "inject", "continue_rollout", "PairSettings", "Pair"),
+    ),
+    "pytest_libero_max.pairing.record": Public("What is kept of a pair.", ("PairRecord", "PairError")),
+    "pytest_libero_max.report.store": Public("Reading `pairs.jsonl`.", ("read_pairs", "StoredRun")),
+    "pytest_libero_max.report.build": Public("From records to the report.", ("build_report",)),
+    "pytest_libero_max.report.gates": Public(
+        "Conditions on a report.", ("Gate", "GateResult", "parse_gate", "evaluate")
+    ),
+    "pytest_libero_max.strategies": Public(
+        "Hypothesis strategies, for tests of events, changes, worlds and policies.",
+        (
+            "strengths",
+            "changes",
+            "events",
+            "cases",
+            "varied_cases",
+            "manifests",
+            "actions",
+            "action_sequences",
+            "scripted_policies",
+        ),
+    ),
+    "pytest_libero_max.errors": Public(
+        "The exceptions that the package raises.",
+        (
+            "LiberoMaxError",
+            "OptionError",
+            "ManifestError",
+            "AdapterError",
+            "ActionError",
+            "ChangeError",
+            "SubstrateError",
+            "EntityError",
+            "SimulatorError",
+            "ProtocolError",
+            "ReportError",
+        ),
+    ),
 }
-"""The modules with public names, in the order of the page, and what each is for."""
+"""The modules with public names, in the order of the page."""
 
 
 def page() -> str:
     """The text."""
     pages = table(
         ("Page", "Written by"),
-        ((f"[{name}](../{name})", code(f"reference/{module}.py")) for name, module in PAGES.items()),
+        ((f"[{name}](../{name})", f"[`{module}.py`]({module}.py)") for name, module in PAGES.items()),
     )
-    modules = "\n\n".join(_module(import_module(name), text) for name, text in MODULES.items())
+    package = import_module("pytest_libero_max")
+    adapter = "\n\n".join(_class(getattr(package, name)) for name in ADAPTER)
+    modules = "\n\n".join(_module(name, public) for name, public in MODULES.items())
     return f"""# Reference
 
 `{COMMAND}` writes these pages from the code. A test fails when one of them is not what the code says.
@@ -49,29 +118,58 @@ def page() -> str:
 
 # The Python API
 
-The names below are public: they change only with a line in the [changelog](../../CHANGELOG.md). Every other name is
-internal.
+The names on this page are public: they change only with a line in the [changelog](../../CHANGELOG.md). Every other name
+is internal.
+
+## `pytest_libero_max`
+
+What an adapter imports.
+
+{adapter}
 
 {modules}
 """
 
 
-def _module(module: ModuleType, text: str) -> str:
-    rows = []
-    for name in public_names(module):
-        value = getattr(module, name)
-        if inspect.isclass(value) or inspect.isfunction(value):
-            rows.append((code(name + _signature(value)), one_line(summary(value))))
-    return f"## `{module.__name__}`\n\n{text}\n\n{table(('Name', 'Meaning'), rows)}"
-
-
-def _signature(value: object) -> str:
-    """Parameter names and defaults; nothing for an exception or a protocol."""
-    if inspect.isclass(value) and (issubclass(value, BaseException) or getattr(value, "_is_protocol", False)):
-        return ""
-    parameters = [
-        parameter.replace(annotation=inspect.Parameter.empty)
-        for name, parameter in inspect.signature(value).parameters.items()  # type: ignore[arg-type]
-        if name != "self"
+def _class(cls: type[Any]) -> str:
+    texts = section(cls, "Attributes")
+    rows = [
+        (code(item.name), code(item.type), one_line(texts.get(item.name, "")))
+        for item in (fields(cls) if hasattr(cls, "__dataclass_fields__") else ())
     ]
-    return str(inspect.Signature(parameters))
+    methods = [
+        (code(name + _signature(value)), one_line(summary(value)))
+        for name, value in vars(cls).items()
+        if inspect.isfunction(value) and not name.startswith("_") and inspect.getdoc(value)
+    ]
+    tables = [table(("Field", "Type", "Meaning"), rows)] if rows else []
+    tables += [table(("Method", "Meaning"), methods)] if methods else []
+    return "\n\n".join([f"### {cls.__name__}", prose(description(cls)), *tables])
+
+
+def _module(name: str, public: Public) -> str:
+    module = import_module(name)
+    found = [(name, getattr(module, name)) for name in public.names]
+    rows = [(code(name + _signature(value)), one_line(summary(value))) for name, value in found]
+    return f"## `{module.__name__}`\n\n{public.text}\n\n{table(('Name', 'Meaning'), rows)}"
+
+
+def _signature(value: Any) -> str:
+    """Of a function; nothing for a class, whose fields or methods are described elsewhere."""
+    if inspect.isclass(value):
+        return ""
+    signature = inspect.signature(value)
+    parameters = [_parameter(item) for item in signature.parameters.values() if item.name != "self"]
+    keyword_only = [item.kind is item.KEYWORD_ONLY for item in signature.parameters.values()]
+    if any(keyword_only):
+        parameters.insert(keyword_only.index(True), "*")
+    returns = "" if signature.return_annotation == inspect.Signature.empty else signature.return_annotation
+    return f"({', '.join(parameters)})" + (f" -> {returns}" if returns else "")
+
+
+def _parameter(parameter: inspect.Parameter) -> str:
+    text = f"{parameter.name}: {parameter.annotation}"
+    if parameter.default is inspect.Parameter.empty:
+        return text
+    plain = parameter.default is None or isinstance(parameter.default, bool | int | float | str)
+    return f"{text} = {parameter.default!r}" if plain else f"{text} = ..."

@@ -16,8 +16,9 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def prose(text: str) -> str:
-    """A docstring as Markdown: roles and double backticks become single ones."""
-    return _CODE.sub(r"`\1`", _ROLE.sub(lambda match: f"`{_short(match['target'])}`", text))
+    """A docstring as Markdown: roles and double backticks become single ones, ``::`` a colon."""
+    text = _ROLE.sub(lambda match: f"`{_short(match['target'])}`", text)
+    return re.sub(r"::$", ":", _CODE.sub(r"`\1`", text), flags=re.M)
 
 
 def one_line(text: str) -> str:

@@ -21,6 +21,7 @@ def page() -> str:
     ]
     order = {name: position for position, name in enumerate(("PairRecord", "ArmRecord", "FiringRecord"))}
     classes.sort(key=lambda cls: order.get(cls.__name__, len(order)))
+    tables = "\n\n".join(map(_class, classes))
     return f"""# Pair records
 
 {prose(description(pairing))}
@@ -30,7 +31,7 @@ pairs. Every other line is a measured pair (`"line": "pair"`, the fields of `Pai
 measured (`"line": "error"`, the fields of `PairError`). The schema is
 [`record.schema.json`](../report/record.schema.json). The schema version is {record.RECORD_VERSION}.
 
-{"\n\n".join(_class(cls) for cls in classes)}
+{tables}
 """
 
 

@@ -6,10 +6,13 @@ import json
 from importlib.resources import files
 
 from pytest_libero_max import report
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.reference.docstrings import description
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
 from pytest_libero_max.reference.schemas import fields_of
 from pytest_libero_max.report import gates
+from pytest_libero_max.report.columns import COLUMNS
+from pytest_libero_max.report.dimensions import DIMENSIONS
 
 
 def page() -> str:
@@ -26,6 +29,14 @@ def page() -> str:
 
 {prose(description(gates))}
 
+### Quantities of the whole run or of a group
+
+{_quantities()}
+
+### Scopes
+
+{_scopes()}
+
 ## Fields of `report.json`
 
 Computed from `pairs.jsonl` alone. The schema is [`report.schema.json`](report.schema.json). `*` stands for any key and
@@ -39,11 +50,29 @@ Computed from `pairs.jsonl` alone. The schema is [`report.schema.json`](report.s
 """
 
 
-def _definition(schema: dict[str, dict[str, dict[str, str]]], name: str) -> str:
+def _quantities() -> str:
+    rows = [
+        (
+            code(column.gate or column.key),
+            column.title,
+            "yes" if column.format.has_interval else "",
+            code(".".join(column.place)),
+        )
+        for column in COLUMNS
+        if column.gate is not None
+    ]
+    return table(("Quantity", "Meaning", "Interval", "Place in a row of the report"), rows)
+
+
+def _scopes() -> str:
+    return table(("Dimension", "Groups"), ((code(name), item.title) for name, item in DIMENSIONS.items()))
+
+
+def _definition(schema: Json, name: str) -> str:
     text = schema["$defs"][name].get("description", "")
     return f"{text}\n\n{_fields(schema, name)}".strip()
 
 
-def _fields(schema: dict[str, dict[str, dict[str, str]]], definition: str | None = None) -> str:
+def _fields(schema: Json, definition: str | None = None) -> str:
     rows = ((code(path), kind, one_line(text)) for path, kind, text in fields_of(schema, definition))
     return table(("Field", "Type", "Meaning"), rows)

@@ -23,10 +23,11 @@ OBSERVATIONS = {
 """Shape, type and meaning of every key of an observation; a test compares them with what a world returns."""
 
 ACTIONS = (
-    ("0 to 2", "Movement of the hand along x, y, z of the world: 1 is 5 cm."),
-    ("3 to 5", "Rotation of the hand about x, y, z of the world: 1 is 0.5 rad."),
+    ("0 to 2", "Translation of the hand's goal along x, y, z of the world; 1 is 5 cm."),
+    ("3 to 5", "Rotation of the hand's goal, an axis-angle vector in the world frame; length 1 is 0.5 rad."),
     ("6", "Gripper: above 0 closes it, below 0 opens it."),
 )
+"""The components of an action of LIBERO's controller, OSC_POSE, for one control step."""
 
 
 def page() -> str:

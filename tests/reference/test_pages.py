@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import re
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.reference import COMMAND, PACKAGE, PAGES, page_text
+from pytest_libero_max.reference.api import MODULES
+from pytest_libero_max.reference.worlds import OBSERVATIONS
+from pytest_libero_max.worlds.contract import Substrate
+
+_EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$", re.M)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_page_is_what_the_code_says(name: str) -> None:
+    committed = (PACKAGE / name).read_text(encoding="utf-8")
+    assert committed == page_text(name), f"{name} is out of date. Write it again: {COMMAND}"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_row_of_a_page_says_what_it_means(name: str) -> None:
+    silent = _EMPTY_LAST_CELL.findall(page_text(name).replace("|  |  |", "").replace("| --- | --- |", ""))
+    assert not silent, f"{name} has rows without a meaning; describe these in the code: {silent}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_public_name_exists_and_has_a_docstring(module: str) -> None:
+    for name in MODULES[module].names:
+        assert getattr(import_module(module), name).__doc__, f"{module}.{name}"
+
+
+def test_an_observation_holds_what_the_page_of_the_worlds_says(substrate: Substrate) -> None:
+    world = substrate.world(load_track("smoke").cases[0])
+    world.reset(0)
+    seen = world.observe(size=64)
+    assert seen.keys() == OBSERVATIONS.keys()
+    for name, (shape, dtype, _) in OBSERVATIONS.items():
+        assert str(np.shape(seen[name])) == shape.replace("size", "64"), name
+        assert str(seen[name].dtype) == dtype, name

@@ -1,0 +1,55 @@
+"""The Markdown files of the repository: no link, picture or heading that they name is missing."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.benchmark.tracks import load_track
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("pytest_libero_max", "cases", "fixtures", "reports", "tests", ".github")
+DOCUMENTS = sorted({*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))})
+
+_FENCE = re.compile(r"^(```|~~~).*?^\1", re.M | re.S)
+_LINK = re.compile(r"!?\[[^\]]*\]\((?P<target>[^)\s]+)\)")
+_HEADING = re.compile(r"^#+ (?P<text>.+)$", re.M)
+
+
+def _anchors(path: Path) -> set[str]:
+    """The anchors of a file's headings, as code hosts spell them."""
+    headings = _HEADING.findall(_FENCE.sub("", path.read_text(encoding="utf-8")))
+    return {re.sub(r"[^\w\- ]", "", text.lower()).strip().replace(" ", "-") for text in headings}
+
+
+def _dead_links(path: Path) -> list[str]:
+    dead = []
+    for match in _LINK.finditer(_FENCE.sub("", path.read_text(encoding="utf-8"))):
+        target, _, anchor = match["target"].partition("#")
+        if re.match(r"[a-z]+:", target):
+            continue
+        file = path.parent / target if target else path
+        if not file.exists() or (anchor and file.suffix == ".md" and anchor not in _anchors(file)):
+            dead.append(match["target"])
+    return dead
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_relative_link_or_picture_is_dead(path: Path) -> None:
+    assert not _dead_links(path)
+
+
+def test_dead_links_are_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("# A head-line\n\n[a](page.md#a-head-line) [b](gone.md) ![c](gone.png) [d](#gone) [e](https://x.y)\n")
+    assert _dead_links(page) == ["gone.md", "gone.png", "#gone"]
+
+
+def test_the_readme_counts_the_pairs_of_each_track() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)`.*?\| ([\d,]+) \|", text, re.M))
+    assert rows
+    for track, count in rows.items():
+        assert len(load_track(track).cases) == int(count.replace(",", "")), track
