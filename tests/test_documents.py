@@ -43,7 +43,9 @@ def test_no_relative_link_or_picture_is_dead(path: Path) -> None:
 
 def test_dead_links_are_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("# A head-line\n\n[a](page.md#a-head-line) [b](gone.md) ![c](gone.png) [d](#gone) [e](https://x.y)\n")
+    page.write_text(
+        "# A head-line\n\n[a](page.md#a-head-line) [b](gone.md) ![c](gone.png) [d](#gone) [e](https://x.y)\n"
+    )
     assert _dead_links(page) == ["gone.md", "gone.png", "#gone"]
 
 

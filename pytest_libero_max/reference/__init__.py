@@ -33,7 +33,8 @@ def page_text(path: str) -> str:
         path: A key of :data:`PAGES`.
     """
     page: Callable[[], str] = import_module(f"{__name__}.{PAGES[path]}").page
-    return f"<!-- Written by `{COMMAND}` from the code. Change the code, not this page. -->\n\n{page().strip()}\n"
+    note = f"<!-- Written by `{COMMAND}` from the code. Change the code, not this page. -->"
+    return f"{note}\n\n{page().strip()}\n"
 
 
 def write_pages(folder: Path = PACKAGE) -> list[Path]:

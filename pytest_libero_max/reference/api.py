@@ -118,8 +118,8 @@ def page() -> str:
 
 # The Python API
 
-The names on this page are public: they change only with a line in the [changelog](../../CHANGELOG.md). Every other name
-is internal.
+The names on this page are public: they change only with a line in the [changelog](../../CHANGELOG.md). Every
+other name is internal.
 
 ## `pytest_libero_max`
 

@@ -23,9 +23,7 @@ def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.A
 
 
 def _command(name: str, parser: argparse.ArgumentParser, help: str) -> str:
-    rows = [
-        (code(_spelling(action)), _help(action)) for action in parser._actions if action.dest != "help"
-    ]
+    rows = [(code(_spelling(action)), _help(action)) for action in parser._actions if action.dest != "help"]
     usage = table(("Argument", "Meaning"), rows) if rows else ""
     text = f"{help}. {parser.description or ''}".strip()
     return f"## `libero-max {name}`\n\n{text}\n\n{usage}".strip()

@@ -8,6 +8,7 @@ import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from types import ModuleType
 from typing import Any
 
@@ -57,7 +58,7 @@ def constants(module: ModuleType) -> Iterator[Documented]:
     """The public constants of a module that have a docstring, in the order of the source."""
     source = inspect.getsource(module)
     statements = ast.parse(source).body
-    for statement, following in zip(statements, statements[1:], strict=False):
+    for statement, following in pairwise(statements):
         target = _target(statement)
         if target is None or not target.isupper() or target.startswith("_"):
             continue

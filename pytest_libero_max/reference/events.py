@@ -8,10 +8,12 @@ from types import ModuleType
 
 from pytest_libero_max import events
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.events import triggers
+
+# TRIG
 from pytest_libero_max.events.kind import EventKind
-from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.reference.docstrings import constants, description, section
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
 
@@ -19,9 +21,13 @@ EXAMPLES = "smoke"
 """The track that the examples are from."""
 
 
+_KINDS = "pytest_libero_max.events.kinds."
+"""Begins the names of the modules of this package's events; other packages may have added some."""
+
+
 def page() -> str:
     """The text."""
-    kinds = [EVENTS[name] for name in BENCHMARK_EVENTS]
+    kinds = [kind for kind in EVENTS.values() if type(kind).__module__.startswith(_KINDS)]
     overview = table(
         ("Event", "Family", "Severity of variant 0, 1", "Response"),
         (
@@ -47,7 +53,7 @@ The examples are changes of cases of the `{EXAMPLES}` track, as manifests spell 
 
 When an event happens. All cases of the tracks use `on_proximity`.
 
-{_triggers()}
+TRIG
 """
 
 
@@ -60,7 +66,8 @@ def _kind(kind: EventKind, examples: dict[tuple[str, int], Case]) -> str:
         ("A policy is expected to", f"{kind.expected} (`{kind.response}`)"),
         *_numbers(module),
     ]
-    shown = "".join(_example(variant, examples[kind.name, variant]) for variant in (0, 1))
+    found = [(variant, examples.get((kind.name, variant))) for variant in (0, 1)]
+    shown = "".join(_example(variant, case) for variant, case in found if case is not None)
     return f"## {kind.name}\n\n{prose(description(type(kind)))}\n\n{table(('', ''), rows)}\n\n{shown}"
 
 
@@ -69,8 +76,20 @@ def _numbers(module: ModuleType) -> list[tuple[str, str]]:
 
 
 def _example(variant: int, case: Case) -> str:
-    change = json.dumps(case.event.change, sort_keys=False)
+    change = _spelled(case.event.change)
     return f"Variant {variant}, in `{case.item_id}`:\n\n```json\n{change}\n```\n\n"
+
+
+def _spelled(change: Json) -> str:
+    """JSON with one line for each parameter, and for each item of a list of objects."""
+    lines = []
+    for name, value in change.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            value_text = "[\n    " + ",\n    ".join(map(json.dumps, value)) + "\n  ]"
+        else:
+            value_text = json.dumps(value)
+        lines.append(f"  {json.dumps(name)}: {value_text}")
+    return "{\n" + ",\n".join(lines) + "\n}"
 
 
 def _examples() -> dict[tuple[str, int], Case]:

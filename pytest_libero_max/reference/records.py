@@ -26,9 +26,9 @@ def page() -> str:
 
 {prose(description(pairing))}
 
-`pairs.jsonl` holds one JSON object a line. The first line, `"line": "run"`, is the run: `provenance` and the `planned`
-pairs. Every other line is a measured pair (`"line": "pair"`, the fields of `PairRecord`) or a pair that could not be
-measured (`"line": "error"`, the fields of `PairError`). The schema is
+`pairs.jsonl` holds one JSON object a line. The first line, `"line": "run"`, is the run: `provenance` and the
+`planned` pairs. Every other line is a measured pair (`"line": "pair"`, the fields of `PairRecord`) or a pair
+that could not be measured (`"line": "error"`, the fields of `PairError`). The schema is
 [`record.schema.json`](../report/record.schema.json). The schema version is {record.RECORD_VERSION}.
 
 {tables}

@@ -39,8 +39,8 @@ def page() -> str:
 
 ## Fields of `report.json`
 
-Computed from `pairs.jsonl` alone. The schema is [`report.schema.json`](report.schema.json). `*` stands for any key and
-`[]` for the items of a list. A type that is not JSON's own is a definition below.
+Computed from `pairs.jsonl` alone. The schema is [`report.schema.json`](report.schema.json). `*` stands for
+any key and `[]` for the items of a list. A type that is not JSON's own is a definition below.
 
 {_fields(schema)}
 

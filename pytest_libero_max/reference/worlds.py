@@ -55,8 +55,8 @@ def page() -> str:
 
 ## Observations
 
-A policy gets a dictionary with LIBERO's own keys. It holds an image for each camera that the policy's spec names, of the
-size that the spec names. `image[::-1]` is the right way up.
+A policy gets a dictionary with LIBERO's own keys. It holds an image for each camera that the policy's spec
+names, of the size that the spec names. `image[::-1]` is the right way up.
 
 {observations}
 

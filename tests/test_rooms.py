@@ -1,0 +1,54 @@
+"""The direction of imports: down the list of rooms in the package's README, never up."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest_libero_max
+
+PACKAGE = Path(pytest_libero_max.__file__).parent
+
+
+def _rooms() -> list[str]:
+    """The rooms from top to bottom."""
+    text = (PACKAGE / "README.md").read_text(encoding="utf-8")
+    picture = text.split("## The rooms", maxsplit=1)[1].split("```")[1]
+    return re.findall(r"^(\w+)", picture, re.M)
+
+
+def _imported(file: Path) -> Iterator[str]:
+    """The rooms that a file imports, also inside functions and for type checking alone."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module == "pytest_libero_max":
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [node.module or ""]
+        else:
+            continue
+        for name in names:
+            if name.startswith("pytest_libero_max."):
+                yield name.split(".")[1]
+
+
+def test_the_readme_lists_every_room() -> None:
+    there = {
+        path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
+    }
+    assert sorted(_rooms()) == sorted(there - {"__init__"})
+
+
+def test_imports_go_down_the_list_of_rooms() -> None:
+    rooms = _rooms()
+    upward = {
+        f"{file.relative_to(PACKAGE)} imports {imported}"
+        for room in rooms
+        for file in [*PACKAGE.glob(f"{room}.py"), *(PACKAGE / room).rglob("*.py")]
+        for imported in _imported(file)
+        if imported != room and rooms.index(imported) < rooms.index(room)
+    }
+    assert not upward
