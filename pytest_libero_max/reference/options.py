@@ -68,7 +68,7 @@ def _default(option: Option) -> str:
 
 def _fixture(name: str) -> str:
     if name == "libero_max_case":
-        text = "The case of the item. A test that asks for it, also through a fixture, has an item for each case."
+        text = "The case. A test that asks for it, also through another fixture, has one item for each case."
     else:
         text = description(inspect.unwrap(getattr(hooks, name)))
     return f"**`{name}`**. {prose(text)}"
