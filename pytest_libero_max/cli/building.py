@@ -22,7 +22,7 @@ def add_commands(commands: Commands) -> None:
     catalogue.set_defaults(run=_catalogue)
 
     gallery = commands.add_parser("gallery", help="Draw the embedded scenes, their variations and the events")
-    gallery.add_argument("folder", type=Path, metavar="FOLDER")
+    gallery.add_argument("folder", type=Path, metavar="FOLDER", help="Where the pictures are written")
     gallery.set_defaults(run=_gallery)
 
     eligibility = commands.add_parser(
@@ -40,14 +40,14 @@ def add_commands(commands: Commands) -> None:
     build.set_defaults(run=_build)
 
     preflight = commands.add_parser("preflight", help="Examine the cases of a track or manifest")
-    preflight.add_argument("cases", metavar="TRACK|MANIFEST")
+    preflight.add_argument("cases", metavar="TRACK|MANIFEST", help="A track's name or a manifest's path")
     preflight.add_argument("--limit", type=int, metavar="N", help="Only N of them, spread evenly")
     _add_examination(preflight, default=None)
     add_substrate(preflight)
     preflight.set_defaults(run=_preflight)
 
     freeze = commands.add_parser("freeze", help="Draw the smaller tracks again from max, with checksums")
-    freeze.add_argument("folder", type=Path, metavar="FOLDER")
+    freeze.add_argument("folder", type=Path, metavar="FOLDER", help="The tracks, as build wrote them")
     freeze.set_defaults(run=_freeze)
 
     check = commands.add_parser("verify", help="Check quotas, identities, digests and splits of the tracks")

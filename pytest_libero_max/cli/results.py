@@ -15,7 +15,7 @@ def add_commands(commands: Commands) -> None:
     report = commands.add_parser(
         "report", help="Compute the report of a run again from its pairs.jsonl alone"
     )
-    report.add_argument("folder", type=Path, metavar="FOLDER")
+    report.add_argument("folder", type=Path, metavar="FOLDER", help="The output folder of the run")
     report.add_argument(
         "--figures",
         action="store_true",
@@ -27,7 +27,9 @@ def add_commands(commands: Commands) -> None:
     compare = commands.add_parser(
         "compare", help="Compare runs on the cases they share, and list what flipped"
     )
-    compare.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
+    compare.add_argument(
+        "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of two or more runs"
+    )
     compare.add_argument(
         "--restrict", action="store_true", help="Compare on common cases where the runs have different ones"
     )
@@ -41,8 +43,12 @@ def add_commands(commands: Commands) -> None:
     published.set_defaults(run=_published)
 
     merge = commands.add_parser("merge", help="Join the runs of shards into one")
-    merge.add_argument("folders", type=Path, nargs="+", metavar="FOLDER")
-    merge.add_argument("--output", type=Path, required=True, metavar="FOLDER")
+    merge.add_argument(
+        "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of the shards"
+    )
+    merge.add_argument(
+        "--output", type=Path, required=True, metavar="FOLDER", help="Where the joined run is written"
+    )
     merge.set_defaults(run=_merge)
 
     power = commands.add_parser(

@@ -59,7 +59,7 @@ Those of pytest, and two of our own.
 
 
 def _usage(option: Option) -> str:
-    return option.flag if option.metavar is None else f"{option.flag}={option.metavar}"
+    return option.flag if option.switch else f"{option.flag}={option.metavar}"
 
 
 def _default(option: Option) -> str:

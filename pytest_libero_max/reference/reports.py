@@ -9,7 +9,7 @@ from pytest_libero_max import report
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.reference.docstrings import description
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
-from pytest_libero_max.reference.schemas import fields_of
+from pytest_libero_max.reference.schemas import fields_of, kind_of
 from pytest_libero_max.report import gates
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.dimensions import DIMENSIONS
@@ -69,8 +69,9 @@ def _scopes() -> str:
 
 
 def _definition(schema: Json, name: str) -> str:
-    text = schema["$defs"][name].get("description", "")
-    return f"{text}\n\n{_fields(schema, name)}".strip()
+    node = schema["$defs"][name]
+    text = node.get("description", "")
+    return f"{text}\n\n{_fields(schema, name) if 'properties' in node else kind_of(node)}".strip()
 
 
 def _fields(schema: Json, definition: str | None = None) -> str:

@@ -40,14 +40,13 @@ def _walk(node: Json, path: str) -> Iterator[Field]:
         yield from _field(child, f"{path}.{key}" if path else key)
     extra = node.get("additionalProperties")
     if isinstance(extra, dict):
-        yield from _field(extra, f"{path}.*" if path else "*")
+        yield from _walk(extra, f"{path}.*" if path else "*")
     if isinstance(node.get("items"), dict):
         yield from _walk(node["items"], f"{path}[]")
 
 
 def _field(node: Json, path: str) -> Iterator[Field]:
-    if path.rpartition(".")[2] != "*" or "properties" not in node:
-        yield Field(path, kind_of(node), str(node.get("description", "")))
+    yield Field(path, kind_of(node), str(node.get("description", "")))
     for part in (node, *node.get("oneOf", ())):
         yield from _walk(part, path)
 
@@ -62,6 +61,8 @@ def kind_of(node: Json) -> str:
         return _json(node["const"])
     if "enum" in node:
         return ", ".join(map(_json, node["enum"]))
+    if isinstance(node.get("additionalProperties"), dict):
+        return f"object of {kind_of(node['additionalProperties'])}"
     kinds = node.get("type", "any")
     return _bounded(node, " or ".join(kinds) if isinstance(kinds, list) else str(kinds))
 

@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
-from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.run import PlannedPair
 
@@ -38,7 +38,8 @@ PROVENANCE: Json = {
 def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[PlannedPair]:
     """Planned pairs: ``per_cell`` of them for every event, variant and source."""
     pairs = []
-    for source, (name, kind), variant, index in product(sources, EVENTS.items(), (0, 1), range(per_cell)):
+    kinds = [(name, EVENTS[name]) for name in BENCHMARK_EVENTS]
+    for source, (name, kind), variant, index in product(sources, kinds, (0, 1), range(per_cell)):
         item = f"{source}-spatial-t{index:02d}-{name}-v{variant}"
         pairs.append(
             PlannedPair(
