@@ -130,13 +130,19 @@ class World(Protocol):
         ...
 
     @property
-    def model(self) -> mujoco.MjModel: ...
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model of the scene."""
+        ...
 
     @property
-    def data(self) -> mujoco.MjData: ...
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's state of the scene."""
+        ...
 
     @property
-    def entities(self) -> Mapping[str, Entity]: ...
+    def entities(self) -> Mapping[str, Entity]:
+        """Everything that a case can name, by name."""
+        ...
 
     @property
     def steps(self) -> int:
@@ -144,7 +150,9 @@ class World(Protocol):
         ...
 
     @property
-    def filters(self) -> tuple[tuple[PixelFilter, int], ...]: ...
+    def filters(self) -> tuple[tuple[PixelFilter, int], ...]:
+        """The pixel filters in use, in their order, each with the step at which it was added."""
+        ...
 
     @property
     def parked(self) -> tuple[str, ...]:
@@ -172,9 +180,13 @@ class World(Protocol):
         """Proprioception, and a (size, size, 3) uint8 image for each camera named (:data:`Observation`)."""
         ...
 
-    def snapshot(self) -> WorldState: ...
+    def snapshot(self) -> WorldState:
+        """A copy of everything that the future of the world depends on."""
+        ...
 
-    def restore(self, state: WorldState) -> None: ...
+    def restore(self, state: WorldState) -> None:
+        """Return to a snapshot of this scene; another scene's is refused."""
+        ...
 
     def digest(self) -> bytes:
         """32-byte fingerprint of the snapshot: equal states, equal digests, bit for bit."""
