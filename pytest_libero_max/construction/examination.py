@@ -7,8 +7,8 @@ from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.construction.preflight import Problem, problems
-from pytest_libero_max.pairing.prefix import BranchPoint, return_to
-from pytest_libero_max.pairing.runner import continue_rollout, inject, play_prefix
+from pytest_libero_max.pairing.prefix import BranchPoint
+from pytest_libero_max.pairing.runner import continue_rollout, inject, play_prefix, return_to
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import World
 

@@ -18,6 +18,7 @@ import numpy as np
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.changes import Change, change_from_dict
 from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.worlds.contract import (
     CAMERAS,
     CONTROL_HZ,
@@ -130,12 +131,11 @@ def straight_approach(world: World, case: Case) -> bool:
         Whether it came within the trigger distance.
     """
     _begin(world, case)
-    trigger = case.event.trigger
+    trigger = Proximity(case.event.trigger.entity, case.event.trigger.distance_m)
     for _ in range(_APPROACH_STEPS):
-        target, hand = world.position(trigger.entity), world.end_effector()
-        if float(np.linalg.norm(target - hand)) <= trigger.distance_m:
+        if trigger.reached(world):
             return True
-        way = target + _ABOVE_M - hand
+        way = world.position(trigger.entity) + _ABOVE_M - world.end_effector()
         world.step([*(way / max(_STEP_M, float(abs(way).max()))), 0.0, 0.0, 0.0, NOOP_ACTION[-1]])
     return False
 

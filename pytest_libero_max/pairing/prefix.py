@@ -1,8 +1,9 @@
-"""The executed prefix: the proof that both rollouts share it, and the two ways back to the event.
+"""The executed prefix: the proof that two arms share it, and the two ways back to where they part.
 
-The proof is a hash chain. Its first link is the digest of the world when the policy takes over; every
-executed step adds a link over (previous link, action bytes, digest of the world after the step). Two rollouts
-with the same link have executed the same actions and gone through the same states, bit for bit.
+The proof is a hash chain. Its first link is the digest of the world after the settle steps; every executed
+step adds a link over (previous link, action bytes, digest of the world after the step), every change one over
+(previous link, digest of the world after the change). Two rollouts with the same link have executed the same
+actions and gone through the same states, bit for bit.
 """
 
 from __future__ import annotations
@@ -14,16 +15,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import AdapterError, ProtocolError
-from pytest_libero_max.pairing.clock import Clock
-from pytest_libero_max.pairing.episode import ask_policy, begin_policy, begin_world, make_query
+from pytest_libero_max.events.schedules import Entry
+from pytest_libero_max.pairing.stage import Applied, Stage
 from pytest_libero_max.policies.check import memory_digest, remembers, restore_memory
-from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.worlds.contract import Array, World, WorldState
+from pytest_libero_max.worlds.contract import Array, WorldState
 
 PrefixMode = Literal["fork", "replay"]
-"""How Dynamic gets to the event: ``fork`` restores the snapshot taken in Base, ``replay`` plays the
+"""How an arm gets to the branch point: ``fork`` restores the snapshot taken there, ``replay`` plays the
 recorded actions from reset."""
 
 
@@ -43,15 +42,37 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class BranchPoint:
-    """A rollout at the moment an event fires: all that is needed to go on from there.
+class Firing:
+    """An entry of a schedule that has happened.
 
     Attributes:
-        step: Policy steps executed, at least 1.
+        entry: Which.
+        step: Policy steps executed before it.
+        queries: Policy queries before it.
+        distance_m: Distance of the end effector to the case's trigger entity then.
+        proof: Last link of the hash chain before it, hexadecimal.
+        applied: What it did; the change is the one that was made, also for a reversal.
+    """
+
+    entry: Entry
+    step: int
+    queries: int
+    distance_m: float
+    proof: str
+    applied: Applied
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """A rollout between two steps: all that is needed to go on from there.
+
+    Attributes:
+        step: Policy steps executed. At 0 the policy has not begun.
         distance_m: Distance of the end effector to the trigger entity.
+        min_distance_m: The smallest of them so far; infinite before the first step.
         state: The world.
         digest: Its fingerprint, 32 bytes.
-        memory: What the policy's ``snapshot`` returned; None for a policy without one.
+        memory: What the policy's ``snapshot`` returned; None for a policy without one, and at step 0.
         memory_digest: Its fingerprint then; None where it cannot be told.
         pending: (k, 7) queued actions, which an event does not cancel.
         actions: (step, 7) executed so far.
@@ -59,11 +80,13 @@ class BranchPoint:
         entity: (step, 3) m, world frame: the trigger entity after each step.
         answers: The queries so far.
         asked: The world at the last of them, kept for a policy without a snapshot.
-        chain: The step + 1 links of the hash chain.
+        firings: The entries of the schedule that have happened.
+        chain: The links of the hash chain: the first, one for each step, one for each change.
     """
 
     step: int
     distance_m: float
+    min_distance_m: float
     state: WorldState
     digest: bytes
     memory: object
@@ -74,6 +97,7 @@ class BranchPoint:
     entity: Array
     answers: tuple[Answer, ...]
     asked: WorldState | None
+    firings: tuple[Firing, ...]
     chain: tuple[bytes, ...]
 
     @property
@@ -97,14 +121,7 @@ def event_link(link: bytes, digest: bytes) -> bytes:
     return hashlib.sha256(link + b"event" + digest).digest()
 
 
-def return_to(
-    branch: BranchPoint,
-    case: Case,
-    world: World,
-    policy: Policy,
-    mode: PrefixMode = "fork",
-    clock: Clock | None = None,
-) -> None:
+def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork") -> None:
     """Bring world and policy back to a branch point, and prove it.
 
     The world is restored from its snapshot (``fork``) or played there from reset (``replay``). A policy with
@@ -115,79 +132,90 @@ def return_to(
     policy whose memory is made of what it has seen is therefore right in ``replay`` without a snapshot.
 
     Args:
-        branch: Where to go; of this case, this scene and this policy.
-        case: The case.
-        world: A world of its scene; whatever it was doing is given up.
-        policy: The policy.
+        branch: Where to go.
+        stage: With what: of the branch's case, scene and policy. Whatever they were doing is given up.
         mode: The way there.
-        clock: Adds up wall-clock seconds.
 
     Raises:
         ProtocolError: Another state was reached, or the policy answers differently this time.
         AdapterError: The policy raised, or its snapshot was no copy.
     """
-    clock = Clock() if clock is None else clock
     if memory_digest(branch.memory) != branch.memory_digest:
         raise AdapterError(
-            f"{case.item_id}: the memory that policy {policy.spec.name!r} copied at step {branch.step} has "
-            "changed since. Let snapshot() return a copy that the policy does not write to, and "
-            "restore(memory) copy from it (copy.deepcopy in both)."
+            f"{stage.case.item_id}: the memory that policy {stage.policy.spec.name!r} copied at step "
+            f"{branch.step} has changed since. Let snapshot() return a copy that the policy does not write "
+            "to, and restore(memory) copy from it (copy.deepcopy in both)."
         )
     if mode == "replay":
-        _replay(branch, case, world, policy, clock)
+        _replay(branch, stage)
     else:
-        _fork(branch, case, world, policy, clock)
-    if remembers(policy):
-        restore_memory(policy, branch.memory)
+        _fork(branch, stage)
+    if remembers(stage.policy) and branch.step:
+        restore_memory(stage.policy, branch.memory)
 
 
-def _fork(branch: BranchPoint, case: Case, world: World, policy: Policy, clock: Clock) -> None:
-    if branch.asked is not None and policy.spec.repeatable:
+def _fork(branch: BranchPoint, stage: Stage) -> None:
+    world = stage.world
+    if branch.asked is not None and stage.policy.spec.repeatable:
         world.restore(branch.asked)
-        begin_policy(case, world, policy, clock)
-        _ask_again(branch.answers[-1], case, world, policy, clock)
+        stage.begin_policy()
+        _ask_again(branch.answers[-1], stage)
         world.restore(branch.state)
     else:
         world.restore(branch.state)
-        begin_policy(case, world, policy, clock)
+        if branch.step:
+            stage.begin_policy()
     if world.digest() != branch.digest:
         raise ProtocolError(
-            f"{case.item_id}: the world restored from the snapshot at step {branch.step} is not the one it "
-            "was taken from, so Base and Dynamic would not share their prefix. The snapshots of "
+            f"{stage.case.item_id}: the world restored from the snapshot at step {branch.step} is not the "
+            "one it was taken from, so the arms would not share their prefix. The snapshots of "
             f"{world.scene!r} leave something out; --libero-max-prefix=replay does without them."
         )
 
 
-def _replay(branch: BranchPoint, case: Case, world: World, policy: Policy, clock: Clock) -> None:
-    begin_world(case, world, clock)
-    link = first_link(world.digest())
-    _compare(link, branch, 0, case)
-    begin_policy(case, world, policy, clock)
-    shown = {} if remembers(policy) else {answer.step: answer for answer in branch.answers}
-    for step, action in enumerate(branch.actions):
+def _replay(branch: BranchPoint, stage: Stage) -> None:
+    world = stage.world
+    stage.begin_world()
+    digest = world.digest()
+    links = [first_link(digest)]
+    _compare(links, branch, 0, stage)
+    shown = {} if remembers(stage.policy) else {answer.step: answer for answer in branch.answers}
+    for step in range(branch.step + 1):
+        for firing in (firing for firing in branch.firings if firing.step == step):
+            firing.applied.change.apply(world)
+            digest, before = world.digest(), digest
+            if digest != before:
+                links.append(event_link(links[-1], digest))
+                _compare(links, branch, step, stage)
+        if step == branch.step:
+            return
+        if step == 0:
+            stage.begin_policy()
         if step in shown:
-            _ask_again(shown[step], case, world, policy, clock)
-        world.step(action)
-        link = next_link(link, action, world.digest())
-        _compare(link, branch, step + 1, case)
+            _ask_again(shown[step], stage)
+        world.step(branch.actions[step])
+        digest = world.digest()
+        links.append(next_link(links[-1], branch.actions[step], digest))
+        _compare(links, branch, step + 1, stage)
 
 
-def _compare(link: bytes, branch: BranchPoint, step: int, case: Case) -> None:
-    if link == branch.chain[step]:
+def _compare(links: list[bytes], branch: BranchPoint, step: int, stage: Stage) -> None:
+    if links[-1] == branch.chain[len(links) - 1]:
         return
     where = f"after step {step} of {branch.step}" if step else "before the first step"
     raise ProtocolError(
-        f"{case.item_id}: the replay of the executed prefix differs from Base {where}, so the pair is not a "
-        "measurement. The simulation does not repeat itself on this machine: check that its versions are the "
-        "locked ones, and that nothing else writes to the world."
+        f"{stage.case.item_id}: the replay of the executed prefix differs {where} from what was played "
+        "first, so the arms are not comparable. The simulation does not repeat itself on this machine: check "
+        "that its versions are the locked ones, and that nothing else writes to the world."
     )
 
 
-def _ask_again(answer: Answer, case: Case, world: World, policy: Policy, clock: Clock) -> None:
-    actions = ask_policy(world, policy, make_query(case, world, answer.index, answer.step), clock)
-    if policy.spec.repeatable and actions.tobytes() != answer.actions.tobytes():
+def _ask_again(answer: Answer, stage: Stage) -> None:
+    spec = stage.policy.spec
+    actions = stage.ask(stage.query(answer.index, answer.step))
+    if spec.repeatable and actions.tobytes() != answer.actions.tobytes():
         raise ProtocolError(
-            f"{case.item_id}: policy {policy.spec.name!r} answered query {answer.index} at step "
+            f"{stage.case.item_id}: policy {spec.name!r} answered query {answer.index} at step "
             f"{answer.step} differently when it was shown the same observation again. Draw from query.seed "
             "and from nothing else; give a policy with memory snapshot() and restore(memory), or play with "
             "--libero-max-prefix=replay; declare PolicySpec(repeatable=False) only for a server whose "

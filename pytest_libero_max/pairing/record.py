@@ -1,50 +1,177 @@
-"""The pair record: the only thing that leaves the simulator. Flat JSON with a schema version."""
+"""The pair record: the only thing that leaves the simulator. JSON with a schema version.
+
+Version 2 holds one entry an arm. Version 1 held one pair as flat fields and is still read.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.events.registry import family_of
+from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
 
-RECORD_VERSION = 1
+if TYPE_CHECKING:
+    from pytest_libero_max.pairing.rollout import RolloutResult
+    from pytest_libero_max.policies.contract import PolicySpec
+
+RECORD_VERSION = 2
+READABLE_VERSIONS = (1, 2)
 
 OUTCOMES = ("preserved_success", "change_associated_success", "regression", "persistent_failure")
 
 
 @dataclass(frozen=True)
+class FiringRecord:
+    """An entry of an arm's schedule that happened.
+
+    Attributes:
+        step: Policy steps executed before it.
+        queries: Policy queries before it.
+        distance_m: Distance of the end effector to the case's trigger entity then.
+        prefix_proof: Hash chain over (action, world digest) up to it, hexadecimal. Arms in which it is the
+            same executed the same prefix.
+        evidence: What the change found and left, and the mean absolute pixel change per camera (0 to 255).
+    """
+
+    step: int
+    queries: int
+    distance_m: float
+    prefix_proof: str
+    evidence: Json
+
+
+@dataclass(frozen=True)
+class ArmRecord:
+    """One arm of a measured case. A value that version 1 of the record did not hold is None.
+
+    Attributes:
+        schedule: What happens in the arm and when, as
+            :meth:`~pytest_libero_max.events.schedules.Entry.to_dict` writes it; empty for Base.
+        repetition: Arms of another repetition were played independently, from the start.
+        success: Whether the task was completed within the budget.
+        steps: Policy steps taken, shared ones included.
+        queries: Policy queries, shared ones included.
+        firings: The entries of the schedule that happened, in order.
+        response_step: Policy steps executed at the first query after the first firing, or None where there
+            was none.
+        stale_actions: Queued actions executed after the first firing and before that query; None where
+            nothing happened. Where no query followed, all actions executed afterwards were stale.
+        min_distance_m: Smallest distance of the end effector to the case's trigger entity.
+        clipped_share: Share of the components of the executed actions beyond +-1, which the controller clips.
+        contacts: What touches the trigger entity at the end.
+        proof: The hash chain over the whole rollout, changes included, hexadecimal.
+        shares: The earlier arm that this one equals bit for bit, because nothing happened in it that did not
+            in the other: it was not played a second time. None for an arm that was played.
+    """
+
+    schedule: tuple[Json, ...] | None
+    repetition: int
+    success: bool
+    steps: int | None
+    queries: int | None
+    firings: tuple[FiringRecord, ...]
+    response_step: int | None
+    stale_actions: int | None
+    min_distance_m: float | None
+    clipped_share: float | None
+    contacts: tuple[str, ...] | None
+    proof: str | None
+    shares: str | None
+
+    @classmethod
+    def of(cls, arm: Arm, rollouts: Mapping[str, RolloutResult]) -> ArmRecord:
+        """The record of an arm.
+
+        Args:
+            arm: Which.
+            rollouts: How every arm ended, in the order of the arms; those that ended as one have one object.
+        """
+        rollout = rollouts[arm.name]
+        first = next(name for name, other in rollouts.items() if other is rollout)
+        response_step, stale_actions = None, None
+        if rollout.firings:
+            event = rollout.firings[0]
+            after = rollout.answers[event.queries :]
+            response_step = after[0].step if after else None
+            stale_actions = (rollout.steps if response_step is None else response_step) - event.step
+        return cls(
+            schedule=tuple(entry.to_dict() for entry in arm.schedule),
+            repetition=arm.repetition,
+            success=rollout.success,
+            steps=rollout.steps,
+            queries=len(rollout.answers),
+            firings=tuple(
+                FiringRecord(
+                    firing.step, firing.queries, firing.distance_m, firing.proof, firing.applied.to_dict()
+                )
+                for firing in rollout.firings
+            ),
+            response_step=response_step,
+            stale_actions=stale_actions,
+            min_distance_m=rollout.min_distance_m,
+            clipped_share=rollout.clipped_share,
+            contacts=rollout.contacts,
+            proof=rollout.proof,
+            shares=None if first == arm.name else first,
+        )
+
+    def to_dict(self) -> Json:
+        """JSON types only."""
+        values = asdict(self)
+        for name in ("schedule", "firings", "contacts"):
+            values[name] = None if values[name] is None else list(values[name])
+        return values
+
+    @classmethod
+    def from_dict(cls, values: Json) -> ArmRecord:
+        """Read what :meth:`to_dict` wrote.
+
+        Raises:
+            ReportError: A field is missing or unknown.
+        """
+        require_fields(cls, values, "arm")
+        firings = values["firings"]
+        for firing in firings:
+            require_fields(FiringRecord, firing, "firing")
+        lists = {
+            name: None if values[name] is None else tuple(values[name]) for name in ("schedule", "contacts")
+        }
+        return cls(**{**values, **lists, "firings": tuple(FiringRecord(**firing) for firing in firings)})
+
+
+@dataclass(frozen=True)
 class PairRecord:
-    """One measured pair.
+    """One measured case, arm by arm.
 
     Everything but ``timings`` is a function of the case, the policy and the versions in ``fingerprints``:
     two runs, ``fork`` and ``replay``, any number of workers give the same bytes (:meth:`identity`).
+
+    The properties are a view of the pair, Base and Dynamic, for what is said of pairs.
 
     Attributes:
         case_id: Unique in the manifest.
         item_id: Name of the test item.
         case_digest: SHA-256 of the case.
-        base_success: Whether Base completed the task.
-        dynamic_success: Whether Dynamic completed the task. Equal to Base where the event never fired.
-        base_steps: Policy steps Base took.
-        dynamic_steps: Policy steps Dynamic took, executed prefix included.
-        trigger_step: Policy steps executed when the event fired, or None where the region was never reached.
-        trigger_distance_m: Distance of the end effector to the trigger entity then.
-        min_distance_m: Smallest such distance over the Base rollout.
-        response_step: Policy steps executed at the first query after the event, or None where there was none.
-        stale_actions: Queued actions executed after the event and before that query; None where the event
-            never fired. Where no query followed, all actions executed after the event were stale.
-        base_queries: Policy queries of Base.
-        dynamic_queries: Policy queries of Dynamic after the event.
-        prefix_digest: Hash chain over (action, world digest) of the executed prefix, hexadecimal; Base and
-            Dynamic both arrived at it.
-        base_digest: The same chain over the whole Base rollout.
-        dynamic_digest: The same chain over the whole Dynamic rollout, event included.
-        evidence: What the event found and left, and the mean absolute pixel change per camera (0 to 255).
-        base_repeat: Where Base was played a second time for the noise floor: ``success``, and whether the
-            rollout was ``identical`` bit for bit. None elsewhere.
-        contacts: Entities touched by the target at the end of each rollout.
+        source: Where the case comes from: ``plus``, ``pro`` or ``libero``.
+        source_category: Category of the source variation.
+        difficulty: LIBERO-Plus difficulty 1 to 5, or None.
+        suite: LIBERO suite.
+        task_index: Index of the task in its source's registry.
+        init_state_index: Which initial state.
+        policy_seed: Seed of the policy, the same in every arm.
+        instruction: What the policy was told to do when the episode began.
+        event: Name of the case's event.
+        family: Its family.
+        variant: Its parameter variant, 0 or 1.
+        severity: Its severity.
+        trigger_entity: The entity that the distances and contacts of every arm are about.
+        max_steps: Policy steps an episode may take.
+        arms: What was played, by name.
         policy: The policy's spec as played.
         fingerprints: Everything else that could change a result: versions, substrate, assets.
         timings: Wall-clock seconds; the only fields that differ between runs.
@@ -66,36 +193,165 @@ class PairRecord:
     variant: int
     severity: str
     trigger_entity: str
-    base_success: bool
-    dynamic_success: bool
-    base_steps: int
-    dynamic_steps: int
     max_steps: int
-    trigger_step: int | None
-    trigger_distance_m: float | None
-    min_distance_m: float
-    response_step: int | None
-    stale_actions: int | None
-    base_queries: int
-    dynamic_queries: int
-    prefix_digest: str | None
-    base_digest: str
-    dynamic_digest: str | None
-    evidence: Json | None
-    contacts: Json
+    arms: Mapping[str, ArmRecord]
     policy: Json
     fingerprints: Json
-    base_repeat: Json | None = None
     timings: Json = field(default_factory=dict)
     schema_version: int = RECORD_VERSION
 
+    @classmethod
+    def of(
+        cls,
+        case: Case,
+        instruction: str,
+        arms: Mapping[str, ArmRecord],
+        spec: PolicySpec,
+        fingerprints: Mapping[str, str],
+        timings: Mapping[str, float],
+    ) -> PairRecord:
+        """The record of a case whose arms have been played."""
+        return cls(
+            case_id=case.case_id,
+            item_id=case.item_id,
+            case_digest=case.digest,
+            source=case.source,
+            source_category=case.source_category,
+            difficulty=case.difficulty,
+            suite=case.suite,
+            task_index=case.task_index,
+            init_state_index=case.init_state_index,
+            policy_seed=case.policy_seed,
+            instruction=instruction,
+            event=case.event.name,
+            family=family_of(case.event.name),
+            variant=case.event.variant,
+            severity=case.event.severity,
+            trigger_entity=case.event.trigger.entity,
+            max_steps=case.budget,
+            arms=dict(arms),
+            policy=spec.to_dict(),
+            fingerprints=dict(fingerprints),
+            timings=dict(timings),
+        )
+
+    def arm(self, name: str) -> ArmRecord:
+        """The arm of that name.
+
+        Raises:
+            ReportError: The case was not played in it.
+        """
+        if name not in self.arms:
+            raise ReportError(
+                f"{self.item_id} was not played in an arm {name!r}. {did_you_mean(name, self.arms)}"
+            )
+        return self.arms[name]
+
+    # The pair.
+
+    @property
+    def base_success(self) -> bool:
+        """Whether Base completed the task."""
+        return self.arm(BASE).success
+
+    @property
+    def dynamic_success(self) -> bool:
+        """Whether Dynamic completed the task. Equal to Base where the event never fired."""
+        return self.arm(DYNAMIC).success
+
+    @property
+    def base_steps(self) -> int:
+        """Policy steps Base took."""
+        return _held(self.arm(BASE).steps)
+
+    @property
+    def dynamic_steps(self) -> int:
+        """Policy steps Dynamic took, executed prefix included."""
+        return _held(self.arm(DYNAMIC).steps)
+
+    @property
+    def trigger(self) -> FiringRecord | None:
+        """The event, or None where it never fired."""
+        firings = self.arm(DYNAMIC).firings
+        return firings[0] if firings else None
+
     @property
     def triggered(self) -> bool:
-        return self.trigger_step is not None
+        """Whether the event fired."""
+        return self.trigger is not None
+
+    @property
+    def trigger_step(self) -> int | None:
+        """Policy steps executed when the event fired, or None where it never did."""
+        return self.trigger.step if self.trigger else None
+
+    @property
+    def trigger_distance_m(self) -> float | None:
+        """Distance of the end effector to the trigger entity then."""
+        return self.trigger.distance_m if self.trigger else None
+
+    @property
+    def min_distance_m(self) -> float:
+        """Smallest such distance over the Base rollout."""
+        return _held(self.arm(BASE).min_distance_m)
+
+    @property
+    def response_step(self) -> int | None:
+        """Policy steps executed at the first query after the event, or None where there was none."""
+        return self.arm(DYNAMIC).response_step
 
     @property
     def responded(self) -> bool:
+        """Whether a query followed the event."""
         return self.response_step is not None
+
+    @property
+    def stale_actions(self) -> int | None:
+        """Queued actions executed after the event and before that query; None where it never fired."""
+        return self.arm(DYNAMIC).stale_actions
+
+    @property
+    def base_queries(self) -> int:
+        """Policy queries of Base."""
+        return _held(self.arm(BASE).queries)
+
+    @property
+    def dynamic_queries(self) -> int:
+        """Policy queries of Dynamic after the event."""
+        return _held(self.arm(DYNAMIC).queries) - self.trigger.queries if self.trigger else 0
+
+    @property
+    def prefix_digest(self) -> str | None:
+        """Hash chain of the executed prefix; Base and Dynamic both arrived at it."""
+        return self.trigger.prefix_proof if self.trigger else None
+
+    @property
+    def base_digest(self) -> str:
+        """The hash chain over the whole Base rollout."""
+        return _held(self.arm(BASE).proof)
+
+    @property
+    def dynamic_digest(self) -> str | None:
+        """The hash chain over the whole Dynamic rollout, event included; None where it never fired."""
+        return self.arm(DYNAMIC).proof if self.trigger else None
+
+    @property
+    def evidence(self) -> Json | None:
+        """What the event found and left."""
+        return self.trigger.evidence if self.trigger else None
+
+    @property
+    def contacts(self) -> dict[str, list[str]]:
+        """What touches the trigger entity at the end, by arm."""
+        return {name: list(_held(self.arm(name).contacts)) for name in (BASE, DYNAMIC)}
+
+    @property
+    def base_repeat(self) -> Json | None:
+        """Where Base was played a second time: ``success``, and whether it was ``identical`` bit for bit."""
+        again = self.arms.get(BASE_AGAIN)
+        if again is None:
+            return None
+        return {"success": again.success, "identical": again.proof == self.arm(BASE).proof}
 
     @property
     def outcome(self) -> str:
@@ -106,7 +362,8 @@ class PairRecord:
 
     def to_dict(self) -> Json:
         """JSON types only, ``schema_version`` first."""
-        values = asdict(self)
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        values["arms"] = {name: arm.to_dict() for name, arm in self.arms.items()}
         return {"schema_version": values.pop("schema_version"), **values}
 
     def identity(self) -> Json:
@@ -117,19 +374,104 @@ class PairRecord:
 
     @classmethod
     def from_dict(cls, values: Json) -> PairRecord:
-        """Read what :meth:`to_dict` wrote.
+        """Read what :meth:`to_dict` wrote, now or as version 1.
 
         Raises:
-            ReportError: A field is missing or unknown, or the schema version is not ours.
+            ReportError: A field is missing or unknown, or the schema version is not one of
+                :data:`READABLE_VERSIONS`.
         """
-        version = values.get("schema_version")
-        if version != RECORD_VERSION:
-            raise ReportError(
-                f"schema_version={version!r} of a pair record, but this version reads {RECORD_VERSION}. "
-                "Read it with the version of pytest-libero-max that wrote it."
-            )
+        require_version(values, "pair record")
+        if values["schema_version"] == 1:
+            values = _from_version_1(values)
         require_fields(cls, values, "pair record")
-        return cls(**values)
+        arms = {name: ArmRecord.from_dict(arm) for name, arm in values["arms"].items()}
+        return cls(**{**values, "arms": arms})
+
+
+def require_version(values: Json, what: str) -> None:
+    """Check that a stored object is of a schema version that can be read.
+
+    Raises:
+        ReportError: It is not one of :data:`READABLE_VERSIONS`.
+    """
+    version = values.get("schema_version")
+    if type(version) is not int or version not in READABLE_VERSIONS:
+        raise ReportError(
+            f"schema_version={version!r} of a {what}, but this version reads "
+            f"{' and '.join(map(str, READABLE_VERSIONS))}. Read it with the version of pytest-libero-max "
+            "that wrote it."
+        )
+
+
+_VERSION_1 = {
+    *("base_success", "dynamic_success", "base_steps", "dynamic_steps", "trigger_step", "trigger_distance_m"),
+    *("min_distance_m", "response_step", "stale_actions", "base_queries", "dynamic_queries", "prefix_digest"),
+    *("base_digest", "dynamic_digest", "evidence", "base_repeat", "contacts"),
+}
+"""The fields of version 1 that version 2 keeps in its arms."""
+
+
+def _from_version_1(values: Json) -> Json:
+    """A record of version 1 as version 2 would spell it."""
+    missing = sorted(_VERSION_1 - values.keys())
+    if missing:
+        raise ReportError(f"Pair record {values.get('case_id')!r} lacks {', '.join(missing)}.")
+    rest = {name: value for name, value in values.items() if name not in _VERSION_1}
+    base: Json = {
+        "schedule": [],
+        "repetition": 0,
+        "success": values["base_success"],
+        "steps": values["base_steps"],
+        "queries": values["base_queries"],
+        "firings": [],
+        "response_step": None,
+        "stale_actions": None,
+        "min_distance_m": values["min_distance_m"],
+        "clipped_share": None,
+        "contacts": values["contacts"]["base"],
+        "proof": values["base_digest"],
+        "shares": None,
+    }
+    dynamic = {**base, "schedule": None, "shares": BASE}
+    if values["trigger_step"] is not None:
+        # Of every answer Q actions are executed, so the steps tell how many queries there were.
+        before = -(-values["trigger_step"] // values["policy"]["query_interval"])
+        firing = {
+            "step": values["trigger_step"],
+            "queries": before,
+            "distance_m": values["trigger_distance_m"],
+            "prefix_proof": values["prefix_digest"],
+            "evidence": values["evidence"],
+        }
+        dynamic |= {
+            "success": values["dynamic_success"],
+            "steps": values["dynamic_steps"],
+            "queries": before + values["dynamic_queries"],
+            "firings": [firing],
+            "response_step": values["response_step"],
+            "stale_actions": values["stale_actions"],
+            "min_distance_m": None,
+            "contacts": values["contacts"]["dynamic"],
+            "proof": values["dynamic_digest"],
+            "shares": None,
+        }
+    arms = {BASE: base, DYNAMIC: dynamic}
+    repeat = values["base_repeat"]
+    if repeat is not None:
+        again = {**base, "repetition": 1, "success": repeat["success"]}
+        if not repeat["identical"]:
+            again |= dict.fromkeys(("steps", "queries", "min_distance_m", "contacts", "proof"))
+        arms[BASE_AGAIN] = again
+    return {**rest, "arms": arms, "schema_version": RECORD_VERSION}
+
+
+_Value = TypeVar("_Value")
+
+
+def _held(value: _Value | None) -> _Value:
+    """A value that a record of this arm holds, whatever version wrote it."""
+    assert value is not None
+    return value
 
 
 def require_fields(cls: type[Any], values: Json, what: str) -> None:
@@ -159,7 +501,7 @@ class PairError:
     Attributes:
         kind: Name of the exception class.
         message: What it said.
-        phase: ``setup``, ``base``, ``dynamic`` or ``crash``.
+        phase: ``setup``, the name of the arm that was being played, or ``crash``.
     """
 
     case_id: str
@@ -185,14 +527,11 @@ class PairError:
         Raises:
             ReportError: It has other fields or another schema version.
         """
-        if values.get("schema_version") != RECORD_VERSION:
-            raise ReportError(
-                f"schema_version={values.get('schema_version')!r}, but this version reads {RECORD_VERSION}."
-            )
+        require_version(values, "pair error")
         known = {item.name for item in fields(cls)}
         if values.keys() != known:
             raise ReportError(f"A pair error has the fields {sorted(values)}, but must have {sorted(known)}.")
-        return cls(**values)
+        return cls(**{**values, "schema_version": RECORD_VERSION})
 
 
 def is_error(values: Json) -> bool:

@@ -1,4 +1,4 @@
-"""One arm of a pair while it is being played."""
+"""One rollout while it is being played."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.pairing.clock import Clock
-from pytest_libero_max.pairing.episode import ask_policy, begin_policy, begin_world, make_query
-from pytest_libero_max.pairing.prefix import Answer, BranchPoint, event_link, first_link, next_link
+from pytest_libero_max.events.schedules import Entry, Reversal
+from pytest_libero_max.events.triggers import Moment, distance_m
+from pytest_libero_max.pairing.prefix import Answer, BranchPoint, Firing, event_link, first_link, next_link
 from pytest_libero_max.pairing.queue import ActionQueue
+from pytest_libero_max.pairing.stage import Stage, apply_change
 from pytest_libero_max.policies.check import copy_memory, memory_digest, remembers
-from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.worlds.contract import Array, World, WorldState
+from pytest_libero_max.worlds.contract import Array, WorldState
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,9 @@ class RolloutResult:
         actions: (steps, 7) as the policy returned them.
         end_effector: (steps, 3) m, world frame, after each step.
         entity: (steps, 3) m, world frame: the trigger entity after each step.
+        min_distance_m: Smallest distance of the two.
         answers: Every query with all the actions it returned.
+        firings: The entries of the schedule that happened, in order.
         contacts: What touches the trigger entity at the end.
         proof: Last link of the hash chain, hexadecimal.
     """
@@ -38,70 +39,79 @@ class RolloutResult:
     actions: NDArray[np.float64]
     end_effector: Array
     entity: Array
+    min_distance_m: float
     answers: tuple[Answer, ...]
+    firings: tuple[Firing, ...]
     contacts: tuple[str, ...]
     proof: str
 
+    @property
+    def clipped_share(self) -> float:
+        """Share of the components of the executed actions beyond +-1, which the controller clips."""
+        return float((np.abs(self.actions) > 1.0).mean()) if self.steps else 0.0
+
 
 class Rollout:
-    """A rollout at some step: the world, the policy, the queue between them, and the record of both.
+    """A rollout between two steps: the stage, the queue of actions, and the record of what happened.
 
     Begin one with :meth:`start` or :meth:`resume`, and :meth:`advance` it while it is :attr:`running`.
 
     Attributes:
         success: Whether the last step completed the task.
-        distance_m: Distance of the end effector to the trigger entity after the last step; infinite before
-            the first.
-        min_distance_m: The smallest of them so far.
+        distance_m: Distance of the end effector to the trigger entity after the last step, or at the start.
+        min_distance_m: The smallest after a step so far; infinite before the first step.
+        firings: The entries of the schedule that have happened.
+        may_branch: Whether a branch point may still be taken. What only branch points need is kept as long
+            as it is true.
     """
 
-    def __init__(self, case: Case, world: World, policy: Policy, clock: Clock, queue: ActionQueue) -> None:
+    def __init__(self, stage: Stage, pending: NDArray[np.float64] | None = None) -> None:
         self.success = False
         self.distance_m = math.inf
         self.min_distance_m = math.inf
-        self._case = case
-        self._world = world
-        self._policy = policy
-        self._clock = clock
-        self._queue = queue
+        self.firings: list[Firing] = []
+        self.may_branch = True
+        self._stage = stage
+        self._queue = ActionQueue(stage.policy.spec.query_interval, pending)
         self._actions: list[NDArray[np.float64]] = []
         self._end_effector: list[Array] = []
         self._entity: list[Array] = []
         self._answers: list[Answer] = []
         self._chain: list[bytes] = []
         self._asked: WorldState | None = None
-        self._keep_asked = False
         self._digest = b""
 
     @classmethod
-    def start(cls, case: Case, world: World, policy: Policy, clock: Clock) -> Rollout:
-        """A rollout from the beginning: reset, shared setup, settle steps, then the policy's reset."""
-        begin_world(case, world, clock)
-        rollout = cls(case, world, policy, clock, ActionQueue(policy.spec.query_interval))
-        rollout._digest = world.digest()
+    def start(cls, stage: Stage) -> Rollout:
+        """A rollout from the beginning: reset, shared setup, settle steps.
+
+        The policy is told that an episode begins right before the first step, after what the schedule does
+        at the start.
+        """
+        stage.begin_world()
+        rollout = cls(stage)
+        rollout._digest = stage.world.digest()
         rollout._chain = [first_link(rollout._digest)]
-        rollout._keep_asked = policy.spec.repeatable and not remembers(policy)
-        begin_policy(case, world, policy, clock)
+        rollout.distance_m = distance_m(stage.world.end_effector(), stage.world.position(stage.entity))
         return rollout
 
     @classmethod
-    def resume(cls, branch: BranchPoint, case: Case, world: World, policy: Policy, clock: Clock) -> Rollout:
+    def resume(cls, branch: BranchPoint, stage: Stage) -> Rollout:
         """The rollout that goes on from a branch point; world and policy are there already.
 
         Where the world has been altered since, its new digest goes into the hash chain first. Without an
         alteration the rollout is the one that was branched from.
         """
-        queue = ActionQueue(policy.spec.query_interval, branch.pending)
-        rollout = cls(case, world, policy, clock, queue)
-        rollout.distance_m = branch.distance_m
+        rollout = cls(stage, branch.pending)
+        rollout.distance_m, rollout.min_distance_m = branch.distance_m, branch.min_distance_m
+        rollout.firings = list(branch.firings)
         rollout._actions = list(branch.actions)
         rollout._end_effector = list(branch.end_effector)
         rollout._entity = list(branch.entity)
         rollout._answers = list(branch.answers)
-        rollout._chain = list(branch.chain)
-        rollout._digest = world.digest()
-        if rollout._digest != branch.digest:
-            rollout._chain.append(event_link(rollout._chain[-1], rollout._digest))
+        rollout._asked = branch.asked
+        rollout._chain, rollout._digest = list(branch.chain), branch.digest
+        rollout._note_change()
         return rollout
 
     @property
@@ -112,7 +122,13 @@ class Rollout:
     @property
     def running(self) -> bool:
         """Whether the episode goes on: the task is not completed and budget is left."""
-        return not self.success and len(self._actions) < self._case.budget
+        return not self.success and len(self._actions) < self._stage.case.budget
+
+    @property
+    def moment(self) -> Moment:
+        """What triggers are asked about."""
+        fired = tuple(firing.step for firing in self.firings)
+        return Moment(self.steps, self._stage.case.budget, self._stage.world, fired)
 
     def advance(self) -> None:
         """Execute one action, after a query if none is queued.
@@ -121,7 +137,9 @@ class Rollout:
             AdapterError: The policy broke its contract.
             SimulatorError: The simulation broke.
         """
-        world = self._world
+        stage, world = self._stage, self._stage.world
+        if not self._actions:
+            stage.begin_policy()
         if not self._queue:
             self._query()
         action = self._queue.pop()
@@ -130,56 +148,50 @@ class Rollout:
         self._actions.append(action)
         self._chain.append(next_link(self._chain[-1], action, self._digest))
         self.success = world.succeeded()
-        end_effector, entity = world.end_effector(), world.position(self._case.event.trigger.entity)
+        end_effector, entity = world.end_effector(), world.position(stage.entity)
         self._end_effector.append(end_effector)
         self._entity.append(entity)
-        x, y, z = (end_effector - entity).tolist()
-        # Spelled out: a BLAS norm may round differently from one processor to the next.
-        self.distance_m = math.sqrt(x * x + y * y + z * z)
+        self.distance_m = distance_m(end_effector, entity)
         self.min_distance_m = min(self.min_distance_m, self.distance_m)
 
-    def advance_to_trigger(self) -> BranchPoint | None:
-        """Play until the trigger fires, or to the end.
-
-        It fires after the first step that leaves the end effector within the trigger distance while the
-        episode is still running. None where that never happens.
-        """
-        while self.running:
-            self.advance()
-            if self.running and self.distance_m <= self._case.event.trigger.distance_m:
-                return self._branch()
-        return None
-
     def advance_to_end(self) -> RolloutResult:
-        """Play to the end of the episode."""
+        """Play to the end of the episode, whatever the schedule says."""
+        self.may_branch = False
         while self.running:
             self.advance()
-        return RolloutResult(
-            success=self.success,
-            steps=self.steps,
-            actions=np.array(self._actions),
-            end_effector=np.array(self._end_effector),
-            entity=np.array(self._entity),
-            answers=tuple(self._answers),
-            contacts=self._world.contacts(self._case.event.trigger.entity),
-            proof=self._chain[-1].hex(),
-        )
+        return self.result()
 
-    def _query(self) -> None:
-        if self._keep_asked:
-            self._asked = self._world.snapshot()
-        query = make_query(self._case, self._world, len(self._answers), self.steps)
-        actions = ask_policy(self._world, self._policy, query, self._clock)
-        self._answers.append(Answer(query.index, query.step, actions))
-        self._queue.refill(actions)
+    def fire(self, entry: Entry) -> None:
+        """Let an entry of the schedule happen now.
 
-    def _branch(self) -> BranchPoint:
-        self._keep_asked = False
-        memory = copy_memory(self._policy)
+        Raises:
+            ProtocolError: It left the world bit for bit as it was.
+            ChangeError: It does not fit this world, or cannot be taken back.
+        """
+        stage, action = self._stage, entry.action
+        proof = self._chain[-1].hex()
+        with stage.clock("event_s"):
+            if isinstance(action, Reversal):
+                earlier = self.firings[action.entry].applied
+                change = earlier.change.reverted(earlier.evidence)  # type: ignore[attr-defined]
+            else:
+                change = action
+            applied = apply_change(change, stage.world, stage.policy.spec, stage.case.item_id)
+        self.firings.append(Firing(entry, self.steps, len(self._answers), self.distance_m, proof, applied))
+        self._note_change()
+
+    def branch(self) -> BranchPoint:
+        """The rollout as it is now, as a value.
+
+        Raises:
+            AdapterError: The policy's snapshot raised.
+        """
+        memory = copy_memory(self._stage.policy) if self._actions else None
         return BranchPoint(
             step=self.steps,
             distance_m=self.distance_m,
-            state=self._world.snapshot(),
+            min_distance_m=self.min_distance_m,
+            state=self._stage.world.snapshot(),
             digest=self._digest,
             memory=memory,
             memory_digest=memory_digest(memory),
@@ -189,5 +201,37 @@ class Rollout:
             entity=np.array(self._entity),
             answers=tuple(self._answers),
             asked=self._asked,
+            firings=tuple(self.firings),
             chain=tuple(self._chain),
         )
+
+    def result(self) -> RolloutResult:
+        """What has been played, of a rollout that is not running any more."""
+        return RolloutResult(
+            success=self.success,
+            steps=self.steps,
+            actions=np.array(self._actions),
+            end_effector=np.array(self._end_effector),
+            entity=np.array(self._entity),
+            min_distance_m=self.min_distance_m,
+            answers=tuple(self._answers),
+            firings=tuple(self.firings),
+            contacts=self._stage.world.contacts(self._stage.entity),
+            proof=self._chain[-1].hex(),
+        )
+
+    def _query(self) -> None:
+        stage = self._stage
+        if self.may_branch and stage.policy.spec.repeatable and not remembers(stage.policy):
+            self._asked = stage.world.snapshot()
+        query = stage.query(len(self._answers), self.steps)
+        actions = stage.ask(query)
+        self._answers.append(Answer(query.index, query.step, actions))
+        self._queue.refill(actions)
+
+    def _note_change(self) -> None:
+        """Add a link to the hash chain if the world is not what it was after the last one."""
+        digest = self._stage.world.digest()
+        if digest != self._digest:
+            self._chain.append(event_link(self._chain[-1], digest))
+            self._digest = digest

@@ -1,4 +1,4 @@
-"""The pair runner: Base once, back to the event, the change, Dynamic, the record.
+"""The runner: plays the arms of a case, what they share only once, and makes the record.
 
 :func:`play_pair` does all of it. Its pieces, for a test of your own: :func:`play_prefix` plays a case up to
 its event, :func:`inject` makes the change, :func:`continue_rollout` plays on, :func:`return_to` goes back.
@@ -6,28 +6,20 @@ its event, :func:`inject` makes the change, :func:`continue_rollout` plays on, :
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.registry import change_from_dict
-from pytest_libero_max.errors import ProtocolError
-from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.clock import Clock
-from pytest_libero_max.pairing.episode import instruction_of
-from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, arms_of, check_arms, trigger_of
+from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_branch
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
+from pytest_libero_max.pairing.stage import Stage, apply_change
 from pytest_libero_max.policies.contract import Policy, PolicySpec
 from pytest_libero_max.worlds.contract import World
-
-Phase = Literal["setup", "base", "dynamic"]
 
 
 @dataclass(frozen=True)
@@ -35,7 +27,7 @@ class PairSettings:
     """How pairs are played. Nothing here may change what is measured.
 
     Attributes:
-        prefix: How Dynamic gets to the event; see :func:`return_to`.
+        prefix: How an arm gets to the branch point; see :func:`return_to`.
         fingerprints: What could change a result, for the record: versions, substrate, assets.
     """
 
@@ -45,17 +37,25 @@ class PairSettings:
 
 @dataclass(frozen=True)
 class Pair:
-    """A measured pair with its trajectories.
+    """A measured case with its trajectories.
 
     Attributes:
         record: What is kept of it.
-        base: The Base rollout.
-        dynamic: The Dynamic rollout; None where the event never fired.
+        rollouts: By name of the arm. Arms that ended as one have the same object.
     """
 
     record: PairRecord
-    base: RolloutResult
-    dynamic: RolloutResult | None
+    rollouts: Mapping[str, RolloutResult]
+
+    @property
+    def base(self) -> RolloutResult:
+        """The Base rollout."""
+        return self.rollouts[BASE]
+
+    @property
+    def dynamic(self) -> RolloutResult | None:
+        """The Dynamic rollout; None where the event never fired."""
+        return None if self.record.arms[DYNAMIC].shares else self.rollouts[DYNAMIC]
 
 
 def play_pair(
@@ -63,10 +63,11 @@ def play_pair(
     world: World,
     policy: Policy,
     settings: PairSettings | None = None,
-    on_phase: Callable[[Phase], None] | None = None,
+    on_phase: Callable[[str], None] | None = None,
+    arms: Sequence[Arm] | None = None,
 ) -> PairRecord:
-    """Measure one pair; see :func:`measure_pair`, which returns the trajectories as well."""
-    return measure_pair(case, world, policy, settings, on_phase).record
+    """Measure a case; see :func:`measure_pair`, which returns the trajectories as well."""
+    return measure_pair(case, world, policy, settings, on_phase, arms).record
 
 
 def measure_pair(
@@ -74,59 +75,126 @@ def measure_pair(
     world: World,
     policy: Policy,
     settings: PairSettings | None = None,
-    on_phase: Callable[[Phase], None] | None = None,
+    on_phase: Callable[[str], None] | None = None,
+    arms: Sequence[Arm] | None = None,
 ) -> Pair:
-    """Play Base to its end, return to the event, apply it, and play Dynamic to its end.
+    """Play the arms of a case: Base and Dynamic, unless others are given.
 
-    Where the event never fires, Dynamic would execute the same actions in the same world from the first step
-    to the last, and the simulation is a function of those: its outcome is that of Base, and it is not played.
+    An arm in which nothing happens before the end executes the same actions in the same world as the arm it
+    still shares everything with: its result is that of the other, and it is not played again.
 
     Args:
         case: What to play.
         world: A world of the case's scene; what it was doing before leaves no trace.
         policy: A checked policy.
         settings: How to play.
-        on_phase: Told when ``setup``, ``base`` and ``dynamic`` begin, so that an error can be placed.
+        on_phase: Told when ``setup`` begins, and then each arm by its name, so that an error can be placed.
+        arms: Which arms. None: those of :func:`~pytest_libero_max.events.schedules.arms_of`.
 
     Raises:
         AdapterError: The policy broke its contract.
-        ProtocolError: The two rollouts do not share their prefix, or the event altered nothing.
+        ProtocolError: Two arms do not share their prefix, or a change altered nothing.
         SimulatorError: The simulation broke.
         SubstrateError: The world cannot start this case.
-        ChangeError: The setup or the event does not fit this world.
+        ChangeError: The setup or a change does not fit this world.
+        ManifestError: Two arms have one name.
     """
     settings = PairSettings() if settings is None else settings
-    enter = on_phase or _ignore
-    clock = Clock()
+    enter = on_phase or (lambda phase: None)
     enter("setup")
-    rollout = Rollout.start(case, world, policy, clock)
-    enter("base")
-    with clock("base_s"):
-        branch = rollout.advance_to_trigger()
-        base = rollout.advance_to_end()
-    dynamic, evidence = None, None
-    if branch is not None:
-        enter("dynamic")
-        with clock("prefix_s"):
-            return_to(branch, case, world, policy, settings.prefix, clock)
-        with clock("event_s"):
-            evidence = inject(case, world, policy.spec)
-        with clock("dynamic_s"):
-            dynamic = Rollout.resume(branch, case, world, policy, clock).advance_to_end()
-    record = _record(
-        case, world, policy, settings, rollout.min_distance_m, branch, evidence, base, dynamic, clock
-    )
-    return Pair(record, base, dynamic)
+    stage = Stage(case, world, policy)
+    chosen = check_arms(arms_of(case) if arms is None else arms)
+    instruction, rollouts = _play(stage, chosen, settings.prefix, enter)
+    played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
+    record = PairRecord.of(case, instruction, played, policy.spec, settings.fingerprints, stage.clock.seconds)
+    return Pair(record, rollouts)
 
 
-def with_base_repeated(pair: Pair, case: Case, world: World, policy: Policy) -> Pair:
-    """Play Base once more and note in the record whether it ended alike: the noise below every effect.
+@dataclass(frozen=True)
+class _Task:
+    """Arms that have shared everything so far, and where they go on from; None: from the start."""
 
-    The arguments and errors are those of :func:`measure_pair`.
+    arms: tuple[Arm, ...]
+    branch: BranchPoint | None = None
+
+
+def _play(
+    stage: Stage, arms: tuple[Arm, ...], mode: PrefixMode, enter: Callable[[str], None]
+) -> tuple[str, dict[str, RolloutResult]]:
+    """Play all arms, each shared part once.
+
+    Returns:
+        What the policy is told to do when an episode begins, and the results in the order of the arms.
     """
-    again = Rollout.start(case, world, policy, Clock()).advance_to_end()
-    repeat = {"success": again.success, "identical": again.proof == pair.base.proof}
-    return replace(pair, record=replace(pair.record, base_repeat=repeat))
+    repetitions = dict.fromkeys(arm.repetition for arm in arms)
+    tasks = [_Task(tuple(arm for arm in arms if arm.repetition == number)) for number in repetitions]
+    results: dict[str, RolloutResult] = {}
+    instruction = ""
+    while tasks:
+        task = tasks.pop(0)
+        name = task.arms[0].name
+        if task.branch is None:
+            rollout = Rollout.start(stage)
+            instruction = stage.instruction
+            enter(name)
+        else:
+            enter(name)
+            with stage.clock("prefix_s"):
+                return_to_branch(task.branch, stage, mode)
+            rollout = Rollout.resume(task.branch, stage)
+        with stage.clock(f"arm_{name}_s"):
+            together, parted = _play_together(rollout, task.arms)
+        results |= dict.fromkeys((arm.name for arm in together), rollout.result())
+        tasks = parted + tasks
+    return instruction, {arm.name: results[arm.name] for arm in arms}
+
+
+def _play_together(rollout: Rollout, arms: tuple[Arm, ...]) -> tuple[tuple[Arm, ...], list[_Task]]:
+    """Play to the end with the arms that stay equal; return these, and those that parted as tasks."""
+    parted: list[_Task] = []
+    while True:
+        done = len(rollout.firings)
+        groups = _by_next_entry(arms, done)
+        rollout.may_branch = any(arm.schedule[done:] != arms[0].schedule[done:] for arm in arms)
+        happening = _wait(rollout, [entry for entry, _ in groups if entry is not None])
+        if not happening:
+            return arms, parted
+        if len(groups) == 1:
+            rollout.fire(happening[0])
+            continue
+        # Arms in which nothing happens now go on first; where something happens in all, those of one entry.
+        quiet = tuple(arm for entry, group in groups if entry not in happening for arm in group)
+        leaving = groups if quiet else groups[1:]
+        branch = rollout.branch()
+        parted += [_Task(group, branch) for entry, group in leaving if entry in happening]
+        arms = quiet or groups[0][1]
+
+
+def _by_next_entry(arms: Sequence[Arm], done: int) -> list[tuple[Entry | None, tuple[Arm, ...]]]:
+    """The arms by what happens next in them; None where nothing does."""
+    groups: list[tuple[Entry | None, tuple[Arm, ...]]] = []
+    for arm in arms:
+        entry = arm.schedule[done] if done < len(arm.schedule) else None
+        place = next((i for i, (known, _) in enumerate(groups) if known == entry), None)
+        if place is None:
+            groups.append((entry, (arm,)))
+        else:
+            groups[place] = (entry, (*groups[place][1], arm))
+    return groups
+
+
+def _wait(rollout: Rollout, entries: list[Entry]) -> list[Entry]:
+    """Play until the first of the entries happen, and return these; none at the end of the episode."""
+    while rollout.running:
+        moment = rollout.moment
+        happening = [entry for entry in entries if entry.trigger.fires(moment)]
+        if happening:
+            return happening
+        rollout.advance()
+    return []
+
+
+# The pieces.
 
 
 def play_prefix(case: Case, world: World, policy: Policy) -> BranchPoint | None:
@@ -134,7 +202,9 @@ def play_prefix(case: Case, world: World, policy: Policy) -> BranchPoint | None:
 
     World and policy are left at the branch point. The arguments and errors are those of :func:`measure_pair`.
     """
-    return Rollout.start(case, world, policy, Clock()).advance_to_trigger()
+    rollout = Rollout.start(Stage(case, world, policy))
+    event = Entry(trigger_of(case), Nothing())
+    return rollout.branch() if _wait(rollout, [event]) else None
 
 
 def inject(case: Case, world: World, spec: PolicySpec | None = None) -> Json:
@@ -153,21 +223,14 @@ def inject(case: Case, world: World, spec: PolicySpec | None = None) -> Json:
         ProtocolError: The event left the world bit for bit as it was.
         ChangeError: It does not fit this world.
     """
-    change = change_from_dict(case.event.change)
-    cameras, size = (spec.cameras, spec.image_size) if spec else ((), 1)
-    images = _look(world, cameras, size)
-    before = world.digest()
-    evidence = change.apply(world).to_dict()
-    if world.digest() == before and not isinstance(change, Nothing):
-        raise ProtocolError(
-            f"{case.item_id}: {change.operation} left the world bit for bit as it was, so Dynamic would be "
-            "Base. Its parameters describe no change; repair the manifest."
-        )
-    evidence["pixel_change"] = {
-        camera: float(np.abs(image.astype(np.int16) - images[camera]).mean())
-        for camera, image in _look(world, cameras, size).items()
-    }
-    return evidence
+    return apply_change(change_from_dict(case.event.change), world, spec, case.item_id).to_dict()
+
+
+def return_to(
+    branch: BranchPoint, case: Case, world: World, policy: Policy, mode: PrefixMode = "fork"
+) -> None:
+    """Bring world and policy back to a branch point; see :func:`.prefix.return_to_branch`."""
+    return_to_branch(branch, Stage(case, world, policy), mode)
 
 
 def continue_rollout(branch: BranchPoint, case: Case, world: World, policy: Policy) -> RolloutResult:
@@ -176,74 +239,4 @@ def continue_rollout(branch: BranchPoint, case: Case, world: World, policy: Poli
     World and policy are where :func:`play_prefix` or :func:`return_to` left them, or altered since by
     :func:`inject` or any other change. The errors are those of :func:`measure_pair`.
     """
-    return Rollout.resume(branch, case, world, policy, Clock()).advance_to_end()
-
-
-def _look(world: World, cameras: tuple[str, ...], size: int) -> dict[str, NDArray[Any]]:
-    if not cameras:
-        return {}
-    observation = world.observe(cameras, size)
-    return {camera: observation[f"{camera}_image"] for camera in cameras}
-
-
-def _ignore(phase: Phase) -> None:
-    """Nobody wants to know."""
-
-
-def _record(
-    case: Case,
-    world: World,
-    policy: Policy,
-    settings: PairSettings,
-    min_distance_m: float,
-    branch: BranchPoint | None,
-    evidence: Json | None,
-    base: RolloutResult,
-    dynamic: RolloutResult | None,
-    clock: Clock,
-) -> PairRecord:
-    second = base if dynamic is None else dynamic
-    response_step, stale_actions, dynamic_queries = None, None, 0
-    if branch is not None:
-        after = second.answers[len(branch.answers) :]
-        response_step = after[0].step if after else None
-        stale_actions = (second.steps if response_step is None else response_step) - branch.step
-        dynamic_queries = len(after)
-    return PairRecord(
-        case_id=case.case_id,
-        item_id=case.item_id,
-        case_digest=case.digest,
-        source=case.source,
-        source_category=case.source_category,
-        difficulty=case.difficulty,
-        suite=case.suite,
-        task_index=case.task_index,
-        init_state_index=case.init_state_index,
-        policy_seed=case.policy_seed,
-        instruction=instruction_of(case, world),
-        event=case.event.name,
-        family=family_of(case.event.name),
-        variant=case.event.variant,
-        severity=case.event.severity,
-        trigger_entity=case.event.trigger.entity,
-        base_success=base.success,
-        dynamic_success=second.success,
-        base_steps=base.steps,
-        dynamic_steps=second.steps,
-        max_steps=case.budget,
-        trigger_step=branch.step if branch else None,
-        trigger_distance_m=branch.distance_m if branch else None,
-        min_distance_m=min_distance_m,
-        response_step=response_step,
-        stale_actions=stale_actions,
-        base_queries=len(base.answers),
-        dynamic_queries=dynamic_queries,
-        prefix_digest=branch.proof if branch else None,
-        base_digest=base.proof,
-        dynamic_digest=dynamic.proof if dynamic else None,
-        evidence=evidence,
-        contacts={"base": list(base.contacts), "dynamic": list(second.contacts)},
-        policy=policy.spec.to_dict(),
-        fingerprints=dict(settings.fingerprints),
-        timings=clock.seconds,
-    )
+    return Rollout.resume(branch, Stage(case, world, policy)).advance_to_end()

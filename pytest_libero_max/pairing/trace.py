@@ -27,9 +27,9 @@ def write_trace(folder: Path, pair: Pair) -> Path:
     """
     step = pair.record.trigger_step
     arrays: dict[str, NDArray[np.generic]] = {"trigger_step": np.array(-1 if step is None else step)}
-    arrays |= _arm("base", pair.base)
-    if pair.dynamic is not None:
-        arrays |= _arm("dynamic", pair.dynamic)
+    for name, arm in pair.record.arms.items():
+        if arm.shares is None:
+            arrays |= _arm(name, pair.rollouts[name])
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{pair.record.item_id}.npz"
     np.savez_compressed(path, allow_pickle=False, **arrays)

@@ -108,7 +108,8 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
 
 
 def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], None]) -> PairRecord:
-    from pytest_libero_max.pairing.runner import PairSettings, measure_pair, with_base_repeated
+    from pytest_libero_max.events.schedules import arms_of
+    from pytest_libero_max.pairing.runner import PairSettings, measure_pair
     from pytest_libero_max.pairing.trace import write_trace
 
     settings = settings_of(request.config)
@@ -122,9 +123,8 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
         policy,
         PairSettings(prefix=settings.prefix, fingerprints=substrate.fingerprint()),
         on_phase,
+        arms_of(case, repeat_base=case.item_id in noise_cases_of(request.config)),
     )
-    if case.item_id in noise_cases_of(request.config):
-        pair = with_base_repeated(pair, case, world, policy)
     if settings.traces == "all" or settings.traces == pair.record.outcome:
         write_trace(settings.output / "traces", pair)
     return pair.record

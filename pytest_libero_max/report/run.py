@@ -9,7 +9,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json, slug
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields
+from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields, require_version
 
 
 @dataclass(frozen=True)
@@ -92,11 +92,7 @@ class Run:
         Raises:
             ReportError: It has another form or another schema version.
         """
-        if values.get("schema_version") != RECORD_VERSION:
-            raise ReportError(
-                f"schema_version={values.get('schema_version')!r} of a run, but this version reads "
-                f"{RECORD_VERSION}. Read it with the version of pytest-libero-max that wrote it."
-            )
+        require_version(values, "run")
         if values.keys() != {"schema_version", "provenance", "planned"}:
             raise ReportError(
                 f"A run has the fields {sorted(values)}, but must have planned, provenance, schema_version."

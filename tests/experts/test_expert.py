@@ -12,10 +12,10 @@ from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import resolve_event
-from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.runner import PairSettings, inject, play_pair, play_prefix
+from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.check import copy_memory, remembers, restore_memory
 from pytest_libero_max.policies.contract import Policy, Query
 from pytest_libero_max.policies.loading import load_policy
@@ -51,7 +51,7 @@ def make_case(suite: str, task: int, init: int, event: str = "illumination_switc
 def test_expert_solves_every_task(suite: str, task: int, substrate: EmbeddedSubstrate) -> None:
     # A different initial state for each task: together they sample all ten.
     case = make_case(suite, task, init=task)
-    rollout = Rollout.start(case, substrate.world(case), blind("expert"), Clock())
+    rollout = Rollout.start(Stage(case, substrate.world(case), blind("expert")))
     assert rollout.advance_to_end().success
 
 
@@ -98,7 +98,7 @@ def test_expert_solves_what_was_varied(
     event = resolve_event("illumination_switch", 0, variation_metadata(variation), identity)
     record = case_record(identity, event, variation.name)
     case = parse_case({**record, "substrate_category": f"LIBERO-PRO/{category}"})
-    rollout = Rollout.start(case, substrate.varied_world(variation), blind("expert"), Clock())
+    rollout = Rollout.start(Stage(case, substrate.varied_world(variation), blind("expert")))
     assert rollout.advance_to_end().success
 
 
@@ -106,7 +106,7 @@ def test_expert_copes_with_another_query_interval(substrate: EmbeddedSubstrate) 
     case = make_case("libero_spatial", 0, 1)
     for horizon, interval in ((1, 1), (10, 10)):
         policy = blind("expert", horizon=horizon, query_interval=interval)
-        assert Rollout.start(case, substrate.world(case), policy, Clock()).advance_to_end().success
+        assert Rollout.start(Stage(case, substrate.world(case), policy)).advance_to_end().success
 
 
 def test_actions_leave_the_hand_where_it_was_foreseen(substrate: EmbeddedSubstrate) -> None:
@@ -115,7 +115,7 @@ def test_actions_leave_the_hand_where_it_was_foreseen(substrate: EmbeddedSubstra
     for interval in (1, 10):
         case = make_case("libero_spatial", 6, 0)
         world, policy = substrate.world(case), blind("expert", query_interval=interval)
-        rollout = Rollout.start(case, world, policy, Clock())
+        rollout = Rollout.start(Stage(case, world, policy))
         for _ in range(policy.spec.horizon):
             rollout.advance()
         ends.append(world.end_effector())

@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import AdapterError, ProtocolError
-from pytest_libero_max.pairing.prefix import PrefixMode, event_link, first_link, next_link, return_to
-from pytest_libero_max.pairing.runner import PairSettings, continue_rollout, inject, play_pair, play_prefix
+from pytest_libero_max.pairing.prefix import PrefixMode, event_link, first_link, next_link
+from pytest_libero_max.pairing.runner import (
+    PairSettings,
+    continue_rollout,
+    inject,
+    play_pair,
+    play_prefix,
+    return_to,
+)
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.strategies import RememberingPolicy
 from pytest_libero_max.worlds.contract import WorldState
@@ -132,7 +139,7 @@ def test_a_simulation_that_does_not_repeat_itself_is_caught_where_it_differs(at:
     branch = play_prefix(make_case(distance_m=0.18), TinyWorld(), Approaching())
     assert branch is not None
     assert branch.step == 4
-    with pytest.raises(ProtocolError, match=f"differs from Base {where}, so the pair is not a measurement"):
+    with pytest.raises(ProtocolError, match=f"differs {where} from what was played first"):
         play_pair(make_case(), world, Approaching(), PairSettings("replay"))
 
 

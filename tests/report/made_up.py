@@ -89,7 +89,7 @@ def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> P
         "fingerprints": {"substrate": "embedded"},
         "timings": {"pair_s": 1.25},
     }
-    return PairRecord(**{**values, **changes})
+    return PairRecord.from_dict({"schema_version": 1, "base_repeat": None, **values, **changes})
 
 
 NEVER_TRIGGERED: Json = {

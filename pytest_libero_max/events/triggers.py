@@ -1,0 +1,309 @@
+"""When something happens: triggers, frozen values that are asked after every step.
+
+A new trigger is one class here (or in another package, decorated with :func:`register`): its fields are its
+parameters, ``fires`` is its rule, and its manifest form follows from both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from pytest_libero_max.benchmark.cases import TRIGGER_DISTANCE_M
+from pytest_libero_max.benchmark.documents import Json, require_keys, require_object
+from pytest_libero_max.errors import ManifestError, did_you_mean
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.contract import Array, World
+
+ABOVE_RADIUS_M = 0.08
+
+_GRIPPER = "gripper0"
+
+
+def distance_m(one: Array, other: Array) -> float:
+    """Euclidean distance of two points (3,) in m: the only definition by which proximity is decided.
+
+    It is spelled out because a BLAS norm may round differently from one processor to the next.
+    """
+    x, y, z = (one - other).tolist()
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a trigger is asked about: an episode between two steps.
+
+    Attributes:
+        step: Policy steps executed; 0 before the policy begins.
+        budget: Policy steps that the episode may take.
+        world: The world as it is now. A trigger reads it and alters nothing.
+        fired: For each earlier entry of the schedule, the step at which it fired.
+    """
+
+    step: int
+    budget: int
+    world: World
+    fired: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """When an entry of a schedule happens.
+
+    It is asked once before the policy begins and then after every step, as long as the episode is running.
+    The entry happens at the first moment at which the answer is yes. The answer depends on the moment alone.
+    """
+
+    type: ClassVar[str]
+    """The name manifests use."""
+
+    spelling: ClassVar[Mapping[str, str]] = {}
+    """Manifest names of the fields that are called differently there."""
+
+    def fires(self, moment: Moment) -> bool:
+        """Whether the entry happens now.
+
+        Raises:
+            EntityError: The world does not have an entity that the trigger names.
+        """
+        raise NotImplementedError
+
+    def to_dict(self) -> Json:
+        """The trigger as a manifest spells it."""
+        values = {self.spelling.get(item.name, item.name): getattr(self, item.name) for item in fields(self)}
+        return {"type": self.type, **values}
+
+
+TRIGGERS: dict[str, type[Trigger]] = {}
+"""Every trigger by its type."""
+
+AnyTrigger = TypeVar("AnyTrigger", bound=Trigger)
+
+
+def register(kind: type[AnyTrigger]) -> type[AnyTrigger]:
+    """Make a trigger known under its type; a class decorator.
+
+    Raises:
+        ManifestError: Another trigger has that type.
+    """
+    if TRIGGERS.setdefault(kind.type, kind) is not kind:
+        raise ManifestError(f"type={kind.type!r} is a trigger already. Give yours another type.")
+    return kind
+
+
+def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
+    """Read what :meth:`Trigger.to_dict` wrote.
+
+    Args:
+        raw: ``type`` and the trigger's parameters.
+        where: How to name it in an error.
+
+    Raises:
+        ManifestError: The type or a field is unknown, a field is missing, or a value breaks its rule.
+    """
+    values = require_object(raw, where)
+    name = values.get("type")
+    if not isinstance(name, str) or name not in TRIGGERS:
+        raise ManifestError(f"{where}.type={name!r} is not a trigger. {did_you_mean(str(name), TRIGGERS)}")
+    kind = TRIGGERS[name]
+    names = {kind.spelling.get(item.name, item.name): item.name for item in fields(kind)}
+    require_keys(values, where, {"type", *names})
+    return kind(**{field: values[spelled] for spelled, field in names.items()})
+
+
+@register
+@dataclass(frozen=True)
+class Proximity(Trigger):
+    """The first step that leaves the end effector within a distance of an entity.
+
+    Attributes:
+        entity: Its name; an object's position is that of its free joint, a fixture's that of its root body.
+        distance_m: In m, above 0.
+    """
+
+    type = "on_proximity"
+    spelling: ClassVar[Mapping[str, str]] = {"entity": "value"}
+
+    entity: str
+    distance_m: float = TRIGGER_DISTANCE_M
+
+    def __post_init__(self) -> None:
+        _require_name(self.type, self.entity)
+        _require_length(self.type, self.distance_m)
+
+    def fires(self, moment: Moment) -> bool:
+        return moment.step > 0 and self.reached(moment.world)
+
+    def reached(self, world: World) -> bool:
+        """Whether the end effector is within the distance now."""
+        return distance_m(world.end_effector(), world.position(self.entity)) <= self.distance_m
+
+
+@register
+@dataclass(frozen=True)
+class AtStart(Trigger):
+    """Before the first step: after the settle steps, before the policy is told that an episode begins."""
+
+    type = "at_start"
+
+    def fires(self, moment: Moment) -> bool:
+        return moment.step == 0
+
+
+@register
+@dataclass(frozen=True)
+class StepsAfter(Trigger):
+    """A number of steps after an earlier entry of the schedule.
+
+    Attributes:
+        steps: Policy steps, at least 1.
+        entry: Which entry: its index from 0, or -1 for the one just before.
+    """
+
+    type = "steps_after"
+
+    steps: int
+    entry: int = -1
+
+    def __post_init__(self) -> None:
+        if type(self.steps) is not int or self.steps < 1:
+            raise ManifestError(f"steps_after.steps={self.steps!r}, but must be an integer of at least 1.")
+        if type(self.entry) is not int or self.entry < -1:
+            raise ManifestError(
+                f"steps_after.entry={self.entry!r}, but must be the index of an earlier entry, or -1 for the "
+                "one just before."
+            )
+
+    def fires(self, moment: Moment) -> bool:
+        return moment.step >= moment.fired[self.entry] + self.steps
+
+
+@register
+@dataclass(frozen=True)
+class AfterGrasp(Trigger):
+    """The first step that leaves an object lifted: both fingers touch it, and its support does not.
+
+    Attributes:
+        entity: Name of the object.
+    """
+
+    type = "after_grasp"
+    spelling: ClassVar[Mapping[str, str]] = {"entity": "value"}
+
+    entity: str
+
+    def __post_init__(self) -> None:
+        _require_name(self.type, self.entity)
+
+    def fires(self, moment: Moment) -> bool:
+        world = moment.world
+        touching = world.contacts(self.entity)
+        if moment.step == 0 or _GRIPPER not in touching or world.entities[self.entity].support in touching:
+            return False
+        return fingers_touching(world, self.entity) >= 2
+
+
+@register
+@dataclass(frozen=True)
+class Above(Trigger):
+    """The first step that leaves the end effector above a receptacle.
+
+    Attributes:
+        receptacle: Name of the entity.
+        radius_m: How far beside its position the end effector may be, horizontally, in m.
+    """
+
+    type = "above"
+    spelling: ClassVar[Mapping[str, str]] = {"receptacle": "value"}
+
+    receptacle: str
+    radius_m: float = ABOVE_RADIUS_M
+
+    def __post_init__(self) -> None:
+        _require_name(self.type, self.receptacle)
+        _require_length(self.type, self.radius_m, "radius_m")
+
+    def fires(self, moment: Moment) -> bool:
+        if moment.step == 0:
+            return False
+        offset = moment.world.end_effector() - moment.world.position(self.receptacle)
+        x, y, z = offset.tolist()
+        return z > 0.0 and math.sqrt(x * x + y * y) <= self.radius_m
+
+
+@register
+@dataclass(frozen=True)
+class BudgetFraction(Trigger):
+    """The first step after which a share of the episode's budget is spent.
+
+    Attributes:
+        share: Above 0, below 1.
+    """
+
+    type = "budget_fraction"
+    spelling: ClassVar[Mapping[str, str]] = {"share": "value"}
+
+    share: float
+
+    def __post_init__(self) -> None:
+        if not _is_number(self.share) or not 0.0 < self.share < 1.0:
+            raise ManifestError(
+                f"budget_fraction.value={self.share!r}, but must be a number between 0 and 1. Use "
+                f"{AtStart.type!r} for the start of the episode."
+            )
+
+    def fires(self, moment: Moment) -> bool:
+        return moment.step >= self.share * moment.budget
+
+
+def fingers_touching(world: World, entity: str) -> int:
+    """How many fingers touch an entity now.
+
+    A finger is what moves on the last joint of a branch of the gripper, with everything fixed to it.
+    """
+    model, data = world.model, world.data
+    root = int(model.body_rootid[model.body(world.entities[entity].body).id])
+    finger_of = _fingers(model)
+    touching: set[int] = set()
+    for pair in data.contact.geom[: data.ncon]:
+        bodies = [int(model.geom_bodyid[geom]) for geom in pair]
+        for one, other in (bodies, bodies[::-1]):
+            if int(model.body_rootid[one]) == root and other in finger_of:
+                touching.add(finger_of[other])
+    return len(touching)
+
+
+def _fingers(model: Any) -> dict[int, int]:
+    """For each body of a finger, the body that the finger's joint moves."""
+    gripper = [body for body in range(model.nbody) if model.body(body).name.startswith(f"{_GRIPPER}_")]
+    parent = {body: int(model.body_parentid[body]) for body in gripper}
+    jointed = {body for body in gripper if model.body_jntnum[body]}
+
+    def above(body: int) -> list[int]:
+        """The body and its ancestors within the gripper, the nearest first."""
+        chain = []
+        while body in parent:
+            chain.append(body)
+            body = parent[body]
+        return chain
+
+    carriers = {ancestor for body in jointed for ancestor in above(body)[1:]}
+    tips = jointed - carriers
+    return {body: tip for body in gripper for tip in above(body) if tip in tips}
+
+
+def _require_name(kind: str, value: object) -> None:
+    if not isinstance(value, str) or not value:
+        raise ManifestError(f"{kind}.value={value!r}, but must be the name of an entity.")
+
+
+def _require_length(kind: str, value: object, name: str = "distance_m") -> None:
+    if not _is_number(value) or not 0.0 < float(value) < math.inf:  # type: ignore[arg-type]  # it is a number
+        raise ManifestError(f"{kind}.{name}={value!r}, but must be a length in metres above 0.")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,174 @@
+"""The stage of an episode: case, world, policy and clock, which go together wherever an arm is played."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.changes.base import Change, Evidence
+from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.registry import change_from_dict
+from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.pairing.clock import Clock
+from pytest_libero_max.policies.check import Actions, ask, start
+from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
+from pytest_libero_max.worlds.contract import NOOP_ACTION, World
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What an arm is played with.
+
+    Attributes:
+        case: What is played.
+        world: A world of the case's scene.
+        policy: A checked policy.
+        clock: Adds up wall-clock seconds.
+    """
+
+    case: Case
+    world: World
+    policy: Policy
+    clock: Clock = field(default_factory=Clock)
+
+    @property
+    def entity(self) -> str:
+        """The trigger entity of the case, which is followed through every arm."""
+        return self.case.event.trigger.entity
+
+    @property
+    def instruction(self) -> str:
+        """What the policy is told to do: the manifest's prompt, or the task's where it fixes none."""
+        return self.world.language if self.case.instruction is None else self.case.instruction
+
+    def begin_world(self) -> None:
+        """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
+
+        Raises:
+            SubstrateError: The scene has no such initial state.
+            ChangeError: The setup does not fit this world.
+            SimulatorError: The scene does not settle.
+        """
+        with self.clock("reset_s"):
+            self.world.reset(self.case.init_state_index)
+            for change in self.case.event.setup:
+                change_from_dict(change).apply(self.world)
+            for _ in range(SETTLE_STEPS):
+                self.world.step(NOOP_ACTION)
+
+    def begin_policy(self) -> None:
+        """Tell the policy that an episode begins; a privileged one gets the live world.
+
+        Raises:
+            AdapterError: It raised, or altered the world.
+        """
+        policy, case = self.policy, self.case
+        privileged = policy.spec.privileged
+        episode = Episode(
+            suite=case.suite,
+            task_index=case.task_index,
+            instruction=self.instruction,
+            seed=case.policy_seed,
+            max_steps=case.budget,
+            world=self.world if privileged else None,
+        )
+        before = self.world.digest() if privileged else b""
+        with self.clock("policy_s"):
+            start(policy, episode)
+        if privileged and self.world.digest() != before:
+            raise self._altered("reset")
+
+    def query(self, index: int, step: int) -> Query:
+        """Query ``index`` of the episode, after ``step`` executed policy steps."""
+        return Query(index, step, self.instruction, query_seed(self.case.policy_seed, index))
+
+    def ask(self, query: Query) -> Actions:
+        """Show the policy the world as it is now and return its checked actions, (n, 7).
+
+        This is the only place where an image is rendered for a policy: at queries alone, and only of the
+        cameras and in the size that the policy declares.
+
+        Raises:
+            ActionError: The actions cannot be played.
+            AdapterError: The policy raised, or altered the world, which is read only for it.
+            SimulatorError: The renderer does not answer.
+        """
+        spec = self.policy.spec
+        with self.clock("observe_s"):
+            observation = self.world.observe(spec.cameras, spec.image_size)
+        before = self.world.digest() if spec.privileged else b""
+        with self.clock("policy_s"):
+            actions = ask(self.policy, observation, query)
+        if spec.privileged and self.world.digest() != before:
+            raise self._altered(f"predict, query {query.index} at step {query.step}")
+        return actions
+
+    def _altered(self, where: str) -> AdapterError:
+        return AdapterError(
+            f"policy {self.policy.spec.name!r} altered the world in {where}, but episode.world is read only: "
+            "a policy acts through the actions it returns. Plan on a copy of the model and data instead."
+        )
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A change that has happened.
+
+    Attributes:
+        change: The change.
+        evidence: What it found and left.
+        pixel_change: For each camera that was looked through, the mean absolute difference of its images
+            before and after, 0 to 255.
+    """
+
+    change: Change
+    evidence: Evidence
+    pixel_change: dict[str, float]
+
+    def to_dict(self) -> Json:
+        """The evidence and the change of pixels as JSON values."""
+        return {**self.evidence.to_dict(), "pixel_change": dict(self.pixel_change)}
+
+
+def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id: str) -> Applied:
+    """Apply a change to the world now, once, and measure what it did.
+
+    Args:
+        change: What to do.
+        world: To what.
+        spec: Whose cameras to measure the change of pixels in. None: nothing is rendered.
+        item_id: The case, for messages.
+
+    Raises:
+        ProtocolError: The change left the world bit for bit as it was.
+        ChangeError: It does not fit this world.
+    """
+    cameras, size = (spec.cameras, spec.image_size) if spec else ((), 1)
+    images = _look(world, cameras, size)
+    before = world.digest()
+    evidence = change.apply(world)
+    if world.digest() == before and not isinstance(change, Nothing):
+        raise ProtocolError(
+            f"{item_id}: {change.operation} left the world bit for bit as it was, so the arm would equal the "
+            "one without it. Its parameters describe no change; repair the manifest."
+        )
+    return Applied(
+        change,
+        evidence,
+        {
+            camera: float(np.abs(image.astype(np.int16) - images[camera]).mean())
+            for camera, image in _look(world, cameras, size).items()
+        },
+    )
+
+
+def _look(world: World, cameras: tuple[str, ...], size: int) -> dict[str, NDArray[Any]]:
+    if not cameras:
+        return {}
+    observation = world.observe(cameras, size)
+    return {camera: observation[f"{camera}_image"] for camera in cameras}
