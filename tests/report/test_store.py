@@ -77,9 +77,9 @@ def test_an_unknown_field_is_an_error_with_its_line(tmp_path: Path, run: Run) ->
     store.append(record_of(run.planned[0], True, False))
     store.close()
     lines = store.path.read_text().splitlines()
-    values = {**json.loads(lines[1]), "base_sucess": True}
+    values = {**json.loads(lines[1]), "famly": "geometry"}
     store.path.write_text(f"{lines[0]}\n{json.dumps(values)}\n")
-    with pytest.raises(ReportError, match=r"line 2: .*base_sucess.*Did you mean 'base_success'"):
+    with pytest.raises(ReportError, match=r"line 2: .*famly.*Did you mean 'family'"):
         read_pairs(store.path)
 
 
