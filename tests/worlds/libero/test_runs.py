@@ -86,7 +86,7 @@ def test_libero_plus_and_libero_pro_play_in_one_session(
     )
     assert [record["source"] for record in records] == ["libero", "plus", "pro"]
     made_of = records[0]["fingerprints"]
-    assert {"hf-libero", "LIBERO-Plus", "LIBERO-PRO"} <= set(made_of)  # type: ignore[call-overload]
+    assert {"hf-libero", "LIBERO-Plus", "LIBERO-PRO"} <= set(made_of)
 
 
 @needs_package
@@ -107,7 +107,7 @@ def test_own_variations_are_said_to_be_own(pytester: pytest.Pytester, tmp_path: 
     result.assert_outcomes(passed=1, errors=1)
     result.stdout.fnmatch_lines(["*plus/libero_object/0000 needs a scene of its own (surfaces)*"])
     [record] = [record for record in records if "fingerprints" in record]
-    assert record["fingerprints"]["source_variations"] == "own"  # type: ignore[index]
+    assert record["fingerprints"]["source_variations"] == "own"
     report = json.loads((pytester.path / "own" / "report.json").read_text())
     assert "own_variations" in [caveat["name"] for caveat in report["caveats"]]
 
