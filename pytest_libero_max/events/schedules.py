@@ -24,7 +24,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 @dataclass(frozen=True)
-class Reversal:
+class Revert:
     """Takes back what an earlier entry of the schedule changed.
 
     Attributes:
@@ -44,13 +44,13 @@ class Entry:
     """
 
     trigger: Trigger
-    action: Change | Reversal
+    action: Change | Revert
 
     def to_dict(self) -> Json:
         """As JSON values; :func:`schedule_from_list` reads them."""
         what: Json = (
             {"reverts": self.action.entry}
-            if isinstance(self.action, Reversal)
+            if isinstance(self.action, Revert)
             else {"change": self.action.to_dict()}
         )
         return {"trigger": self.trigger.to_dict(), **what}
@@ -93,12 +93,12 @@ class Arm:
                 raise ManifestError(f"{where}: {entry.trigger} must refer to an earlier entry.")
             if isinstance(entry.trigger, StepsAfter) and index == 0:
                 raise ManifestError(f"{where}: {entry.trigger} has no entry before it to count from.")
-            if isinstance(entry.action, Reversal):
+            if isinstance(entry.action, Revert):
                 _check_reversal(entry.action, self.schedule[:index], reversed_entries, where)
 
 
-def _check_reversal(reversal: Reversal, earlier: Schedule, done: set[int], where: str) -> None:
-    if not 0 <= reversal.entry < len(earlier) or isinstance(earlier[reversal.entry].action, Reversal):
+def _check_reversal(reversal: Revert, earlier: Schedule, done: set[int], where: str) -> None:
+    if not 0 <= reversal.entry < len(earlier) or isinstance(earlier[reversal.entry].action, Revert):
         raise ManifestError(f"{where}: {reversal} must name an earlier entry that changes something.")
     if reversal.entry in done:
         raise ManifestError(f"{where}: entry {reversal.entry} is taken back already; leave this entry out.")
@@ -123,7 +123,7 @@ def schedule_from_list(raw: Any, where: str = "schedule") -> Schedule:
         kind = "reverts" if "reverts" in values else "change"
         require_keys(values, place, {"trigger", kind})
         action = (
-            Reversal(require_count(values, "reverts", place))
+            Revert(require_count(values, "reverts", place))
             if kind == "reverts"
             else change_from_dict(values["change"])
         )

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 RECORD_VERSION = 2
 READABLE_VERSIONS = (1, 2)
 
+ACTION_DIM = 7
+"""Components of an action; spelled here because records are read where no simulator is."""
+
 OUTCOMES = ("preserved_success", "change_associated_success", "regression", "persistent_failure")
 
 
@@ -62,7 +65,8 @@ class ArmRecord:
         stale_actions: Queued actions executed after the first firing and before that query; None where
             nothing happened. Where no query followed, all actions executed afterwards were stale.
         min_distance_m: Smallest distance of the end effector to the case's trigger entity.
-        clipped_share: Share of the components of the executed actions beyond +-1, which the controller clips.
+        clipped_components: How many of the 7 * steps components of the executed actions are beyond +-1; the
+            controller clips them.
         contacts: What touches the trigger entity at the end.
         proof: The hash chain over the whole rollout, changes included, hexadecimal.
         shares: The earlier arm that this one equals bit for bit, because nothing happened in it that did not
@@ -78,10 +82,17 @@ class ArmRecord:
     response_step: int | None
     stale_actions: int | None
     min_distance_m: float | None
-    clipped_share: float | None
+    clipped_components: int | None
     contacts: tuple[str, ...] | None
     proof: str | None
     shares: str | None
+
+    @property
+    def clipped_share(self) -> float | None:
+        """Share of the components of the executed actions that were clipped."""
+        if self.clipped_components is None or self.steps is None:
+            return None
+        return self.clipped_components / (ACTION_DIM * self.steps) if self.steps else 0.0
 
     @classmethod
     def of(cls, arm: Arm, rollouts: Mapping[str, RolloutResult]) -> ArmRecord:
@@ -114,7 +125,7 @@ class ArmRecord:
             response_step=response_step,
             stale_actions=stale_actions,
             min_distance_m=rollout.min_distance_m,
-            clipped_share=rollout.clipped_share,
+            clipped_components=rollout.clipped_components,
             contacts=rollout.contacts,
             proof=rollout.proof,
             shares=None if first == arm.name else first,
@@ -427,7 +438,7 @@ def _from_version_1(values: Json) -> Json:
         "response_step": None,
         "stale_actions": None,
         "min_distance_m": values["min_distance_m"],
-        "clipped_share": None,
+        "clipped_components": None,
         "contacts": values["contacts"]["base"],
         "proof": values["base_digest"],
         "shares": None,

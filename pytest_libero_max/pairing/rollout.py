@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.events.schedules import Entry, Reversal
+from pytest_libero_max.events.schedules import Entry, Revert
 from pytest_libero_max.events.triggers import Moment, distance_m
 from pytest_libero_max.pairing.prefix import Answer, BranchPoint, Firing, event_link, first_link, next_link
 from pytest_libero_max.pairing.queue import ActionQueue
@@ -46,9 +46,9 @@ class RolloutResult:
     proof: str
 
     @property
-    def clipped_share(self) -> float:
-        """Share of the components of the executed actions beyond +-1, which the controller clips."""
-        return float((np.abs(self.actions) > 1.0).mean()) if self.steps else 0.0
+    def clipped_components(self) -> int:
+        """How many of the 7 * steps components of the executed actions are beyond +-1: they are clipped."""
+        return int((np.abs(self.actions) > 1.0).sum())
 
 
 class Rollout:
@@ -171,9 +171,9 @@ class Rollout:
         stage, action = self._stage, entry.action
         proof = self._chain[-1].hex()
         with stage.clock("event_s"):
-            if isinstance(action, Reversal):
+            if isinstance(action, Revert):
                 earlier = self.firings[action.entry].applied
-                change = earlier.change.reverted(earlier.evidence)  # type: ignore[attr-defined]
+                change = earlier.change.reverted(earlier.evidence)
             else:
                 change = action
             applied = apply_change(change, stage.world, stage.policy.spec, stage.case.item_id)

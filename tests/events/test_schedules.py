@@ -9,14 +9,14 @@ import pytest
 
 from pytest_libero_max.changes import MoveObject, SetSensorCorruption, ShiftCamera
 from pytest_libero_max.errors import ChangeError, ManifestError
-from pytest_libero_max.events.schedules import Arm, Entry, Reversal, arms_of, check_arms, schedule_from_list
+from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of, check_arms, schedule_from_list
 from pytest_libero_max.events.triggers import AtStart, BudgetFraction, Proximity, StepsAfter
 from tests.pairing.actors import make_case
 
 SHIFT = ShiftCamera("agentview", (0.1, 0.0, 0.0), 5.0, 0.0)
 NOISE = SetSensorCorruption(24.0, 0.08, 7)
 NEAR = Proximity("box_1")
-TRANSIENT = (Entry(NEAR, SHIFT), Entry(StepsAfter(5), Reversal(0)))
+TRANSIENT = (Entry(NEAR, SHIFT), Entry(StepsAfter(5), Revert(0)))
 
 
 def test_a_case_has_two_arms_and_a_third_where_base_is_repeated() -> None:
@@ -61,13 +61,13 @@ def test_a_schedule_that_is_spelled_wrong_says_where(raw: Any, message: str) -> 
     ("schedule", "message"),
     [
         ((Entry(StepsAfter(3), SHIFT),), "has no entry before it to count from"),
-        ((Entry(NEAR, SHIFT), Entry(StepsAfter(3, entry=1), Reversal(0))), "must refer to an earlier entry"),
-        ((Entry(NEAR, Reversal(0)),), "must name an earlier entry"),
+        ((Entry(NEAR, SHIFT), Entry(StepsAfter(3, entry=1), Revert(0))), "must refer to an earlier entry"),
+        ((Entry(NEAR, Revert(0)),), "must name an earlier entry"),
         (
-            (*TRANSIENT, Entry(StepsAfter(3), Reversal(1))),
+            (*TRANSIENT, Entry(StepsAfter(3), Revert(1))),
             "must name an earlier entry",
         ),
-        ((*TRANSIENT, Entry(StepsAfter(3), Reversal(0))), "entry 0 is taken back already"),
+        ((*TRANSIENT, Entry(StepsAfter(3), Revert(0))), "entry 0 is taken back already"),
     ],
 )
 def test_an_entry_refers_to_what_comes_before_it(schedule: tuple[Entry, ...], message: str) -> None:

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
-from pytest_libero_max.changes import Evidence, Factor, Nothing, SetInstruction
+from pytest_libero_max.changes import Evidence, Factor, Nothing, SetInstruction, change_from_dict
 from pytest_libero_max.errors import AdapterError, ChangeError, ManifestError
-from pytest_libero_max.events.schedules import Arm, Entry, Reversal, arms_of
+from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of
 from pytest_libero_max.events.triggers import AtStart, BudgetFraction, Proximity, StepsAfter
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair, play_pair
 from pytest_libero_max.policies.contract import Episode
@@ -97,7 +97,7 @@ def five_arms(distance_m: float, lasting: int, change: Any = NUDGE) -> tuple[Arm
         Arm("reset", (Entry(AtStart(), change),)),
         Arm("mid", (Entry(near, change),)),
         Arm("half", (Entry(near, change.scaled(0.5)),)),
-        Arm("transient", (Entry(near, change), Entry(StepsAfter(lasting), Reversal(0)))),
+        Arm("transient", (Entry(near, change), Entry(StepsAfter(lasting), Revert(0)))),
     )
 
 
@@ -271,3 +271,22 @@ def test_what_goes_wrong_names_the_arm(world: Counting) -> None:
     assert phases == ["setup", "base", "reset", "mid"]
     with pytest.raises(ManifestError, match="two arms are called 'base'"):
         play_pair(make_case(), world, Approaching(), arms=(Arm("base"), Arm("base")))
+
+
+@pytest.mark.parametrize("name", ["camera_shift", "sensor_noise_onset", "target_relocation"])
+def test_the_changes_of_the_benchmark_can_be_transient(world: Counting, name: str) -> None:
+    case = make_case(name)
+    change = change_from_dict(case.event.change)
+    schedule = (Entry(Proximity("box_1", 0.25), change), Entry(StepsAfter(3), Revert(0)))
+    fork, replay = (
+        measure_pair(case, world, Approaching(), how, arms=(Arm("base"), Arm("transient", schedule)))
+        for how in BOTH
+    )
+    assert fork.record.identity() == replay.record.identity()
+    there, back = fork.record.arms["transient"].firings
+    assert there.evidence["operation"] == change.operation
+    assert back.evidence["operation"] == "revert"
+    assert world.filters == ()
+    if name != "target_relocation":  # neither a camera nor pixels move anything
+        assert fork.rollouts["transient"].end_effector.tobytes() == fork.base.end_effector.tobytes()
+        assert world.model.cam_pos.tobytes() == TinyWorld().model.cam_pos.tobytes()

@@ -114,5 +114,7 @@ def test_clipped_components_are_counted_in_every_arm() -> None:
             return super().predict(observation, query) * [1.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0]
 
     record = play_pair(make_case(), TinyWorld(), Strong())
-    assert record.arms["base"].clipped_share == record.arms["dynamic"].clipped_share == pytest.approx(2 / 7)
-    assert play_pair(make_case(), TinyWorld(), Approaching()).arms["base"].clipped_share == 0.0
+    for arm in record.arms.values():
+        assert arm.clipped_components == 2 * (arm.steps or 0)
+        assert arm.clipped_share == pytest.approx(2 / 7)
+    assert play_pair(make_case(), TinyWorld(), Approaching()).arms["base"].clipped_components == 0
