@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
-from pytest_libero_max.worlds.registry import SubstrateOptions
+from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 

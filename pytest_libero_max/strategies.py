@@ -2,11 +2,11 @@
 
 For the tests of this project and for those of anybody who writes a change, an adapter or a world of
 their own. They need nothing but the names of a world's entities, so they fit every world; the cheap one is
-:class:`pytest_libero_max.worlds.tiny.TinyWorld`, whose entities are meant wherever none are given::
+:class:`pytest_libero_max.worlds.tiny.world.TinyWorld`, whose entities are meant wherever none are given::
 
     from hypothesis import given
     from pytest_libero_max import strategies
-    from pytest_libero_max.worlds.tiny import TinyWorld
+    from pytest_libero_max.worlds.tiny.world import TinyWorld
 
     world = TinyWorld()
 

@@ -6,8 +6,8 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.doctor import diagnose
+from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.libero import installation
-from pytest_libero_max.worlds.registry import SubstrateOptions
 from pytest_libero_max.worlds.versions import version_notes
 from tests.worlds.libero.test_installation import checkout
 

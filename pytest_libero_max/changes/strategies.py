@@ -112,7 +112,7 @@ def entities_or_tiny(entities: Entities | None) -> Entities:
     """The entities, or those of the tiny world where None are given."""
     if entities is not None:
         return entities
-    from pytest_libero_max.worlds.tiny import TinyWorld
+    from pytest_libero_max.worlds.tiny.world import TinyWorld
 
     return TinyWorld().entities
 

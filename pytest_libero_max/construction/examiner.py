@@ -25,7 +25,7 @@ from pytest_libero_max.worlds.contract import Substrate
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.registry import SubstrateOptions
+    from pytest_libero_max.worlds.kind import SubstrateOptions
 
 BATCH = 12
 """Cases that a process takes at a time: neighbours share scenes."""

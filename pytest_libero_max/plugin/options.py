@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.registry import (
     INSTRUCTIONS,
     SEMANTICS,
     SOURCE_VARIATIONS,
     SUBSTRATES,
-    SubstrateOptions,
 )
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ from pytest_libero_max.sources.lookup import (
     Counts,
     catalogue,
     count_lines,
-    open_substrate,
     variation_metadata,
     variation_of,
 )
+from pytest_libero_max.sources.substrates import open_substrate
 from pytest_libero_max.sources.variation import Variation, digest_of
 
 __all__ = [

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ManifestError, SubstrateError, did_you_mean
@@ -21,10 +20,6 @@ from pytest_libero_max.sources.plus import plus_suite
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 from pytest_libero_max.sources.pro import pro_suite, pro_variations
 from pytest_libero_max.sources.variation import Variation, digest_of
-
-if TYPE_CHECKING:
-    from pytest_libero_max.worlds.contract import Substrate
-    from pytest_libero_max.worlds.registry import SubstrateOptions
 
 Counts = Mapping[tuple[str, str, "int | None"], int]
 """Variations by category, suite and difficulty."""
@@ -157,14 +152,3 @@ def count_lines() -> list[str]:
         f"LIBERO-PRO: {len(pro)} variations in {len(PRO_CATEGORIES)} categories, digest {digest_of(pro)}"
     )
     return lines
-
-
-def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
-    """The substrate called ``name``, with these catalogues for variations of the package's own.
-
-    Raises:
-        SubstrateError: There is none of that name, or it cannot be imported.
-    """
-    from pytest_libero_max.worlds.registry import open_substrate as open_by_name
-
-    return open_by_name(name, options, variation_of)

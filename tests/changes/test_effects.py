@@ -24,7 +24,7 @@ from pytest_libero_max.changes import (
 )
 from pytest_libero_max.errors import ChangeError, EntityError
 from pytest_libero_max.worlds.contract import Array
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 OFFWORLD_M = (-2.0, 0.0, -5.0)
 

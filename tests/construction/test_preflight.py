@@ -10,7 +10,7 @@ from pytest_libero_max.changes import Change, InsertObstacle, MoveObject, Remove
 from pytest_libero_max.construction.preflight import problems
 from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 WORLD = TinyWorld()
 

@@ -10,7 +10,7 @@ import pytest
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 EPISODE = Episode("libero_spatial", 0, "do it", 195, 220)
 

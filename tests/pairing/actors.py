@@ -15,7 +15,7 @@ from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 BUDGET = 220
 CHANGES = {

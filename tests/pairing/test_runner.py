@@ -26,7 +26,7 @@ from pytest_libero_max.pairing.runner import (
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.worlds.contract import CAMERAS
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, Looking, Solvable, make_case, policy_steps, shorten
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.pairing.trace import write_trace
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, make_case
 

@@ -93,9 +93,3 @@ def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replay
             assert records[0]["instruction"] == variation_metadata(variation).language
     finally:
         substrate.close()
-
-
-def test_other_substrates_open_as_ever() -> None:
-    assert open_substrate("tiny").name == "tiny"
-    with pytest.raises(SubstrateError, match="substrate='embeded'"):
-        open_substrate("embeded")

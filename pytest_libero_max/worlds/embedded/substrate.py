@@ -29,7 +29,6 @@ from pytest_libero_max.worlds.embedded.env import SceneEnv  # noqa: E402
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
-    from pytest_libero_max.worlds.registry import SubstrateOptions
 
 NAME = "embedded"
 SCENES = 12
@@ -219,10 +218,3 @@ class EmbeddedSubstrate:
         for world in self._worlds.values():
             world.close()
         self._worlds.clear()
-
-
-def open_substrate(
-    options: SubstrateOptions, variation_of: Callable[[Case], SourceVariation] | None
-) -> EmbeddedSubstrate:
-    """The embedded substrate. The options are the genuine substrate's and have no effect on it."""
-    return EmbeddedSubstrate(variation_of)

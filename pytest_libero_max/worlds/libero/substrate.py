@@ -21,13 +21,11 @@ from pytest_libero_max.worlds.libero.pro_tasks import ProTask, pro_task
 from pytest_libero_max.worlds.libero.states import read_states
 from pytest_libero_max.worlds.libero.tasks import Task, task_of
 from pytest_libero_max.worlds.libero.world import LiberoWorld
-from pytest_libero_max.worlds.registry import installations_of
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.versions import version_notes
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
-    from pytest_libero_max.worlds.registry import SubstrateOptions
 
 NAME = "libero"
 KEPT_WORLDS = 8
@@ -206,22 +204,3 @@ def _states(installation: Installation, task: Task, built: Built, seed: int) -> 
         states = by_joint(states, Joints.of(reference.env.sim.model._model), joints, start)
         reference.env.close()
     return states
-
-
-def open_substrate(
-    options: SubstrateOptions, variation_of: Callable[[Case], SourceVariation] | None
-) -> LiberoSubstrate:
-    """The substrate of the installations that the options name.
-
-    Raises:
-        SubstrateError: An installation is missing or incomplete, or the options ask for this package's own
-            source variations and ``variation_of`` is None.
-    """
-    if options.variations == "installed":
-        variation_of = None
-    elif variation_of is None:
-        raise SubstrateError(
-            "variations='own', but no catalogue of them was given. Open the substrate with one, as "
-            "pytest_libero_max.sources.open_substrate does."
-        )
-    return LiberoSubstrate(installations_of(options), options.semantics, options.instruction, variation_of)

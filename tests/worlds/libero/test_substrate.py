@@ -9,10 +9,9 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.sources import catalogue, open_substrate, variation_of
 from pytest_libero_max.sources.variation import Variation
+from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.libero.installation import Installation
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
-from pytest_libero_max.worlds.registry import SubstrateOptions
-from pytest_libero_max.worlds.registry import open_substrate as open_by_name
 from tests.worlds.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.worlds.libero.data import DATA, needs_package
 from tests.worlds.libero.made_up import case_of, pro_case
@@ -91,8 +90,6 @@ def test_own_variations_are_labelled_and_asked_for(installation: Installation) -
     assert substrate.fingerprint()["source_variations"] == "own"
     plain = open_substrate("libero", SubstrateOptions((installation.root,), DATA / "assets"))
     assert plain.fingerprint()["source_variations"] == "installed"
-    with pytest.raises(SubstrateError, match="no catalogue of them was given"):
-        open_by_name("libero", asked)
 
 
 @needs_package

@@ -13,6 +13,7 @@ world = EmbeddedWorld(build_scene("libero_object", 0))
 world.step((0.1, 0, 0, 0, 0, 0, -1))
 print("digest", world.digest().hex())
 """
+TINY_WORLD = "from pytest_libero_max.worlds.tiny.world import TinyWorld\nworld = TinyWorld()\n"
 LOOK = "print('image', world.observe(['agentview'], 32)['agentview_image'].shape)\n"
 WITHOUT_LIBRARIES = """
 import ctypes
@@ -53,9 +54,7 @@ def test_stepping_needs_no_opengl_and_gives_the_same_bits() -> None:
 def test_an_image_without_opengl_names_the_packages_to_install(
     environment: dict[str, str], packages: tuple[str, ...]
 ) -> None:
-    code = WITHOUT_LIBRARIES + (
-        "from pytest_libero_max.worlds.tiny import TinyWorld\nworld = TinyWorld()\nworld.step((0,) * 7)\n"
-    )
+    code = WITHOUT_LIBRARIES + TINY_WORLD + "world.step((0,) * 7)\n"
     result = run(code + LOOK, **environment)
     assert result.returncode == 1
     message = result.stderr.splitlines()[-1]
@@ -65,7 +64,7 @@ def test_an_image_without_opengl_names_the_packages_to_install(
 
 
 def test_renouncing_images_is_honoured() -> None:
-    code = "from pytest_libero_max.worlds.tiny import TinyWorld\nworld = TinyWorld()\nprint(world.digest())\n"
+    code = TINY_WORLD + "print(world.digest())\n"
     assert run(code, MUJOCO_GL="disable").returncode == 0
     refused = run(code + LOOK, MUJOCO_GL="off")
     assert "no OpenGL backend is available (MUJOCO_GL='off' at the start)" in refused.stderr

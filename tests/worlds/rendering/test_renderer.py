@@ -10,7 +10,7 @@ from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 RED = 0
 

@@ -9,7 +9,7 @@ about invariants is meant to be true everywhere, what is measured here about pol
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,8 +25,6 @@ import mujoco  # noqa: E402
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
-    from pytest_libero_max.worlds.contract import SourceVariation
-    from pytest_libero_max.worlds.registry import SubstrateOptions
 
 INITS = 10
 """Number of initial states."""
@@ -224,10 +222,3 @@ class TinySubstrate:
         if self._world is not None:
             self._world.close()
             self._world = None
-
-
-def open_substrate(
-    options: SubstrateOptions, variation_of: Callable[[Case], SourceVariation] | None
-) -> TinySubstrate:
-    """The tiny substrate. It has neither options nor source variations."""
-    return TinySubstrate()

@@ -1,0 +1,36 @@
+"""How the genuine substrate is opened and described."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pytest_libero_max.worlds.kind import FindVariation, SubstrateKind, SubstrateOptions
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.contract import Substrate
+    from pytest_libero_max.worlds.libero.installation import Installation
+
+
+def _open(options: SubstrateOptions, variation_of: FindVariation) -> Substrate:
+    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+
+    own = variation_of if options.variations == "own" else None
+    return LiberoSubstrate(_installations(options), options.semantics, options.instruction, own)
+
+
+def _describe(options: SubstrateOptions) -> dict[str, Any]:
+    return {
+        "installations": [str(found) for found in _installations(options)],
+        "semantics": options.semantics,
+        "instruction_source": options.instruction,
+        "source_variations": options.variations,
+    }
+
+
+def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
+    from pytest_libero_max.worlds.libero.installation import find_installation
+
+    return tuple(find_installation(root, assets=options.assets) for root in options.installations or (None,))
+
+
+KIND = SubstrateKind("libero", _open, _describe)

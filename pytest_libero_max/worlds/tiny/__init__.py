@@ -1,0 +1,1 @@
+"""The tiny substrate: one small scene without a robot model, for dry runs and tests."""
