@@ -19,7 +19,7 @@ from pytest_libero_max.events.triggers import AtStart, BudgetFraction, Proximity
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair, play_pair
 from pytest_libero_max.policies.contract import Episode
 from pytest_libero_max.worlds.contract import World
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, make_case, shorten
 

@@ -11,7 +11,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.report.store import read_pairs
-from pytest_libero_max.worlds.tiny import TinyWorld
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import Approaching, make_case
 
