@@ -17,7 +17,7 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 
 def page() -> str:
     """The text."""
-    schema = json.loads(files(report).joinpath("report.schema.json").read_text(encoding="utf-8"))
+    schema, comparison = _schema("report"), _schema("comparison")
     definitions = "\n\n".join(
         f"### {name}\n\n{_definition(schema, name)}" for name in sorted(schema["$defs"])
     )
@@ -33,6 +33,19 @@ def page() -> str:
 
 {_quantities()}
 
+### Counts of pairs
+
+These can be decided in an incomplete run. `invalid` and `missing` are of the whole run only.
+
+{_counts(schema)}
+
+### Against another run
+
+For example `regressions_vs(reports/v1) <= 3`. The other run is the first of the comparison, the present run
+the second.
+
+{_versus(comparison)}
+
 ### Scopes
 
 {_scopes()}
@@ -47,7 +60,32 @@ any key and `[]` for the items of a list. A type that is not JSON's own is a def
 ## Definitions
 
 {definitions}
+
+## Fields of a comparison
+
+`libero-max compare --json FILE` writes them. The schema:
+[`comparison.schema.json`](comparison.schema.json).
+
+{_fields(comparison)}
 """
+
+
+def _schema(name: str) -> Json:
+    document: Json = json.loads(files(report).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
+    return document
+
+
+def _counts(schema: Json) -> str:
+    described = schema["properties"]["pairs"]["properties"]
+    return table(
+        ("Quantity", "Meaning"), ((code(name), described[name]["description"]) for name in gates.COUNTS)
+    )
+
+
+def _versus(comparison: Json) -> str:
+    described = comparison["properties"]["contrasts"]["items"]["properties"]
+    rows = ((code(f"{name}(RUN)"), described[key]["description"]) for name, key in gates.VERSUS.items())
+    return table(("Quantity", "Meaning"), rows)
 
 
 def _quantities() -> str:

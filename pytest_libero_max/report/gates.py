@@ -43,10 +43,10 @@ OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
 _QUANTITIES = {column.gate or column.key: column for column in COLUMNS if column.gate is not None}
 """Quantities of a row of the report, by the name that gates use."""
 
-_COUNTS = ("planned", "played", "invalid", "missing")
+COUNTS = ("planned", "played", "invalid", "missing")
 """Counts of pairs; decidable in an incomplete run. ``invalid`` and ``missing`` are of the whole run only."""
 
-_VERSUS = {
+VERSUS = {
     "regressions_vs": "first_only",
     "gains_vs": "second_only",
     "dynamic_sr_vs": "difference",
@@ -146,7 +146,7 @@ def evaluate(gate: Gate, report: Json, contrasts: Mapping[str, Json | str] | Non
     """
     if gate.run is not None:
         value, lack = _versus(gate, report, contrasts or {})
-    elif gate.name in _COUNTS and gate.scope is None:
+    elif gate.name in COUNTS and gate.scope is None:
         value, lack = report["pairs"][gate.name], ""
     else:
         value, lack = _in_block(gate, report)
@@ -161,11 +161,11 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
     call = _CALL.fullmatch(quantity)
     if call is not None:
         name, end = call["name"], call["end"]
-        if name not in _VERSUS:
+        if name not in VERSUS:
             raise OptionError(
-                f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, _VERSUS)}"
+                f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, VERSUS)}"
             )
-        if end is not None and _VERSUS[name] != "difference":
+        if end is not None and VERSUS[name] != "difference":
             raise OptionError(f"gate={text!r} asks for {end!r} of {name}, which has no interval.")
         return name, None, _end(end, text), call["run"].strip().strip("'\"")
     parts = quantity.split(".")
@@ -180,11 +180,11 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         _check_group(scope, text)
         parts = parts[2:]
     name, ends = parts[0], parts[1:]
-    known = [*_QUANTITIES, *(_COUNTS if scope is None else _COUNTS[:2])]
+    known = [*_QUANTITIES, *(COUNTS if scope is None else COUNTS[:2])]
     if name not in known:
-        names = known if scope else [*known, *DIMENSIONS, *_VERSUS]
+        names = known if scope else [*known, *DIMENSIONS, *VERSUS]
         raise OptionError(f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, names)}")
-    if len(ends) > 1 or (ends and (name in _COUNTS or not _QUANTITIES[name].format.has_interval)):
+    if len(ends) > 1 or (ends and (name in COUNTS or not _QUANTITIES[name].format.has_interval)):
         raise OptionError(f"gate={text!r} asks for {'.'.join(ends)!r} of {name}, which has no such part.")
     return name, scope, _end(ends[0] if ends else None, text), None
 
@@ -215,7 +215,7 @@ def _in_block(gate: Gate, report: Json) -> tuple[float | None, str]:
         if group not in groups:
             return None, f"the run has no {dimension} {group!r}. {did_you_mean(group, groups)}"
         block, where = groups[group], f"{dimension} {group}"
-    if gate.name in _COUNTS:
+    if gate.name in COUNTS:
         return block[gate.name], ""
     if block["played"] < block["planned"]:
         return None, f"{block['played']} of {block['planned']} planned pairs of {where} were played"
@@ -231,7 +231,7 @@ def _versus(gate: Gate, report: Json, contrasts: Mapping[str, Json | str]) -> tu
     if not report["pairs"]["complete"]:
         counts = report["pairs"]
         return None, f"{counts['played']} of {counts['planned']} planned pairs of the run were played"
-    found: Any = contrast[_VERSUS[gate.name]]
+    found: Any = contrast[VERSUS[gate.name]]
     if isinstance(found, dict):
         found = found[gate.end or "value"]
     return found, f"no case tells this run and {gate.run!r} apart"
