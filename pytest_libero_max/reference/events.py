@@ -12,9 +12,10 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.tracks import load_track
 
 # TRIG
+from pytest_libero_max.events import triggers
 from pytest_libero_max.events.kind import EventKind
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.reference.docstrings import constants, description
+from pytest_libero_max.reference.docstrings import constants, description, section
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
 
 EXAMPLES = "smoke"
@@ -49,6 +50,11 @@ Each event has two parameter variants, 0 and 1. The numbers are those of the ben
 The examples are changes of cases of the `{EXAMPLES}` track, as manifests spell them.
 
 {"".join(_kind(kind, examples) for kind in kinds)}
+## Triggers
+
+When an event happens. All cases of the tracks use `on_proximity`.
+
+{_triggers()}
 """
 
 
@@ -93,3 +99,14 @@ def _examples() -> dict[tuple[str, int], Case]:
     for case in sorted(load_track(EXAMPLES).cases, key=lambda case: case.item_id):
         found.setdefault((case.event.name, case.event.variant), case)
     return found
+
+
+def _triggers() -> str:
+    rows = []
+    for name, trigger in triggers.TRIGGERS.items():
+        parameters = " ".join(
+            f"`{trigger.spelling.get(field, field)}`: {text}"
+            for field, text in section(trigger, "Attributes").items()
+        )
+        rows.append((code(name), one_line(description(trigger)), one_line(parameters) or "none"))
+    return table(("Type", "Fires at", "Parameters"), rows)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import inspect
+import json
 from dataclasses import fields, is_dataclass
+from importlib.resources import files
 from typing import Any
 
-from pytest_libero_max import pairing
+from pytest_libero_max import pairing, report
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing import record
 from pytest_libero_max.reference.docstrings import description, section
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
+from pytest_libero_max.reference.schemas import fields_of
 
 
 def page() -> str:
@@ -21,6 +25,11 @@ def page() -> str:
     ]
     order = {name: position for position, name in enumerate(("PairRecord", "ArmRecord", "FiringRecord"))}
     classes.sort(key=lambda cls: order.get(cls.__name__, len(order)))
+    schema: Json = json.loads(files(report).joinpath("record.schema.json").read_text(encoding="utf-8"))
+    first = table(
+        ("Field", "Type", "Meaning"),
+        ((code(path), kind, one_line(text)) for path, kind, text in fields_of(schema, "run")),
+    )
     tables = "\n\n".join(map(_class, classes))
     return f"""# Pair records
 
@@ -32,6 +41,10 @@ that could not be measured (`"line": "error"`, the fields of `PairError`). The s
 [`record.schema.json`](../report/record.schema.json). The schema version is {record.RECORD_VERSION}.
 
 {tables}
+
+## The first line
+
+{first}
 """
 
 

@@ -1,14 +1,30 @@
 from __future__ import annotations
 
+import re
 from importlib import import_module
 
 import numpy as np
 import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.reference import COMMAND, PACKAGE, PAGES, page_text
 from pytest_libero_max.reference.api import MODULES
 from pytest_libero_max.reference.worlds import OBSERVATIONS
 from pytest_libero_max.worlds.contract import Substrate
+
+_EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$", re.M)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_page_is_what_the_code_says(name: str) -> None:
+    committed = (PACKAGE / name).read_text(encoding="utf-8")
+    assert committed == page_text(name), f"{name} is out of date. Write it again: {COMMAND}"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_row_of_a_page_says_what_it_means(name: str) -> None:
+    silent = _EMPTY_LAST_CELL.findall(page_text(name).replace("|  |  |", "").replace("| --- | --- |", ""))
+    assert not silent, f"{name} has rows without a meaning; describe these in the code: {silent}"
 
 
 @pytest.mark.parametrize("module", MODULES)
