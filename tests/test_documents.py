@@ -55,3 +55,21 @@ def test_the_readme_counts_the_pairs_of_each_track() -> None:
     assert rows
     for track, count in rows.items():
         assert len(load_track(track).cases) == int(count.replace(",", "")), track
+
+
+_PLACE = re.compile(r"`(?P<path>(?:\w+/)+(?:\w+\.py)?|\w+/\w+\.py)(?:: (?P<name>[\w.]+))?`")
+
+
+def test_the_map_names_files_and_functions_that_exist() -> None:
+    package = ROOT / "pytest_libero_max"
+    places = list(_PLACE.finditer((package / "README.md").read_text(encoding="utf-8")))
+    assert len(places) > 30
+    for place in places:
+        file = next(
+            (base / place["path"] for base in (package, ROOT) if (base / place["path"]).exists()), None
+        )
+        assert file is not None, place[0]
+        for name in (place["name"] or "").split("."):
+            assert not name or re.search(rf"\b(def|class) {name}\b|^{name}\b", file.read_text(), re.M), place[
+                0
+            ]
