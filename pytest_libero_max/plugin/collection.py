@@ -28,6 +28,9 @@ PSEUDO_PATH = "libero-max"
 
 PAIRS_FILE = Path(__file__).with_name("pairs.py")
 CASE_FIXTURE = "libero_max_case"
+_LISTED_NODES = 3
+"""So many node ids are named in the selection; more are counted."""
+
 ITEM_PREFIX = f"{PSEUDO_PATH}::test_pair["
 
 
@@ -79,6 +82,21 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
         # Blocks, not every n-th: neighbours share scenes, which are expensive to build.
         cases = cases[len(cases) * (index - 1) // count : len(cases) * index // count]
     return cases
+
+
+def asked_for(config: pytest.Config) -> list[str]:
+    """What was asked for that leaves cases out, apart from the shard, as the command line spells it."""
+    settings, option = settings_of(config), config.option
+    asked = [] if settings.limit is None else [f"--libero-max-limit={settings.limit}"]
+    asked += [f"-k {option.keyword}"] if option.keyword else []
+    asked += [f"-m {option.markexpr}"] if option.markexpr else []
+    asked += [f"--deselect={prefix}" for prefix in option.deselect or ()]
+    nodes = [arg.replace(f"{PAIRS_FILE}::", f"{PSEUDO_PATH}::") for arg in config.args if _names_a_pair(arg)]
+    return asked + (nodes if len(nodes) <= _LISTED_NODES else [f"{len(nodes)} node ids"])
+
+
+def _names_a_pair(arg: str) -> bool:
+    return arg.startswith(f"{PAIRS_FILE}::")
 
 
 def noise_cases_of(config: pytest.Config) -> frozenset[str]:

@@ -12,12 +12,14 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError
 from pytest_libero_max.pairing.record import PairError, PairRecord, result_from_dict
-from pytest_libero_max.plugin.collection import case_of, cases_of, manifest_of, settings_of
+from pytest_libero_max.plugin.collection import asked_for, case_of, cases_of, manifest_of, settings_of
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
+from pytest_libero_max.report.junit import suite_properties
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
@@ -68,12 +70,15 @@ class RunController:
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, manifest_of(self.config)
-        resumed = f", {len(self.measured)} measured before" if self.measured else ""
+        asked = asked_for(self.config)
+        if settings.shard is not None:
+            asked.append(f"shard {settings.shard[0]} of {settings.shard[1]}")
+        details = [f"{len(manifest)} cases, digest {manifest.digest[:12]}"]
+        details += [f"selection: {', '.join(asked)}"] if asked else []
+        details += [f"{len(self.measured)} measured before"] if self.measured else []
         return [
-            f"libero-max: policy {settings.policy}, {settings.case_set} ({len(self.cases)} of "
-            f"{len(manifest)} pairs{resumed}, digest {manifest.digest[:12]}), "
-            f"substrate {_origin(self.substrate)}, "
-            f"prefix {settings.prefix}"
+            f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
+            f"substrate {_origin(self.substrate)}, prefix {settings.prefix}"
         ]
 
     @pytest.hookimpl(optionalhook=True)
@@ -97,7 +102,14 @@ class RunController:
         planned = [case for name, case in self.cases.items() if name in chosen]
         if not planned or self.store is not None or self.config.option.collectonly:
             return
-        run = Run.of(planned, self._provenance())
+        selection = Selection.choose(
+            (case.case_id for case in planned),
+            len(manifest_of(self.config)),
+            asked_for(self.config),
+            self.settings.shard,
+        )
+        self._tell_junit(selection)
+        run = Run.of(planned, self._provenance(selection))
         if not self.settings.resume:
             self.store = PairStore(self.settings.output, run)
             return
@@ -106,7 +118,14 @@ class RunController:
         except LiberoMaxError as error:
             pytest.exit(f"--libero-max-resume: {error}", returncode=pytest.ExitCode.USAGE_ERROR)
 
-    def _provenance(self) -> Json:
+    def _tell_junit(self, selection: Selection) -> None:
+        """Name the selection in the properties of the JUnit file's suite, where one is written."""
+        for plugin in self.config.pluginmanager.get_plugins():
+            if hasattr(plugin, "add_global_property"):
+                for name, value in suite_properties(selection, self.settings.case_set):
+                    plugin.add_global_property(name, value)
+
+    def _provenance(self, selection: Selection) -> Json:
         settings, manifest = self.settings, manifest_of(self.config)
         return provenance.collect(
             policy={
@@ -116,6 +135,7 @@ class RunController:
             },
             substrate=self.substrate,
             case_set={"name": settings.case_set, "digest": manifest.digest, "limit": settings.limit},
+            selection=selection.to_dict(),
             protocol={"prefix": settings.prefix, "noise_floor": settings.noise_floor},
             command=["pytest", *map(str, self.config.invocation_params.args)],
             folder=self.config.rootpath,

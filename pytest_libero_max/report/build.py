@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import PairError, PairRecord
@@ -88,11 +89,13 @@ def build_report(
     measured = [pair for pair in planned if pair.case_id in played]
     columns = columns_of([played[pair.case_id] for pair in measured])
     overall = measure(columns)
-    counts = _counts(planned, played, failed)
+    selection = _selection(provenance)
+    counts = _counts(planned, played, failed, selection["missing_shards"] if selection else [])
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     return {
         "schema_version": REPORT_VERSION,
         "pairs": counts,
+        "selection": selection,
         "headline": _headline(counts, overall),
         "policy": played[measured[0].case_id].policy if measured else None,
         "substrate": substrate_json(provenance["substrate"]["name"]),
@@ -221,8 +224,25 @@ def _variants(
     return events
 
 
+def _selection(provenance: Json) -> Json | None:
+    """What was played of the case set; None for a run of a version that did not record it."""
+    if "selection" not in provenance:
+        return None
+    selection = Selection.from_dict(provenance["selection"])
+    shards = selection.shards
+    return {
+        **selection.to_dict(),
+        "whole": selection.whole,
+        "missing_shards": [f"{number}/{shards.of}" for number in selection.missing_shards] if shards else [],
+        "text": selection.text(provenance["case_set"]["name"]),
+    }
+
+
 def _counts(
-    planned: Sequence[PlannedPair], played: Mapping[str, PairRecord], failed: Mapping[str, PairError]
+    planned: Sequence[PlannedPair],
+    played: Mapping[str, PairRecord],
+    failed: Mapping[str, PairError],
+    missing_shards: Sequence[str],
 ) -> Json:
     missing = [pair for pair in planned if pair.case_id not in played and pair.case_id not in failed]
     return {
@@ -230,7 +250,8 @@ def _counts(
         "played": len(played),
         "invalid": len(failed),
         "missing": len(missing),
-        "complete": bool(planned) and len(played) == len(planned),
+        "complete": bool(planned) and len(played) == len(planned) and not missing_shards,
+        "missing_shards": [*missing_shards],
         "invalid_pairs": [
             {
                 "case_id": e.case_id,
@@ -265,6 +286,7 @@ def _headline(counts: Json, overall: PairedResult) -> Json:
             "paired_change": change_json(overall),
         }
     lost = [f"{counts[key]} {key}" for key in ("invalid", "missing") if counts[key]]
+    lost += [f"shard {shard} not among the merged runs" for shard in counts["missing_shards"]]
     reason = (
         f"{counts['played']} of {counts['planned']} planned pairs were played ({', '.join(lost)}); "
         "rates over all planned pairs are withheld until the rest is repaired and played"

@@ -18,6 +18,7 @@ from pytest_libero_max.report.summary import (
     group_label,
     incomplete_text,
     noise_text,
+    selection_text,
     title_text,
 )
 
@@ -170,6 +171,8 @@ def _provenance(report: Json) -> list[str]:
     origin = report["provenance"]
     rows = [(name, version or "not installed") for name, version in origin["versions"].items()]
     rows += [("case set", f"{origin['case_set']['name']}, {origin['case_set']['digest'][:12]}")]
+    if report["selection"]:
+        rows += [("selection", f"{selection_text(report)}, {report['selection']['digest'][:12]}")]
     rows += [("MUJOCO_GL", origin["gl_backend"] or "not set"), ("command", shlex.join(origin["command"]))]
     return ["<h2>Provenance</h2>", "<div class='origin'>", _table(("", ""), rows), "</div>"]
 

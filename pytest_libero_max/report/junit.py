@@ -1,7 +1,8 @@
-"""What JUnit files say about a pair: properties of its testcase."""
+"""What JUnit files say: properties of the suite, and of each pair's testcase."""
 
 from __future__ import annotations
 
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.pairing.record import PairRecord
 
 PREFIX = "libero_max_"
@@ -24,6 +25,16 @@ def properties(record: PairRecord) -> list[tuple[str, str]]:
         "prefix_digest": _text(record.prefix_digest),
     }
     return [(PREFIX + name, value) for name, value in values.items() if value is not None]
+
+
+def suite_properties(selection: Selection, case_set: str) -> list[tuple[str, str]]:
+    """Names and values for the properties of the whole suite: what was played of the case set."""
+    values = {
+        "cases": selection.text(case_set),
+        "selection_digest": selection.digest,
+        "whole_track": _flag(selection.whole),
+    }
+    return [(PREFIX + name, value) for name, value in values.items()]
 
 
 def _flag(value: bool) -> str:

@@ -41,7 +41,10 @@ def markdown(report: Json) -> str:
         lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
     lines += ["## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
-    lines += _table(("Part", "Version"), [*versions, ("case set", provenance["case_set"]["digest"])])
+    digests = [("case set", provenance["case_set"]["digest"])]
+    if report["selection"]:
+        digests.append(("selected cases", report["selection"]["digest"]))
+    lines += _table(("Part", "Version"), [*versions, *digests])
     return "\n".join(lines) + "\n"
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.selection import Selection, merged_selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.run import PlannedPair, Run
@@ -22,14 +23,14 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     """Join runs of one measurement. The result is the same whatever order they are given in.
 
     The planned pairs are those of all runs together. A pair that one run measured and another could not is
-    measured.
+    measured. Where a shard is missing the result says which one, and is incomplete.
 
     Args:
         runs: Runs by a name for messages, for example their path.
 
     Raises:
         ReportError: Fewer than two runs; they differ in policy, substrate, case set, protocol or versions;
-            or a pair was measured in two of them.
+            they are shards of different divisions; or a pair was measured in two of them.
     """
     if len(runs) < 2:
         raise ReportError(f"{len(runs)} run given, but merging takes two or more.")
@@ -61,7 +62,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
             known = errors.setdefault(error.case_id, error)
             errors[error.case_id] = min(known, error, key=lambda error: (error.phase, error.message))
     return StoredRun(
-        run=Run(tuple(planned[case_id] for case_id in sorted(planned)), _provenance(runs)),
+        run=Run(tuple(planned[case_id] for case_id in sorted(planned)), _provenance(runs, planned)),
         records=tuple(records[case_id][1] for case_id in sorted(records)),
         errors=tuple(errors[case_id] for case_id in sorted(errors) if case_id not in records),
         torn=False,
@@ -85,10 +86,14 @@ def merge_folders(paths: list[Path], output: Path) -> StoredRun:
     return merged
 
 
-def _provenance(runs: Mapping[str, StoredRun]) -> Json:
+def _provenance(runs: Mapping[str, StoredRun], planned: Iterable[str]) -> Json:
     parts = [run.run.provenance for run in runs.values()]
     merged = dict(parts[0])
     for key, unknown in _MAY_DIFFER.items():
         if any(part.get(key) != parts[0].get(key) for part in parts):
             merged[key] = unknown
+    merged.pop("selection", None)
+    selections = [part["selection"] for part in parts if "selection" in part]
+    if len(selections) == len(parts):
+        merged["selection"] = merged_selection(list(map(Selection.from_dict, selections)), planned).to_dict()
     return merged

@@ -37,6 +37,7 @@ def collect(
     case_set: Json,
     protocol: Json,
     command: Sequence[str],
+    selection: Json | None = None,
     gl_backend: str | None = None,
     folder: Path | None = None,
 ) -> Json:
@@ -49,6 +50,8 @@ def collect(
         case_set: At least ``name`` and ``digest``.
         protocol: What was chosen for the run and could change a result, for example the prefix mode.
         command: The command line; secrets and the home folder are taken out.
+        selection: What is played of the case set, see
+            :meth:`pytest_libero_max.benchmark.selection.Selection.to_dict`; None leaves it unsaid.
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
         folder: Folder whose git state is recorded; by default the working directory.
     """
@@ -63,6 +66,7 @@ def collect(
         "git": git_state(folder or Path.cwd()),
         "substrate": substrate,
         "case_set": case_set,
+        **({} if selection is None else {"selection": selection}),
         "policy": {key: _public(value) if isinstance(value, str) else value for key, value in policy.items()},
         "protocol": protocol,
         "command": redacted(command),

@@ -25,7 +25,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     """
     pairs, overall = report["pairs"], report["overall"]
     lines = [] if pairs["complete"] else [incomplete_text(pairs)]
-    lines.append(_header(report))
+    lines += _header(report)
     lines += substrate_lines(report["substrate"])
     lines.append("")
     if pairs["played"] == 0:
@@ -95,21 +95,31 @@ def substrate_lines(substrate: Json) -> list[str]:
 
 
 def incomplete_text(pairs: Json) -> str:
-    """The sentence a run with a missing or invalid pair begins with."""
+    """The sentence that a run with a missing or invalid pair or a missing shard begins with."""
+    shards = "".join(f", shard {shard} not among the merged runs" for shard in pairs["missing_shards"])
     return (
         f"INCOMPLETE: {pairs['played']} of {pairs['planned']} planned pairs played, "
-        f"{pairs['invalid']} invalid, {pairs['missing']} missing. No score."
+        f"{pairs['invalid']} invalid, {pairs['missing']} missing{shards}. No score."
     )
 
 
-def _header(report: Json) -> str:
+def _header(report: Json) -> list[str]:
     pairs = report["pairs"]
-    return f"{title_text(report)}: {pairs['played']} of {pairs['planned']} planned pairs played"
+    text = f"{title_text(report)}: {pairs['played']} of {pairs['planned']} planned pairs played"
+    return wrap(text, 100, break_long_words=False, break_on_hyphens=False)
 
 
 def title_text(report: Json) -> str:
-    """What was measured: policy with H and Q, substrate, case set."""
-    return f"{_policy(report)} on {report['substrate']['name']}, {report['provenance']['case_set']['name']}"
+    """What was measured: policy with H and Q, substrate, and which part of which case set."""
+    return f"{_policy(report)} on {report['substrate']['name']}, {selection_text(report)}"
+
+
+def selection_text(report: Json) -> str:
+    """Which part of which case set: ``24 of 800 cases of track lite (selection: -k camera_shift)``."""
+    if report["selection"] is not None:
+        return str(report["selection"]["text"])
+    name = report["provenance"]["case_set"]["name"]
+    return f"{report['pairs']['planned']} cases of {name} (selection not recorded)"
 
 
 def _policy(report: Json) -> str:

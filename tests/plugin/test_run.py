@@ -28,7 +28,9 @@ def test_every_pair_is_played_recorded_and_reported(run: Run, results: Results) 
     assert {line["line"] for line in lines} == {"pair"}
     assert report["pairs"]["planned"] == report["pairs"]["played"] == 16
     assert report["overall"]["trigger_coverage"]["count"] == 16
-    result.stdout.fnmatch_lines(["*libero-max: policy adapter.py*16 pairs*substrate tiny, prefix fork*"])
+    result.stdout.fnmatch_lines(
+        ["*libero-max: policy adapter.py*(16 cases, digest *), substrate tiny, prefix fork*"]
+    )
     result.stdout.fnmatch_lines(["=* libero-max =*", "*reacher (H=8 Q=4) on tiny*16 of 16*", "*pairs.jsonl*"])
 
 

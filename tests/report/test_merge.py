@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.files import report_json, report_of
 from pytest_libero_max.report.merge import merge_folders, merge_runs
 from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
+from pytest_libero_max.report.summary import summary_lines, title_text
 from tests.report.made_up import PROVENANCE, error_of, plan, records_of
 
 PAIRS = plan()
@@ -95,3 +97,43 @@ def test_merged_folders_are_a_run(tmp_path: Path) -> None:
     merged = merge_folders([tmp_path / "b", tmp_path / "a" / "pairs.jsonl"], tmp_path / "whole")
     assert read_pairs(tmp_path / "whole") == merged
     assert _report(merged) == _report(_piece(PAIRS))
+
+
+def _shard(number: int, of: int = 2) -> StoredRun:
+    pairs = PAIRS[32 * (number - 1) // of : 32 * number // of]
+    selection = Selection.choose((pair.case_id for pair in pairs), 32, (), (number, of))
+    return _piece(pairs, {**PROVENANCE, "selection": selection.to_dict()}, pairs)
+
+
+def test_all_shards_are_the_whole_track() -> None:
+    report = report_of(merge_runs({"a": _shard(1), "b": _shard(2)}))
+    assert report["selection"]["whole"]
+    assert report["pairs"]["complete"]
+    assert title_text(report).endswith("track smoke, all 32 cases")
+
+
+def test_a_merge_without_one_shard_is_incomplete_and_names_it() -> None:
+    report = report_of(merge_runs({"a": _shard(1, 3), "b": _shard(3, 3)}))
+    assert not report["pairs"]["complete"]
+    assert report["headline"]["status"] == "withheld"
+    assert "shard 2/3 not among the merged runs" in report["headline"]["reason"]
+    assert report["selection"]["missing_shards"] == report["pairs"]["missing_shards"] == ["2/3"]
+    assert summary_lines(report)[0] == (
+        "INCOMPLETE: 21 of 21 planned pairs played, 0 invalid, 0 missing, "
+        "shard 2/3 not among the merged runs. No score."
+    )
+    assert "21 of 32 cases of track smoke (selection: shards 1, 3 of 3)" in title_text(report)
+
+
+def test_a_shard_alone_is_complete_and_says_that_it_is_a_shard() -> None:
+    report = report_of(_shard(1))
+    assert report["pairs"]["complete"]
+    assert not report["selection"]["whole"]
+    assert "16 of 32 cases of track smoke (selection: shard 1 of 2)" in title_text(report)
+
+
+def test_a_run_of_an_older_version_claims_nothing_of_the_track() -> None:
+    report = report_of(_piece(PAIRS))
+    assert report["selection"] is None
+    assert title_text(report).endswith("32 cases of track smoke (selection not recorded)")
+    assert report_of(merge_runs({"a": _shard(1), "b": _piece(PAIRS[16:])}))["selection"] is None

@@ -22,7 +22,8 @@ def _records() -> list[PairRecord]:
 
 
 COMPLETE = """\
-scripted (H=10 Q=5) on embedded, track smoke: 32 of 32 planned pairs played
+scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded): 32 of 32 planned
+pairs played
 Scores on the embedded substrate are not comparable with published ones.
 
 Base success                    65.6% [48.3, 79.6]  21/32
@@ -46,7 +47,8 @@ Written: out/pairs.jsonl, out/report.json"""
 
 INCOMPLETE = """\
 INCOMPLETE: 30 of 32 planned pairs played, 1 invalid, 1 missing. No score.
-scripted (H=10 Q=5) on embedded, track smoke: 30 of 32 planned pairs played
+scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded): 30 of 32 planned
+pairs played
 Scores on the embedded substrate are not comparable with published ones.
 
 Over the 30 played pairs only:
@@ -63,13 +65,15 @@ illumination_switch            2 of 4    50.0%    50.0%      +0.0 [-97.5, +97.5]
 
 NOTHING = """\
 INCOMPLETE: 0 of 32 planned pairs played, 31 invalid, 1 missing. No score.
-scripted.py on embedded, track smoke: 0 of 32 planned pairs played
+scripted.py on embedded, 32 cases of track smoke (selection not recorded): 0 of 32 planned pairs
+played
 Scores on the embedded substrate are not comparable with published ones.
 
 No pair was played; there is nothing to report."""
 
 ALL_ALIKE = """\
-scripted (H=10 Q=5) on libero, track smoke: 32 of 32 planned pairs played
+scripted (H=10 Q=5) on libero, 32 cases of track smoke (selection not recorded): 32 of 32 planned
+pairs played
 
 Base success                    0.0% [0.0, 10.7]  0/32
 Dynamic success                 0.0% [0.0, 10.7]  0/32
@@ -127,7 +131,8 @@ def test_a_p_value_is_never_printed_as_zero() -> None:
 
 def test_markdown_has_a_table_per_breakdown() -> None:
     text = markdown(build_report(_records(), [], PAIRS, PROVENANCE))
-    assert text.startswith("# scripted (H=10 Q=5) on embedded, track smoke\n")
+    title = "scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded)"
+    assert text.startswith(f"# {title}\n")
     assert "| camera_shift | 4 of 4 | 75.0% [30.1, 95.4]  3/4 |" in text
     for title in ("Event", "Family", "Suite", "Source", "Source category", "Severity", "Difficulty"):
         assert f"## {title}\n\n| {title} | Pairs played |" in text

@@ -1,0 +1,177 @@
+"""The part of a case set that a run plays, and what was asked so that it is this part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import reduce
+from typing import Any
+
+from pytest_libero_max.benchmark.documents import Json, canonical_digest
+from pytest_libero_max.errors import ReportError
+
+
+@dataclass(frozen=True)
+class Shards:
+    """Which parts of a divided case set are here.
+
+    Attributes:
+        of: The number of parts.
+        present: The numbers of those that are here, from 1, sorted.
+    """
+
+    of: int
+    present: tuple[int, ...]
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """The numbers of those that are not here."""
+        return tuple(number for number in range(1, self.of + 1) if number not in self.present)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What a run plays of its case set.
+
+    Attributes:
+        asked: What was asked for, as the command line spells it, for example ``-k camera_shift``. Where runs
+            of different selections were merged: one entry for each, in brackets.
+        chosen: Number of cases that the run plays.
+        of: Number of cases of the whole track or manifest.
+        digest: SHA-256 of the sorted ids of the chosen cases, hexadecimal.
+        shards: Which shards these are; None where the cases were not divided, or where all shards are here.
+        merged: Whether this is several runs joined, so that a shard that is not here is missing.
+    """
+
+    asked: tuple[str, ...]
+    chosen: int
+    of: int
+    digest: str
+    shards: Shards | None = None
+    merged: bool = False
+
+    @classmethod
+    def choose(
+        cls, case_ids: Iterable[str], of: int, asked: Sequence[str], shard: tuple[int, int] | None = None
+    ) -> Selection:
+        """The selection of some cases.
+
+        Args:
+            case_ids: Ids of the chosen cases, in any order.
+            of: Number of cases of the whole track or manifest.
+            asked: What was asked for, apart from the shard.
+            shard: Number and count, for example ``(1, 4)``.
+        """
+        ids = sorted(case_ids)
+        shards = None if shard is None or shard[1] == 1 else Shards(shard[1], (shard[0],))
+        return cls(tuple(asked), len(ids), of, canonical_digest(ids), shards)
+
+    @property
+    def whole(self) -> bool:
+        """Whether these are all cases of the track or manifest."""
+        return self.chosen == self.of
+
+    @property
+    def missing_shards(self) -> tuple[int, ...]:
+        """Shards that a merge lacks. The run of a single shard lacks none: it says which one it is."""
+        return self.shards.missing if self.shards is not None and self.merged else ()
+
+    def text(self, case_set: str) -> str:
+        """The selection in words, for example ``24 of 800 cases of track lite (selection: -k camera_shift)``.
+
+        Args:
+            case_set: The track or manifest, for example ``track lite``.
+        """
+        if self.whole:
+            return f"{case_set}, all {self.of} cases"
+        asked = list(self.asked)
+        if self.shards is not None:
+            present = ", ".join(map(str, self.shards.present))
+            plural = "s" if len(self.shards.present) > 1 else ""
+            asked.append(f"shard{plural} {present} of {self.shards.of}")
+        words = ", ".join(asked) or "by another plugin or a conftest.py"
+        return f"{self.chosen} of {self.of} cases of {case_set} (selection: {words})"
+
+    def to_dict(self) -> Json:
+        values = {**asdict(self), "asked": list(self.asked)}
+        if self.shards is not None:
+            values["shards"] = {"of": self.shards.of, "present": list(self.shards.present)}
+        return values
+
+    @classmethod
+    def from_dict(cls, values: Any) -> Selection:
+        """Read what :meth:`to_dict` wrote.
+
+        Raises:
+            ReportError: It has another form.
+        """
+        names = {field.name for field in fields(cls)}
+        try:
+            if values.keys() != names:
+                raise ValueError(f"it has the fields {sorted(values)}")
+            shards = values["shards"]
+            read = cls(
+                asked=tuple(map(str, values["asked"])),
+                chosen=int(values["chosen"]),
+                of=int(values["of"]),
+                digest=str(values["digest"]),
+                shards=None if shards is None else Shards(int(shards["of"]), tuple(shards["present"])),
+                merged=bool(values["merged"]),
+            )
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise ReportError(f"selection={values!r} is not one: {error}.") from error
+        if read.to_dict() != values or not 0 <= read.chosen <= read.of:
+            raise ReportError(f"selection={values!r} is not one: {read.chosen} of {read.of} cases.")
+        return read
+
+
+def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -> Selection:
+    """The selection of several runs of one case set together.
+
+    Args:
+        selections: Of the runs, at least one.
+        case_ids: Ids of the cases that they planned together.
+
+    Raises:
+        ReportError: They are parts of case sets of different sizes, of different divisions into shards, or
+            shards of different selections.
+    """
+    first = selections[0]
+    for other in selections:
+        if other.of != first.of:
+            raise ReportError(
+                f"One run knows {first.of} cases of its track or manifest, another {other.of}: they are not "
+                "pieces of one measurement. Compare them instead."
+            )
+    asked = sorted({other.asked for other in selections})
+    if len(asked) > 1 and any(other.shards is not None for other in selections):
+        raise ReportError(
+            f"The runs are shards of different selections ({', '.join(map(_bracketed, asked))}), so what is "
+            "missing is not known. Merge the shards of each selection first."
+        )
+    ids = sorted(set(case_ids))
+    return Selection(
+        asked=asked[0] if len(asked) == 1 else tuple(map(_bracketed, asked)),
+        chosen=len(ids),
+        of=first.of,
+        digest=canonical_digest(ids),
+        shards=reduce(_joined, (other.shards for other in selections)),
+        merged=True,
+    )
+
+
+def _bracketed(asked: Sequence[str]) -> str:
+    return f"({', '.join(asked) or 'all cases'})"
+
+
+def _joined(one: Shards | None, other: Shards | None) -> Shards | None:
+    """All shards of both; None where none is missing."""
+    if one is None or other is None:
+        return None
+    if one.of != other.of:
+        raise ReportError(
+            f"One run is a shard of {one.of}, another of {other.of}: shards of different divisions cannot be "
+            "joined. Give the shards of one division."
+        )
+    joined = Shards(one.of, tuple(sorted({*one.present, *other.present})))
+    return joined if joined.missing else None
