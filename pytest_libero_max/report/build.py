@@ -13,6 +13,7 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.statistics_json import (
     change_json,
     macro_json,
@@ -111,7 +112,9 @@ def build_report(
             "category": macro_json(macro_average([r.outcomes for r, _ in groups["category"].values()]))
         },
         "largest_split": split_json(largest_split(_variants(groups["variant"]))),
+        "extremes": _extremes(groups["category"]),
         "sections": {},
+        "statements": dict(STATEMENTS),
         "methods": METHODS,
         "provenance": provenance,
     }
@@ -212,6 +215,21 @@ def _order(dimension: str, name: str) -> tuple[int, str]:
     ranked = {"event": [*EVENTS], "variant": [*EVENTS], "family": [*families()]}.get(dimension, [])
     key = name.partition("-")[0]
     return (ranked.index(key) if key in ranked else len(ranked)), name
+
+
+def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> Json:
+    """By source: the category of lowest Base success and the one of largest loss, the first among equals."""
+    sources: dict[str, dict[str, Outcomes]] = {}
+    for name, (result, _) in categories.items():
+        if result.outcomes.total:
+            sources.setdefault(name.partition("-")[0], {})[name] = result.outcomes
+    return {
+        source: {
+            "lowest_base_success": min(cells, key=lambda name: cells[name].base.value or 0.0),
+            "largest_loss": min(cells, key=lambda name: cells[name].change.value or 0.0),
+        }
+        for source, cells in sources.items()
+    }
 
 
 def _variants(

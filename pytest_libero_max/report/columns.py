@@ -11,14 +11,24 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report.formats import Change, Format, Number, PairCount, PValue, Rate, Share
+from pytest_libero_max.report.formats import (
+    Change,
+    Format,
+    Number,
+    PairCount,
+    PValue,
+    Rate,
+    Share,
+    TaskInterval,
+)
 
-Table = Literal["summary", "groups", "narrow", "coverage"]
+Table = Literal["summary", "groups", "narrow", "coverage", "given_response"]
 """The tables of a report.
 
 ``summary``: every quantity of the whole run, one a row. ``groups``: one row a group, for pages.
 ``narrow``: one row a group, for the terminal and LaTeX. ``coverage``: how often events fired and what came
-after, one row an event.
+after, one row an event. ``given_response``: results over the pairs with a query after the event, one row an
+event.
 """
 
 
@@ -125,6 +135,10 @@ COLUMNS: tuple[Column, ...] = (
         gate=None,
     ),
     Column(
+        "paired_change_by_task", "Paired change, interval by task", ("paired_change", "by_task"),
+        TaskInterval(), line=Line("Paired change by task"), gate=None,
+    ),
+    Column(
         "preserved_success", "Preserved successes (1,1)", ("outcomes", "preserved_success"), Number(),
         line=Line(_OUTCOMES, "(1,1)"),
     ),
@@ -164,6 +178,20 @@ COLUMNS: tuple[Column, ...] = (
         "stale_median", "Stale actions, median", ("stale_actions", "median"), Number("g"),
         tables=("summary", "coverage"), line=Line(_STALE, "median"),
     ),
+    Column(
+        "given_response_base_success", "Base success, given a query after the event",
+        ("given_response", "base_success"), Share(), "Base success", tables=("summary", "given_response"),
+    ),
+    Column(
+        "given_response_dynamic_success", "Dynamic success, given a query after the event",
+        ("given_response", "dynamic_success"), Share(), "Dynamic success",
+        tables=("summary", "given_response"),
+    ),
+    Column(
+        "given_response_paired_change", "Paired change, given a query after the event",
+        ("given_response", "paired_change"), Share(signed=True), "Paired change",
+        tables=("summary", "given_response"),
+    ),
 )  # fmt: skip
 """Every column, in the order of all tables."""
 
@@ -171,3 +199,9 @@ COLUMNS: tuple[Column, ...] = (
 def columns_in(table: Table) -> tuple[Column, ...]:
     """The columns of a table, in their order."""
     return tuple(column for column in COLUMNS if table in column.tables)
+
+
+def headings(table: Table) -> tuple[str, ...]:
+    """The headings of a table's columns, short where the table is narrow or its title says the rest."""
+    short = table in ("narrow", "given_response")
+    return tuple(column.short_heading if short else column.title for column in columns_in(table))

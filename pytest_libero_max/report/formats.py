@@ -80,6 +80,29 @@ class Change:
 
 
 @dataclass(frozen=True)
+class TaskInterval:
+    """The interval by task of a paired change, in percentage points; says why there is none."""
+
+    has_interval: ClassVar[bool] = True
+
+    def long(self, value: Json) -> str:
+        if value["lower"] is None:
+            return f"n/a: too few tasks ({value['tasks']}, with a changed pair {value['changed_tasks']})"
+        return f"{interval_text(value, signed=True)}  {value['tasks']} tasks"
+
+    def short(self, value: Json) -> str:
+        return interval_text(value, signed=True)
+
+    def latex(self, value: Json) -> str:
+        if value["lower"] is None:
+            return "--"
+        return f"[${100 * value['lower']:+.1f}$, ${100 * value['upper']:+.1f}$]"
+
+    def numbers(self, value: Json) -> dict[str, float | None]:
+        return {"_lower": value["lower"], "_upper": value["upper"]}
+
+
+@dataclass(frozen=True)
 class Share:
     """A ratio of two counts without an interval.
 

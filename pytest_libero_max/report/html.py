@@ -7,13 +7,17 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report import highlights
 from pytest_libero_max.report.caveats import caveat_text
-from pytest_libero_max.report.columns import Table, columns_in
+from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.figures import arrow_plot, category_map, change_profile, stale_histogram
 from pytest_libero_max.report.formats import percent, rate_text
+from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.summary import (
+    ALL_PAIRS,
     FLOOR_NOTE,
+    GIVEN_RESPONSE_NOTE,
     any_floor,
     group_label,
     incomplete_text,
@@ -33,9 +37,9 @@ h2{font-size:1.1rem;margin:2.2rem 0 .6rem;border-bottom:1px solid #d8dee4}
 .card b{display:block;font-size:1.9rem;font-weight:600}.card span{color:#66727f}
 table{border-collapse:collapse;margin:.4rem 0;font-variant-numeric:tabular-nums}
 th,td{padding:.22rem .7rem;border-bottom:1px solid #e6eaee;text-align:left;white-space:nowrap}
-td+td,th+th{text-align:right}svg{max-width:100%;height:auto;display:block}
+td+td,th+th{text-align:right}th{white-space:normal;vertical-align:bottom}.wide{overflow-x:auto}svg{max-width:100%;height:auto;display:block}
 details{margin:.5rem 0}summary{cursor:pointer}code{background:#f2f5f7;padding:.1rem .3rem}
-.origin td+td{text-align:left;white-space:normal;overflow-wrap:anywhere}
+.origin td+td,.words td+td,.words th+th{text-align:left;white-space:normal;overflow-wrap:anywhere}
 .outcomes td{border:1px solid #d8dee4;text-align:center!important;padding:.5rem 1rem}
 """
 
@@ -62,7 +66,9 @@ def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str
     body += _faults(pairs)
     for title, values in report["sections"].items():
         body += [f"<h2>{escape(title)}</h2>", _table(("Name", "Value"), list(values.items()))]
-    body += _provenance(report)
+    body += ["<h2>What these numbers do not show</h2>", "<ul>"]
+    body += [f"<li>{escape(text)}</li>" for text in report["statements"].values()]
+    body += ["</ul>", *_provenance(report)]
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width,initial-scale=1'>"
@@ -101,6 +107,12 @@ def _results(report: Json) -> list[str]:
         "<h2>Coverage and stale actions</h2>",
         _coverage(report),
         stale_histogram(report),
+        "<h2>Given a query after the event</h2>",
+        f"<p>{escape(GIVEN_RESPONSE_NOTE)}</p>",
+        _groups("given_response", "Event", {ALL_PAIRS: overall, **report["by"]["event"]}),
+        f"<h2>{highlights.TITLE}</h2>",
+        f"<p>{escape(highlights.NOTE)}</p>",
+        f"<div class='words'>{_table(('What', 'Where', 'Value'), highlight_rows(report))}</div>",
         "<h2>Breakdowns</h2>",
     ]
     return body + [_breakdown(report, key, dimension.title) for key, dimension in DIMENSIONS.items()]
@@ -117,7 +129,7 @@ def _outcomes(outcomes: Json) -> str:
 
 
 def _coverage(report: Json) -> str:
-    table = _groups("coverage", "Event", {"all pairs": report["overall"], **report["by"]["event"]})
+    table = _groups("coverage", "Event", {ALL_PAIRS: report["overall"], **report["by"]["event"]})
     noise = report["noise_floor"]
     return (
         table
@@ -138,7 +150,7 @@ def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> str:
         (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
     ]
     note = f"<p>{escape(FLOOR_NOTE)}</p>" if any_floor(groups.values()) else ""
-    return _table((title, *(column.title for column in columns)), rows) + note
+    return _table((title, *headings(table)), rows) + note
 
 
 def _regressions(regressions: Sequence[str], replay: Sequence[str]) -> list[str]:
@@ -192,4 +204,4 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table><tr>{top}</tr>{body}</table>"
+    return f"<div class='wide'><table><tr>{top}</tr>{body}</table></div>"

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report import highlights
 from pytest_libero_max.report.caveats import caveat_text
-from pytest_libero_max.report.columns import Table, columns_in
+from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.summary import (
+    ALL_PAIRS,
     FLOOR_NOTE,
+    GIVEN_RESPONSE_NOTE,
     any_floor,
     group_label,
     incomplete_text,
@@ -29,8 +33,14 @@ def markdown(report: Json) -> str:
     if report["caveats"]:
         lines += [*(f"- {caveat_text(caveat)}" for caveat in report["caveats"]), ""]
     lines += _table(("Quantity", "Value"), _quantities(report))
+    lines += ["", f"## {highlights.TITLE}", "", *_table(("What", "Where", "Value"), highlight_rows(report))]
+    lines += ["", highlights.NOTE]
     for key, dimension in DIMENSIONS.items():
         lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report["by"][key])]
+    by_event = {**report["by"]["event"], ALL_PAIRS: report["overall"]}
+    lines += ["", "## Coverage and stale actions", "", *_groups("coverage", "Event", by_event)]
+    lines += ["", "## Given a query after the event", "", *_groups("given_response", "Event", by_event)]
+    lines += ["", GIVEN_RESPONSE_NOTE]
     lines += [
         "",
         "Intervals are 95%: Wilson for rates, melded exact for changes. Groups hold different",
@@ -39,7 +49,12 @@ def markdown(report: Json) -> str:
     ]
     for title, values in report["sections"].items():
         lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
-    lines += ["## Provenance", ""]
+    lines += [
+        "## What these numbers do not show",
+        "",
+        *(f"- {text}" for text in report["statements"].values()),
+    ]
+    lines += ["", "## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
     digests = [("case set", provenance["case_set"]["digest"])]
     if report["selection"]:
@@ -62,7 +77,7 @@ def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> list[str]:
         (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
     ]
     note = ["", FLOOR_NOTE.replace("*", "\\*")] if any_floor(groups.values()) else []
-    return [*_table((title, *(column.title for column in columns)), rows), *note]
+    return [*_table((title, *headings(table)), rows), *note]
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:

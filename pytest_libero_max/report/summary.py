@@ -7,8 +7,15 @@ from itertools import groupby
 from textwrap import wrap
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report.columns import COLUMNS, Column, columns_in
+from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import count_text, rate_text
+
+ALL_PAIRS = "all pairs"
+
+GIVEN_RESPONSE_NOTE = (
+    "Whether a query follows the event is itself decided by the rollout, so these results describe the "
+    "pairs that have one. They do not replace the results over all pairs."
+)
 
 FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of robustness there."
 
@@ -48,7 +55,7 @@ def _overall_lines(overall: Json) -> Iterator[str]:
 
 def _event_lines(report: Json) -> Iterator[str]:
     columns, events = columns_in("narrow"), report["by"]["event"]
-    yield _row("Event", [column.short_heading for column in columns], columns)
+    yield _row("Event", headings("narrow"), columns)
     for name, row in events.items():
         yield _row(group_label(name, row), [column.short(row) for column in columns], columns)
     if any_floor(events.values()):

@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report.columns import COLUMNS, columns_in
+from pytest_libero_max.report.columns import COLUMNS, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.summary import title_text
 
@@ -16,6 +16,9 @@ ALL_PAIRS = "overall"
 
 def csv_text(report: Json) -> str:
     """One row for the run and for every group, one column or three (estimate and interval) for each quantity.
+
+    After the groups come the unweighted mean over source categories (``macro``), for every source the
+    category of lowest Base success and of largest loss, and the two variants of the largest split.
 
     Rates are fractions; a value that does not exist is empty.
     """
@@ -32,6 +35,20 @@ def _csv_rows(report: Json) -> Iterator[Json]:
     for dimension in DIMENSIONS:
         for group, row in report["by"][dimension].items():
             yield _csv_row(dimension, group, row)
+    yield _macro_row(report["macro"]["category"])
+    for source, extremes in report["extremes"].items():
+        for what, group in extremes.items():
+            yield _csv_row(f"{what}.{source}", group, report["by"]["category"][group])
+    if report["largest_split"] is not None:
+        event = report["largest_split"]["event"]
+        for variant in report["largest_split"]["dynamic_success"]:
+            group = f"{event}-{variant}"
+            yield _csv_row("largest_split", group, report["by"]["variant"][group])
+
+
+def _macro_row(macro: Json) -> Json:
+    rates = {name: macro[name] for name in ("base_success", "dynamic_success", "paired_change")}
+    return {"dimension": "macro", "group": "category", **rates}
 
 
 def _csv_row(dimension: str, group: str, row: Json) -> Json:
@@ -45,7 +62,7 @@ def latex_text(report: Json, dimension: str = "event") -> str:
     """A ``tabular`` of one breakdown in percent and percentage points, with the whole run as its last row."""
     columns = columns_in("narrow")
     rows = [*report["by"][dimension].items(), ("All pairs", report["overall"])]
-    head = (DIMENSIONS[dimension].title, *(column.short_heading for column in columns))
+    head = (DIMENSIONS[dimension].title, *headings("narrow"))
     lines = [
         f"% {_escaped(title_text(report))}",
         "% Percent; changes in percentage points with their 95% interval.",

@@ -6,7 +6,9 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.formats import p_text
+from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.markdown import markdown
+from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
 
@@ -29,6 +31,7 @@ Scores on the embedded substrate are not comparable with published ones.
 Base success                    65.6% [48.3, 79.6]  21/32
 Dynamic success                 46.9% [30.9, 63.6]  15/32
 Paired change                   -18.8 pp [-43.7, +8.9]   McNemar p = 0.210
+Paired change by task           n/a: too few tasks (1, with a changed pair 1)
 Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 11   (0,0) 6
 Base successes lost             52.4% [32.4, 71.7]  11/21   retained 71.4%
 Event fired                     31/32   query after it 31/32
@@ -55,6 +58,7 @@ Over the 30 played pairs only:
 Base success                    66.7% [48.8, 80.8]  20/30
 Dynamic success                 50.0% [33.2, 66.8]  15/30
 Paired change                   -16.7 pp [-42.8, +12.0]   McNemar p = 0.302
+Paired change by task           n/a: too few tasks (1, with a changed pair 1)
 Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 10   (0,0) 5
 Base successes lost             50.0% [29.9, 70.1]  10/20   retained 75.0%
 Event fired                     30/30   query after it 30/30
@@ -78,6 +82,7 @@ pairs played
 Base success                    0.0% [0.0, 10.7]  0/32
 Dynamic success                 0.0% [0.0, 10.7]  0/32
 Paired change                   +0.0 pp [-10.9, +10.9]   McNemar p = 1.000
+Paired change by task           n/a: too few tasks (1, with a changed pair 0)
 Outcomes (Base, Dynamic)        (1,1) 0   (0,1) 0   (1,0) 0   (0,0) 32
 Base successes lost             n/a  0/0   retained n/a
 Event fired                     0/32   query after it 0/32
@@ -136,3 +141,18 @@ def test_markdown_has_a_table_per_breakdown() -> None:
     assert "| camera_shift | 4 of 4 | 75.0% [30.1, 95.4]  3/4 |" in text
     for title in ("Event", "Family", "Suite", "Source", "Source category", "Severity", "Difficulty"):
         assert f"## {title}\n\n| {title} | Pairs played |" in text
+
+
+def test_markdown_carries_every_statement_whatever_was_played() -> None:
+    for records in ([], _records()):
+        text = markdown(build_report(records, [], PAIRS, PROVENANCE))
+        for statement in STATEMENTS.values():
+            assert f"- {statement}\n" in text
+
+
+def test_markdown_has_averages_extremes_and_results_given_a_response() -> None:
+    report = build_report(_records(), [], PAIRS, PROVENANCE)
+    text = markdown(report)
+    for row in highlight_rows(report):
+        assert f"| {' | '.join(row)} |" in text
+    assert "| Event | Base success | Dynamic success | Paired change |" in text

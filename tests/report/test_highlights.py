@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import csv
+import io
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.report.tables import csv_text
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+PAIRS = [
+    PlannedPair(**{**vars(pair), "source_category": f"Part {number % 2}"})
+    for number, pair in enumerate(plan())
+]
+
+
+def _outcome(pair: PlannedPair) -> tuple[bool, bool]:
+    """Part 1 fails in Base; Plus loses in part 0, and PRO loses nothing."""
+    base = pair.source_category == "Part 0"
+    return base, base and pair.source == "pro"
+
+
+REPORT = build_report([record_of(pair, *_outcome(pair)) for pair in PAIRS], [], PAIRS, PROVENANCE)
+
+
+def test_the_extreme_categories_of_each_source_are_named() -> None:
+    assert REPORT["extremes"] == {
+        "plus": {"lowest_base_success": "plus-part_1", "largest_loss": "plus-part_0"},
+        "pro": {"lowest_base_success": "pro-part_1", "largest_loss": "pro-part_0"},
+    }
+    rows = {what: (where, value) for what, where, value in highlight_rows(REPORT)}
+    assert rows["Lowest Base success, plus"] == ("plus-part_1", "0.0% [0.0, 32.4]  0/8")
+    assert rows["Lowest paired change, plus"][0] == "plus-part_0"
+    assert rows["Lowest paired change, plus"][1].startswith("-100.0 pp")
+    assert rows["Unweighted mean, Base to Dynamic"] == ("4 source categories", "50.0% to 25.0%, -25.0 pp")
+
+
+def test_the_largest_split_names_its_variants() -> None:
+    (split,) = [row for row in highlight_rows(REPORT) if row[0] == "Largest split of Dynamic success"]
+    assert split[1] == "illumination_switch"
+    assert split[2] == "50.0 pp between its parameter variants (v0 50.0%, v1 0.0%)"
+
+
+def test_csv_holds_averages_and_extremes() -> None:
+    rows = {(row["dimension"], row["group"]): row for row in csv.DictReader(io.StringIO(csv_text(REPORT)))}
+    assert float(rows["macro", "category"]["paired_change"]) == -0.25
+    assert rows["macro", "category"]["planned"] == ""
+    assert rows["largest_loss.plus", "plus-part_0"]["regression"] == "8"
+    assert rows["lowest_base_success.pro", "pro-part_1"]["base_success"] == "0.0"
+    assert rows["largest_split", "illumination_switch-v0"]["played"] == "2"
+
+
+def test_nothing_played_has_no_extremes_and_says_so() -> None:
+    empty = build_report([], [], PAIRS, PROVENANCE)
+    assert empty["extremes"] == {}
+    assert [value for _, _, value in highlight_rows(empty)] == [
+        "n/a: a category has no played pair",
+        "no event has two played parameter variants",
+    ]
+    assert csv_text(empty)
