@@ -168,8 +168,8 @@ class PairRecord:
         case_id: Unique in the manifest.
         item_id: Name of the test item.
         case_digest: SHA-256 of the case.
-        source: Where the case comes from: ``plus``, ``pro`` or ``libero``.
-        source_category: Category of the source variation.
+        source: Where the case comes from: ``plus``, ``pro``, or ``libero`` for an unmodified task.
+        source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
         difficulty: LIBERO-Plus difficulty 1 to 5, or None.
         suite: LIBERO suite.
         task_index: Index of the task in its source's registry.
@@ -177,12 +177,13 @@ class PairRecord:
         policy_seed: Seed of the policy, the same in every arm.
         instruction: What the policy was told to do when the episode began.
         event: Name of the case's event.
-        family: Its family.
-        variant: Its parameter variant, 0 or 1.
-        severity: Its severity.
+        family: The event's family.
+        variant: The event's parameter variant, 0 or 1.
+        severity: The event's severity.
         trigger_entity: The entity that the distances and contacts of every arm are about.
         max_steps: Policy steps an episode may take.
-        arms: What was played, by name.
+        arms: What was played, by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base
+            played a second time for the noise floor.
         policy: The policy's spec as played.
         fingerprints: Everything else that could change a result: versions, substrate, assets.
         timings: Wall-clock seconds; the only fields that differ between runs.
@@ -510,8 +511,11 @@ class PairError:
     """A pair that could not be measured: an error of the machinery, never a failure of the policy.
 
     Attributes:
+        case_id: Unique in the manifest.
+        item_id: Name of the test item.
+        case_digest: SHA-256 of the case.
         kind: Name of the exception class.
-        message: What it said.
+        message: What the exception said.
         phase: ``setup``, the name of the arm that was being played, or ``crash``.
     """
 

@@ -14,7 +14,21 @@ from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields, req
 
 @dataclass(frozen=True)
 class PlannedPair:
-    """The identity of a case, and every label by which results are grouped."""
+    """The identity of a case, and every label by which results are grouped.
+
+    Attributes:
+        case_id: Unique in the manifest.
+        item_id: Name of the test item.
+        case_digest: SHA-256 of the case.
+        source: Where the case comes from: ``plus``, ``pro``, or ``libero`` for an unmodified task.
+        source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
+        difficulty: LIBERO-Plus difficulty 1 to 5, or None.
+        suite: LIBERO suite.
+        event: Name of the case's event.
+        family: The event's family.
+        variant: The event's parameter variant, 0 or 1.
+        severity: The event's severity.
+    """
 
     case_id: str
     item_id: str

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 STATEMENTS: Mapping[str, str] = {
     "interval": "An interval describes how precisely these cases measure this policy. It does not "
     "cover how much the policy would differ if it were trained again.",
-    "generalisation": "The first interval of a paired change is for other cases of the same tasks, the "
-    "interval by task for other tasks of the same kind.",
+    "generalisation": "The first interval of a paired change is for these tasks played again with "
+    "other initial states and seeds. The interval by task is for other tasks of the same kind, and "
+    "needs 30 tasks of which 15 have a changed pair.",
     "policies": "Policies differ in size, training data and serving at once. A difference between "
     "policies, or between families of policies, does not show which architecture or "
     "design is more robust.",

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -9,10 +10,12 @@ import jsonschema
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairError, PairRecord
+from pytest_libero_max.reference.docstrings import section
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.compare import compare_runs
 from pytest_libero_max.report.files import read_report, report_json, write_reports
-from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
@@ -114,7 +117,7 @@ def _fields(schema: Json, path: str = "") -> Iterator[tuple[str, Json]]:
         yield from _fields(definition, f"${name}")
 
 
-@pytest.mark.parametrize("name", ["report", "comparison"])
+@pytest.mark.parametrize("name", ["report", "comparison", "record"])
 def test_every_field_is_described(name: str) -> None:
     schema = _validator(name).schema
     assert isinstance(schema, dict)
@@ -129,3 +132,29 @@ def test_a_definition_that_two_schemas_share_is_the_same(name: str) -> None:
     for other in ("report", "comparison", "record"):
         for key, definition in _validator(other).schema.get("$defs", {}).items():
             assert definitions.get(key, definition) == definition, f"{key} of {name} and of {other}"
+
+
+def _plain(text: str) -> str:
+    """A docstring's words as JSON has them."""
+    return re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", text).replace("`", "").replace("None", "null")
+
+
+@pytest.mark.parametrize(
+    ("place", "cls"),
+    [
+        (("pair",), PairRecord),
+        (("arm",), ArmRecord),
+        (("firing",), FiringRecord),
+        (("error",), PairError),
+        (("run", "properties", "planned", "items"), PlannedPair),
+    ],
+)
+def test_a_record_is_described_in_the_words_of_its_docstring(
+    place: tuple[str, ...], cls: type[object]
+) -> None:
+    schema = _validator("record").schema["$defs"]
+    for key in place:
+        schema = schema[key]
+    words = {name: _plain(text) for name, text in section(cls, "Attributes").items()}
+    described = {name: field["description"] for name, field in schema["properties"].items()}
+    assert {name: text for name, text in described.items() if name not in ("line", "schema_version")} == words
