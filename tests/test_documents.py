@@ -8,6 +8,10 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.pairing.runner import play_pair
+from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.worlds.tiny.world import TinyWorld
+from tests.pairing.actors import make_case, shorten
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("pytest_libero_max", "cases", "fixtures", "reports", "tests", ".github")
@@ -73,3 +77,30 @@ def test_the_map_names_files_and_functions_that_exist() -> None:
             assert not name or re.search(rf"\b(def|class) {name}\b|^{name}\b", file.read_text(), re.M), place[
                 0
             ]
+
+
+def test_the_adapter_of_the_readme_plays_a_pair(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (source,) = (block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "PolicySpec" in block)
+    assert len([line for line in source.splitlines() if line.strip()]) <= 15
+    (tmp_path / "adapter.py").write_text(source)
+    (tmp_path / "my_model.py").write_text(MODEL)
+    policy = load_policy(str(tmp_path / "adapter.py"))
+    record = play_pair(shorten(make_case(distance_m=1.0)), TinyWorld(), policy)
+    assert record.triggered
+    assert record.policy["name"] == "my-vla"
+
+
+MODEL = """
+import numpy as np
+
+
+class Model:
+    def act(self, image, position, instruction, seed):
+        assert image.shape == (256, 256, 3) and image.dtype == np.uint8 and position.shape == (3,)
+        return np.tile((0.1, 0.0, -0.2, 0.0, 0.0, 0.0, -1.0), (16, 1))
+
+
+def load(seed):
+    return Model()
+"""
