@@ -88,10 +88,10 @@ def _catalogue(options: argparse.Namespace) -> None:
 
 
 def _gallery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.pictures import write_event_sheet
+    from pytest_libero_max.construction.sheets import write_event_sheet
     from pytest_libero_max.sources import variation_of
     from pytest_libero_max.sources.sheets import write_plus_sheet, write_pro_sheet
-    from pytest_libero_max.worlds.embedded.gallery import write_contact_sheet
+    from pytest_libero_max.worlds.embedded.sheets import write_contact_sheet
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
     write_contact_sheet(options.folder / "scenes.png")

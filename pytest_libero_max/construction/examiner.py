@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
 from pytest_libero_max.construction.examination import Examination, examine
 from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.errors import ChangeError, SubstrateError
+from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.sources import catalogue, digest_of, open_substrate, variation_of
@@ -31,6 +33,8 @@ BATCH = 12
 """Cases that a process takes at a time: neighbours share scenes."""
 
 NAME = "examinations.jsonl"
+
+_EXAMINING_ROOMS = ("changes", "events", "pairing", "policies", "worlds")
 
 
 @dataclass(frozen=True)
@@ -147,25 +151,30 @@ def read_examinations(path: Path) -> dict[str, Examination]:
 def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions | None) -> str:
     """SHA-256 of everything but the case that an examination depends on, hexadecimal.
 
-    Versions, scenes, variations, the expert's folder and the code that plays: a change of any of them makes
-    old examinations worthless.
+    Versions, scenes, variations, the expert's code and the code that plays: after a change of any of them,
+    old examinations no longer hold. Comments, docstrings and layout do not count.
+
+    Raises:
+        AdapterError: The expert is not found.
     """
-    package = Path(__file__).parents[1]
-    sources = [
-        *(path for room in ("changes", "pairing", "policies") for path in (package / room).rglob("*.py")),
-        *(package / "worlds").glob("*.py"),
-        *(package / "construction" / name for name in ("preflight.py", "examination.py")),
-    ]
-    if expert is not None:
-        sources += Path(expert.partition(":")[0]).parent.glob("*.py")
     return canonical_digest(
         {
             "versions": dict(open_substrate(substrate, options).fingerprint()),
             "catalogues": [digest_of(catalogue(source)) for source in ("plus", "pro")],
-            "expert": expert is not None,
-            "sources": sorted((path.name, path.read_text(encoding="utf-8")) for path in sources),
+            "expert": None if expert is None else adapter_digest(expert),
+            "code": code_digest(examining_code(Path(__file__).parents[1])),
         }
     )
+
+
+def examining_code(package: Path) -> list[Path]:
+    """The files of this package that decide what an examination finds.
+
+    Args:
+        package: The folder of :mod:`pytest_libero_max`.
+    """
+    rooms = [path for room in _EXAMINING_ROOMS for path in (package / room).rglob("*.py")]
+    return [*rooms, *(package / "construction" / name for name in ("preflight.py", "examination.py"))]
 
 
 def _scene(case: Case) -> tuple[Any, ...]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
 
 from pytest_libero_max.sources.counts import CATEGORIES
 from pytest_libero_max.sources.plus import plus_suite
@@ -14,13 +12,14 @@ from pytest_libero_max.sources.pro import pro_suite
 from pytest_libero_max.sources.variation import Variation
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
+from pytest_libero_max.worlds.rendering.sheets import captioned, resized, wrapped, write_sheet
 
 PLUS_LEVELS = (1, 3, 5)
 
 _CAMERA = "agentview"
 _STEPS = 10
-_CAPTION_PX = 13
-# Noise and textures do not compress; nobody misses the last three bits of a thumbnail.
+_CAPTION_LINES = 4
+# Noise and textures hardly compress; in a picture this small, the last three bits do not show.
 _COLOUR_STEP = 8
 
 
@@ -40,11 +39,13 @@ def write_plus_sheet(
             of its suite stands in.
         size: Side of one picture in pixels.
     """
-    rows = [
-        [_nearest(suite, index, category, level) for suite, index in picks for level in PLUS_LEVELS]
+    chosen = [
+        _nearest(suite, index, category, level)
         for category in CATEGORIES
+        for suite, index in picks
+        for level in PLUS_LEVELS
     ]
-    _write(path, substrate, rows, size)
+    _write(path, substrate, chosen, len(picks) * len(PLUS_LEVELS), size)
 
 
 def write_pro_sheet(
@@ -62,8 +63,7 @@ def write_pro_sheet(
 ) -> None:
     """Each category of LIBERO-PRO on each of some tasks, into one PNG; arguments as above."""
     chosen = [pro_suite(category, suite)[index] for suite, index in picks for category in PRO_CATEGORIES]
-    rows = [chosen[start : start + columns] for start in range(0, len(chosen), columns)]
-    _write(path, substrate, rows, size)
+    _write(path, substrate, chosen, columns, size)
 
 
 def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
@@ -73,44 +73,21 @@ def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
     return own[len(own) // 2]
 
 
-def _write(path: Path, substrate: EmbeddedSubstrate, rows: Iterable[Sequence[Variation]], size: int) -> None:
-    import cv2
-
-    lines = []
-    for row in rows:
-        lines.append(np.hstack([_picture(substrate, variation, size) for variation in row]))
-    width = max(line.shape[1] for line in lines)
-    padded = [
-        np.pad(line, ((0, 0), (0, width - line.shape[1]), (0, 0)), constant_values=255) for line in lines
-    ]
-    sheet = np.vstack(padded)
-    rounded = np.minimum(np.round(sheet / _COLOUR_STEP) * _COLOUR_STEP, 255).astype(np.uint8)
-    _, encoded = cv2.imencode(".png", rounded[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(encoded.tobytes())
+def _write(
+    path: Path, substrate: EmbeddedSubstrate, variations: Sequence[Variation], columns: int, size: int
+) -> None:
+    pictures = [_picture(substrate, variation, size) for variation in variations]
+    write_sheet(path, pictures, columns, colour_step=_COLOUR_STEP)
 
 
 def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> Image:
-    import cv2
-
     world = substrate.varied_world(variation)
     world.reset(0)
     for _ in range(_STEPS):
         world.step(NOOP_ACTION)
     image = world.observe((_CAMERA,), 256)[f"{_CAMERA}_image"][::-1]
-    small = cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA)
     level = "" if variation.difficulty is None else f" {variation.difficulty}"
-    lines = [f"{variation.category}{level}", *_wrapped(world.language, size // 5)[:3]]
-    strip = np.full((_CAPTION_PX * 4, size, 3), 255, np.uint8)
-    for number, text in enumerate(lines):
-        place = (2, _CAPTION_PX * number + 9)
-        cv2.putText(strip, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.28, (30, 30, 30), 1, cv2.LINE_AA)
-    framed: Image = np.vstack([strip, small])
-    framed[:, -1] = 255
-    return framed
-
-
-def _wrapped(text: str, width: int) -> list[str]:
-    import textwrap
-
-    return textwrap.wrap(text, width)
+    title = f"{variation.category}{level}"
+    lines = [*wrapped(title, size)[:1], *wrapped(world.language, size)[: _CAPTION_LINES - 1]]
+    lines += [""] * (_CAPTION_LINES - len(lines))
+    return captioned(resized(image, size), *lines)

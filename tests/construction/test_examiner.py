@@ -1,18 +1,22 @@
 """Examinations in other processes, interrupted and resumed."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.changes import MoveObject
 from pytest_libero_max.construction.examination import Certificate, Examination
 from pytest_libero_max.construction.examiner import (
     BATCH,
     Examiner,
     Progress,
+    examining_code,
     inputs_digest,
     read_examinations,
 )
@@ -87,8 +91,39 @@ def test_examinations_depend_on_the_expert_and_its_files(tmp_path: Path) -> None
     first = inputs_digest(str(adapter), "tiny", None)
     assert inputs_digest(f"{adapter}:policy", "tiny", None) == first
     assert inputs_digest(None, "tiny", None) != first
+    adapter.write_text("# A comment.\n" + NOOP.read_text())
+    assert inputs_digest(str(adapter), "tiny", None) == first
+    (tmp_path / "unrelated.py").write_text("SPEED = 1\n")
+    assert inputs_digest(str(adapter), "tiny", None) == first
+    (tmp_path / "helper.py").write_text("SPEED = 1\n")
+    adapter.write_text(NOOP.read_text() + "\nimport helper\n")
+    imported = inputs_digest(str(adapter), "tiny", None)
+    assert imported != first
     (tmp_path / "helper.py").write_text("SPEED = 2\n")
-    assert inputs_digest(str(adapter), "tiny", None) != first
+    assert inputs_digest(str(adapter), "tiny", None) != imported
+
+
+def test_an_expert_by_name_does_not_depend_on_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = inputs_digest("expert", "tiny", None)
+    (tmp_path / "anything.py").write_text("SPEED = 1\n")
+    monkeypatch.chdir(tmp_path)
+    assert inputs_digest("expert", "tiny", None) == first
+    assert inputs_digest("stale_expert", "tiny", None) != first
+
+
+def test_examinations_outlive_a_comment_but_not_a_number(tmp_path: Path) -> None:
+    package = tmp_path / "pytest_libero_max"
+    shutil.copytree(Path(pytest_libero_max.__file__).parent, package)
+    first = code_digest(examining_code(package))
+    preflight = package / "construction" / "preflight.py"
+    text = preflight.read_text()
+    preflight.write_text(text.replace('"""Whether a case', '"""Whether any case', 1) + "# The end.\n")
+    assert preflight.read_text() != text
+    assert code_digest(examining_code(package)) == first
+    preflight.write_text(text + "MORE = 2\n")
+    assert code_digest(examining_code(package)) != first
 
 
 def test_an_examination_survives_writing_and_reading() -> None:

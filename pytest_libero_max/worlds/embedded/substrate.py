@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import copy
-import hashlib
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Goal, SourceVariation
 from pytest_libero_max.worlds.embedded.graspable_parts import graspable_parts
@@ -36,7 +36,20 @@ SCENES = 12
 
 Starts = Callable[[int], Mapping[str, Array]]
 _AS_IT_IS = Remodel()
+_WORLDS = Path(__file__).parents[1]
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless")
+
+
+def assets_digest(worlds: Path) -> str:
+    """SHA-256 of everything that the scenes are made by, hexadecimal.
+
+    It is taken from the syntax trees of the code that writes the scenes, lays them out and decides their
+    goals: every number counts, comments and docstrings do not.
+
+    Args:
+        worlds: The folder of :mod:`pytest_libero_max.worlds`.
+    """
+    return code_digest([*(worlds / NAME).rglob("*.py"), worlds / "rotations.py"])
 
 
 class EmbeddedWorld(RobosuiteWorld):
@@ -202,17 +215,13 @@ class EmbeddedSubstrate:
         return self._starts[key]
 
     def fingerprint(self) -> Mapping[str, str]:
-        """Versions of what computes a result, the GL backend, and a digest of the scenes' source code."""
+        """Versions of what computes a result, the GL backend, and the digest of the scenes' code."""
         return self._fingerprint
 
     @cached_property
     def _fingerprint(self) -> Mapping[str, str]:
-        here = Path(__file__).parent
-        assets = hashlib.sha256()
-        for source in sorted(here.rglob("*.py")):
-            assets.update(source.relative_to(here).as_posix().encode() + b"\0" + source.read_bytes())
         packages = {package: version(package) for package in _RESULT_PACKAGES}
-        return {"substrate": NAME, **packages, **gl.fingerprint(), "assets": assets.hexdigest()}
+        return {"substrate": NAME, **packages, **gl.fingerprint(), "assets": assets_digest(_WORLDS)}
 
     def close(self) -> None:
         for world in self._worlds.values():

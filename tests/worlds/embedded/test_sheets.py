@@ -4,7 +4,7 @@ from pathlib import Path
 
 import cv2
 
-from pytest_libero_max.worlds.embedded.gallery import write_contact_sheet
+from pytest_libero_max.worlds.embedded.sheets import write_contact_sheet
 from pytest_libero_max.worlds.embedded.tasks import task
 
 

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from textwrap import wrap
 
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.tasks import SUITES, Task, tasks
-from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
-
-_LETTER = 5.4
-"""Pixels that a letter of a caption takes on average."""
+from pytest_libero_max.worlds.rendering.sheets import captioned, wrapped, write_sheet
 
 
 def write_contact_sheet(
@@ -36,7 +32,7 @@ def write_contact_sheet(
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 
     chosen = [task for suite in SUITES for task in tasks(suite)] if rows is None else list(rows)
-    captions = [[f"{task.suite}/{task.index}", *wrap(_short(task), int(size / _LETTER))] for task in chosen]
+    captions = [[f"{task.suite}/{task.index}", *wrapped(_short(task), size)] for task in chosen]
     pictures = []
     for number, task in enumerate(chosen):
         world = EmbeddedWorld(build_scene(task.suite, task.index))
