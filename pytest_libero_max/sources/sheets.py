@@ -88,6 +88,6 @@ def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> I
     image = world.observe((_CAMERA,), 256)[f"{_CAMERA}_image"][::-1]
     level = "" if variation.difficulty is None else f" {variation.difficulty}"
     title = f"{variation.category}{level}"
-    lines = [*wrapped(title, size)[:1], *wrapped(world.language, size)[: _CAPTION_LINES - 1]]
+    lines = [title, *wrapped(world.language, size)[: _CAPTION_LINES - 1]]
     lines += [""] * (_CAPTION_LINES - len(lines))
     return captioned(resized(image, size), *lines)
