@@ -219,4 +219,4 @@ def _examination(case: Case) -> Examination:
 
 
 def _ignore(progress: Progress) -> None:
-    """Nobody wants to know."""
+    """Report no progress."""

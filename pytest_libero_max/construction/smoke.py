@@ -4,7 +4,7 @@ One case of LIBERO-Spatial and one of LIBERO-Object for each of the sixteen, two
 Spatial has no task that can host the event. Each slot takes the first configuration that was not rejected,
 in this order: tasks that the track has used least, then initial states it has used least, then a hash.
 Configurations are rejected by :mod:`.preflight` alone, for reasons in the ledger beside the
-tracks; policies have no say.
+tracks; no outcome of a policy decides.
 """
 
 from __future__ import annotations

@@ -9,6 +9,14 @@ from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.reference.docstrings import constants, description
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
 
+EXAMPLE = """
+def test_few_actions_are_stale(libero_max_case, libero_max_prefix, libero_max_inject, libero_max_policy):
+    evidence = libero_max_inject()  # the world is where Base met the event; now the event happens
+    assert evidence["operation"] == libero_max_case.event.change["operation"]
+    assert len(libero_max_prefix.pending) < libero_max_policy.spec.query_interval
+"""
+"""A test module of a user."""
+
 
 def page() -> str:
     """The text."""
@@ -43,6 +51,16 @@ Every option is also an ini key. The command line wins over the ini file, and th
 ## Fixtures
 
 {fixtures}
+
+A test of your own has one item for each case of the track:
+
+```python
+{EXAMPLE.strip()}
+```
+
+```sh
+pytest test_mine.py --libero-max-policy=adapter.py
+```
 
 ## Outcomes
 

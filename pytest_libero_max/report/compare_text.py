@@ -64,5 +64,5 @@ def _flip_lines(comparison: Json, most: int) -> list[str]:
         lines.append(f"{' '.join(_SHORT[flip['outcomes'][name]] for name in names)}  {flip['item_id']}")
     if len(flips) > most:
         lines.append(f"... and {len(flips) - most} more")
-    lines.append("Play one again with its name behind:")
+    lines.append("To play one of them again, append its name:")
     return [*lines, *(f"  {run['name']}: {shlex.join(run['replay'])}" for run in comparison["runs"])]

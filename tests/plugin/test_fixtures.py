@@ -4,6 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
+from pytest_libero_max.reference.options import EXAMPLE
+
 Run = Callable[..., pytest.RunResult]
 
 
@@ -56,3 +58,8 @@ def test_a_prefix_that_never_reaches_the_trigger_skips(run: Run, pytester: pytes
     )
     pytester.makepyfile(test_mine="def test_mine(libero_max_prefix): pass")
     run("test_mine.py", "-k", "camera_shift", policy="still.py").assert_outcomes(skipped=2)
+
+
+def test_the_example_of_the_reference_page_passes(run: Run, pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_mine=EXAMPLE)
+    run("test_mine.py", "-k", "camera_shift").assert_outcomes(passed=2, deselected=14)

@@ -155,7 +155,7 @@ new against old                             -12.5    [-29.0, +2.8]     0.125
 (1,1) (1,0)  pro-spatial-t00-distractor_burst-v1
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v0
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
-Play one again with its name behind:
+To play one of them again, append its name:
   old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k
   new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k"""
 
