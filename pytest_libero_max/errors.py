@@ -8,6 +8,12 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MOST_NAMED = 40
+"""Up to so many known words are listed in full."""
+
+CLOSEST = 4
+"""How many of more words are named."""
+
 
 class LiberoMaxError(Exception):
     """Root of the family. None of these is ever a failure of the policy under test."""
@@ -54,15 +60,24 @@ class ReportError(LiberoMaxError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A sentence that names the closest known word and lists the others; empty where none is known.
+    """A sentence or two that name the closest known word and, as far as they are few, the others.
 
     Args:
         name: What was written.
         known: Every valid spelling.
+
+    Returns:
+        All known words where there are no more than ``MOST_NAMED``; otherwise the closest of them and their
+        number. Empty where none is known.
     """
     valid = sorted(known)
     if not valid:
         return ""
-    close = difflib.get_close_matches(name, valid, n=1, cutoff=0.5)
+    few = len(valid) <= MOST_NAMED
+    close = difflib.get_close_matches(name, valid, n=1 if few else CLOSEST, cutoff=0.5)
     hint = f"Did you mean {close[0]!r}? " if close else ""
-    return f"{hint}Known: {', '.join(valid)}."
+    if few:
+        return f"{hint}Known: {', '.join(valid)}."
+    if close[1:]:
+        return f"{hint}Also close: {', '.join(close[1:])}. There are {len(valid)} in all."
+    return f"{hint}There are {len(valid)} in all, for example {', '.join(valid[:CLOSEST])}."

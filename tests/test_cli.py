@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -58,6 +60,33 @@ def test_power_is_printed_for_expectations_and_for_a_run(
     assert "camera_shift" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("command", [["show", "max"], ["--help"], ["show", "smoke", "--json"]])
+def test_a_reader_that_goes_away_is_left_in_peace(command: list[str]) -> None:
+    script = "import sys; from pytest_libero_max.cli import main; sys.exit(main(sys.argv[1:]))"
+    with subprocess.Popen(
+        [sys.executable, "-c", script, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    # argparse itself passes over a pipe that is closed while it writes.
+    assert process.returncode in ((0, 141) if command == ["--help"] else (141,))
+
+
+def test_an_interrupted_build_says_how_to_go_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def interrupt(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pytest_libero_max.construction.examiner.Examiner", interrupt)
+    assert main(["build", str(tmp_path), "--work", "here"]) == 130
+    assert capsys.readouterr().err == (
+        "libero-max: interrupted. What was examined is kept in here: give the same command again to go on.\n"
+    )
+
+
 def test_an_error_is_one_line_and_a_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(tmp_path)]) == 1
     assert capsys.readouterr().err.startswith("libero-max: Cannot read")
@@ -108,8 +137,14 @@ def test_a_track_and_a_case_are_shown(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_a_case_that_is_not_there_is_answered_with_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["show", "smoke", "libero-object-t00-i00-nothing-d0-p195"]) == 1
-    assert "is not in libero-max-smoke" in capsys.readouterr().err
+    for track in ("smoke", "max"):
+        assert main(["show", track, "libero-object-t00-i00-nothing-d0-p195"]) == 1
+        error = capsys.readouterr().err
+        assert error.startswith(
+            "libero-max: case='libero-object-t00-i00-nothing-d0-p195' is not in libero-max-"
+        )
+        assert "Did you mean '" in error
+        assert len(error) < 2000
 
 
 def test_all_tracks_are_shown_and_verified(capsys: pytest.CaptureFixture[str]) -> None:

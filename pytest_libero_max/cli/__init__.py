@@ -6,11 +6,18 @@ One module a subject; each adds its commands to the parser.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
 from pytest_libero_max.cli import building, measuring, results
 from pytest_libero_max.errors import LiberoMaxError
+
+PIPE_CLOSED = 141
+"""Exit status where the reader of standard output has gone, as a shell gives it to what SIGPIPE ends."""
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as a shell gives it to what SIGINT ends."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,14 +27,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Words after ``libero-max``; those of the process by default.
 
     Returns:
-        The exit status: 0, or 1 with a message on standard error.
+        The exit status: 0; 1 with a message on standard error; :data:`PIPE_CLOSED`, without any, for
+        ``libero-max show max | head``; :data:`INTERRUPTED`.
     """
+    try:
+        try:
+            return _run(arguments)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # What is still buffered would be written, and complained about, when the interpreter ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     options = parser().parse_args(arguments)
     try:
         options.run(options)
     except LiberoMaxError as error:
         print(f"libero-max: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        work = getattr(options, "work", None)
+        kept = f" What was examined is kept in {work}: give the same command again to go on." if work else ""
+        print(f"libero-max: interrupted.{kept}", file=sys.stderr)
+        return INTERRUPTED
     return 0
 
 

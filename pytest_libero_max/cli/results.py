@@ -64,10 +64,13 @@ def add_commands(commands: Commands) -> None:
         type=float,
         default=0.01,
         metavar="RATE",
-        help="Expected share of pairs that fail in Base and succeed in Dynamic (default: %(default)s)",
+        help="Expected share of pairs that are gained by chance, and lost by chance (default: %(default)s)",
     )
     power.add_argument(
-        "--change", type=float, metavar="CHANGE", help="A paired change to resolve, for example -0.05"
+        "--change",
+        type=float,
+        metavar="CHANGE",
+        help="A paired change to resolve, for example -0.05, or 0.05 for a gain",
     )
     power.set_defaults(run=_power)
 

@@ -110,10 +110,10 @@ def case_lines(manifest: Manifest, name: str) -> list[str]:
     Raises:
         OptionError: There is no such case; suggests the closest.
     """
-    cases = {case.case_id: case for case in manifest} | {case.item_id: case for case in manifest}
-    if name not in cases:
-        raise OptionError(f"case={name!r} is not in {manifest.benchmark_id}. {did_you_mean(name, cases)}")
-    case = cases[name]
+    items = {case.item_id: case for case in manifest}
+    case = items.get(name) or {case.case_id: case for case in manifest}.get(name)
+    if case is None:
+        raise OptionError(f"case={name!r} is not in {manifest.benchmark_id}. {did_you_mean(name, items)}")
     return [
         f"{case.case_id}: {case.event.name}, variant {case.event.variant}, near {case.event.trigger.entity}",
         f"{case.source} {case.source_category}, {case.suite} task {case.task_index}, "

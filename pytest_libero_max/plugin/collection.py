@@ -9,7 +9,7 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
 from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.events.kind import VARIANTS
 from pytest_libero_max.events.registry import (
     BENCHMARK_EVENTS,
@@ -126,6 +126,36 @@ def aim(config: pytest.Config) -> None:
 def _resolve(arg: str) -> str:
     path, separator, rest = arg.partition("::")
     return f"{PAIRS_FILE}{separator}{rest}" if path == PSEUDO_PATH and not Path(path).exists() else arg
+
+
+def check_ids(config: pytest.Config) -> None:
+    """Check the pairs that the command line names one by one.
+
+    Raises:
+        pytest.UsageError: One of them is not in the run; suggests the closest.
+    """
+    ids = [id for arg in config.args if (id := _id_in(arg)) is not None]
+    if not ids:
+        return
+    known = {case.item_id for case in cases_of(config)}
+    for id in ids:
+        if id in known:
+            continue
+        settings, whole = settings_of(config), {case.item_id for case in manifest_of(config)}
+        if id in whole:
+            raise pytest.UsageError(
+                f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the {len(known)} "
+                "pairs that --libero-max-limit or --libero-max-shard leaves. Take the option away."
+            )
+        raise pytest.UsageError(
+            f"{PSEUDO_PATH}::test_pair[{id}] is not in {settings.case_set}. {did_you_mean(id, whole)}"
+        )
+
+
+def _id_in(arg: str) -> str | None:
+    """Item id of the case that a resolved argument names."""
+    start = f"{PAIRS_FILE}::test_pair["
+    return arg[len(start) :].removesuffix("]") if arg.startswith(start) else None
 
 
 def register_markers(config: pytest.Config, *, in_use: bool) -> None:

@@ -15,8 +15,15 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError
 from pytest_libero_max.pairing.record import PairError, PairRecord, result_from_dict
-from pytest_libero_max.plugin.collection import asked_for, case_of, cases_of, manifest_of, settings_of
-from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.collection import (
+    asked_for,
+    case_of,
+    cases_of,
+    check_ids,
+    manifest_of,
+    settings_of,
+)
+from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
 from pytest_libero_max.report.junit import suite_properties
@@ -24,6 +31,7 @@ from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
 from pytest_libero_max.worlds.registry import describe_substrate
+from pytest_libero_max.worlds.rendering import gl
 
 GATE_FAILED = 10
 """Exit status of a complete run of which a gate does not hold."""
@@ -39,13 +47,15 @@ class RunController:
         measured: Item ids of the pairs that a resumed run holds already.
 
     Raises:
-        pytest.UsageError: The adapter cannot exist as named, a LIBERO that is asked for is not installed, the
-            output folder cannot be written to, or what is to be resumed cannot be read.
+        pytest.UsageError: A pair or the adapter cannot exist as named, a LIBERO or an OpenGL backend that is
+            asked for is not installed, the output folder cannot be written to, or what is to be resumed
+            cannot be read.
     """
 
     def __init__(self, config: pytest.Config) -> None:
         self.config = config
         self.settings = settings_of(config)
+        check_ids(config)
         self.cases = {case.item_id: case for case in cases_of(config)}
         self.store: PairStore | None = None
         self.report: Json | None = None
@@ -53,8 +63,10 @@ class RunController:
         self._lines: list[str] = []
         self._reported: set[str] = set()
         self._hook_raised = False
+        self._broken_policy: str | None = None
         try:
             check_reference(self.settings.reference)
+            gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
             if not config.option.collectonly:
                 require_writable(self.settings.output)
@@ -143,11 +155,16 @@ class RunController:
 
     # What arrives.
 
+    @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         name = case_of(report.nodeid)
         if name is None or self.store is None or name in self._reported:
             return
         pair = _pair_of(report, self.cases[name])
+        if isinstance(pair, PairError) and pair.phase == POLICY_PHASE:
+            if self._broken_policy == pair.message:  # another worker found the same
+                report.longrepr = f"As above: {pair.message}"
+            self._broken_policy = pair.message
         if pair is not None:
             self._reported.add(name)
             self.store.append(pair)
@@ -201,6 +218,13 @@ class RunController:
         pairs = self.report["pairs"]
         if status == pytest.ExitCode.NO_TESTS_COLLECTED and self.measured:
             session.exitstatus = status = pytest.ExitCode.OK  # everything was measured before
+        if status == pytest.ExitCode.INTERRUPTED and self._broken_policy is not None:
+            status = pytest.ExitCode.TESTS_FAILED  # a worker stopped, which xdist takes for an interruption
+        if status == pytest.ExitCode.INTERRUPTED and pairs["missing"]:
+            return [
+                f"Interrupted: {pairs['played']} of {pairs['planned']} pairs are measured and kept. Give the "
+                "same command with --libero-max-resume to play the others."
+            ]
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return []
         if not pairs["complete"]:

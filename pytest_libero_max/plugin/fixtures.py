@@ -18,7 +18,7 @@ from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
-from pytest_libero_max.plugin.stash_keys import RESULT
+from pytest_libero_max.plugin.stash_keys import CAMERAS_CHECKED, POLICY_PHASE, RESULT
 from pytest_libero_max.report.junit import properties
 
 if TYPE_CHECKING:
@@ -99,6 +99,9 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
         record = _play(request, libero_max_case, phase.append)
     except Exception as error:
         request.node.stash[RESULT] = PairError.of(libero_max_case, error, phase[-1]).to_dict()
+        if phase[-1] == POLICY_PHASE:
+            # It would be the same with every other pair: what is not begun stays missing.
+            request.session.shouldfail = "the policy cannot be played"
         if isinstance(error, LiberoMaxError):
             pytest.fail(_explain(error), pytrace=False)
         raise
@@ -111,12 +114,20 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
     from pytest_libero_max.events.schedules import arms_of
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
     from pytest_libero_max.pairing.trace import write_trace
+    from pytest_libero_max.policies.check import check_cameras
 
     settings = settings_of(request.config)
     # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
+    on_phase(POLICY_PHASE)
     policy = request.getfixturevalue("libero_max_policy")
+    on_phase("setup")
     substrate = request.getfixturevalue("libero_max_substrate")
     world = request.getfixturevalue("libero_max_world")
+    if CAMERAS_CHECKED not in request.config.stash:
+        on_phase(POLICY_PHASE)
+        check_cameras(policy, world)
+        request.config.stash[CAMERAS_CHECKED] = True
+        on_phase("setup")
     pair = measure_pair(
         case,
         world,

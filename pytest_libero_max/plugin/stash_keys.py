@@ -20,6 +20,12 @@ NOISE_CASES = pytest.StashKey[frozenset[str]]()
 RESULT = pytest.StashKey[Json]()
 """On an item: its pair record, or what broke, as JSON types."""
 
+CAMERAS_CHECKED = pytest.StashKey[bool]()
+"""On the config of a process that plays: the policy's cameras have been looked for in the first scene."""
+
+POLICY_PHASE = "policy"
+"""Phase of a pair error that every other pair would end with as well: the policy cannot be played at all."""
+
 RESULT_ATTRIBUTE = "libero_max"
 """The attribute of a test report that carries the same to the controller."""
 

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import ActionError, AdapterError
+from pytest_libero_max.errors import ActionError, AdapterError, did_you_mean
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, RemembersPolicy
-from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
+from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World
+from pytest_libero_max.worlds.rendering import gl
 
 Actions = NDArray[np.float64]
 
@@ -53,6 +54,24 @@ def check_policy(policy: Any, where: str) -> Policy:
         _check_method(policy, "restore", where, "memory")
     checked: Policy = policy
     return checked
+
+
+def check_cameras(policy: Policy, world: World) -> None:
+    """Check that a scene has the cameras of which a policy wants images, and that they can be drawn.
+
+    Raises:
+        AdapterError: It lacks one; suggests the closest.
+        SimulatorError: Nothing on this machine can draw; names the packages that help.
+    """
+    known = [world.model.camera(number).name for number in range(world.model.ncam)]
+    for camera in policy.spec.cameras:
+        if camera not in known:
+            raise AdapterError(
+                f"camera={camera!r} of policy {policy.spec.name!r} does not exist in scene {world.scene}. "
+                f"{did_you_mean(camera, known)}"
+            )
+    if policy.spec.cameras:
+        gl.require()
 
 
 def remembers(policy: Policy) -> bool:

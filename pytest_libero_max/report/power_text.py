@@ -23,12 +23,18 @@ class Expectation:
     Attributes:
         name: ``overall`` or an event.
         base: Base success rate.
-        gain: Share of all pairs that fail in Base and succeed in Dynamic, with or without an effect.
+        gain: Share of all pairs that fail in Base and succeed in Dynamic by chance, without an effect. As
+            many are expected to be lost by chance.
     """
 
     name: str
     base: float
     gain: float
+
+    @property
+    def loss(self) -> float:
+        """Share of all pairs that succeed in Base and fail in Dynamic by chance."""
+        return min(self.gain, self.base)
 
     def __post_init__(self) -> None:
         if not (0 <= self.base <= 1 and 0 <= self.gain <= 1 - self.base + 1e-12):
@@ -39,13 +45,17 @@ class Expectation:
 
 
 def expectations_of(report: Json) -> tuple[Expectation, ...]:
-    """What an earlier run lets one expect, overall and for each event it played."""
+    """What an earlier run lets one expect, overall and for each event it played.
+
+    Of its gains and regressions, the fewer are what chance does.
+    """
     blocks = {"overall": report["overall"], **report["by"]["event"]}
     return tuple(
         Expectation(
             name,
             block["base_success"]["value"],
-            block["outcomes"]["change_associated_success"] / block["played"],
+            min(block["outcomes"]["change_associated_success"], block["outcomes"]["regression"])
+            / block["played"],
         )
         for name, block in blocks.items()
         if block["played"]
@@ -53,11 +63,12 @@ def expectations_of(report: Json) -> tuple[Expectation, ...]:
 
 
 def power_lines(expectations: tuple[Expectation, ...], change: float | None = None) -> list[str]:
-    """The smallest paired change every track resolves, in percentage points, and the pairs a change needs.
+    """The smallest loss and gain that every track resolves, and the pairs that a change needs.
 
     Args:
         expectations: For the whole run or single events.
-        change: A paired change, for example -0.05, for which the pairs needed are added.
+        change: A paired change, for example -0.05 (a loss) or 0.05 (a gain), for which the pairs needed are
+            added.
     """
     head = [f"{track} {target:.0%}" for track in TRACK_SIZES for target in TARGETS]
     lines = [
@@ -67,8 +78,17 @@ def power_lines(expectations: tuple[Expectation, ...], change: float | None = No
         _row("", "Base", "gain", head),
     ]
     for expected in expectations:
-        cells = [_loss_text(loss, expected) for loss in _losses(expected)]
+        cells = [_cell(loss, expected.gain, -1) for loss in _losses(expected)]
         lines.append(_row(expected.name, f"{expected.base:.1%}", f"{expected.gain:.1%}", cells))
+    lines += [
+        "",
+        "Smallest gain that it resolves; n/a where even gaining every Base failure would not be resolved",
+        "",
+        _row("", "Base", "loss", head),
+    ]
+    for expected in expectations:
+        cells = [_cell(gain, expected.loss, 1) for gain in _gains(expected)]
+        lines.append(_row(expected.name, f"{expected.base:.1%}", f"{expected.loss:.1%}", cells))
     if change is not None:
         lines += ["", f"Pairs needed to resolve a change of {100 * change:+.1f} points:"]
         lines += [_needed_line(expected, change) for expected in expectations]
@@ -76,21 +96,37 @@ def power_lines(expectations: tuple[Expectation, ...], change: float | None = No
 
 
 def _losses(expected: Expectation) -> Iterator[float | None]:
+    """Smallest share of regressions that each track resolves."""
+    for pairs, target in _trials(expected):
+        yield detectable_loss(pairs, expected.gain, target, expected.base)
+
+
+def _gains(expected: Expectation) -> Iterator[float | None]:
+    """Smallest share of gains that each track resolves: McNemar's test does not care which side is which."""
+    for pairs, target in _trials(expected):
+        yield detectable_loss(pairs, expected.loss, target, 1 - expected.base)
+
+
+def _trials(expected: Expectation) -> Iterator[tuple[int, float]]:
+    """The pairs of each track, with each power."""
     for size in TRACK_SIZES.values():
         pairs = size if expected.name == "overall" else size // len(BENCHMARK_EVENTS)
         for target in TARGETS:
-            yield detectable_loss(pairs, expected.gain, target, expected.base)
+            yield pairs, target
 
 
-def _loss_text(loss: float | None, expected: Expectation) -> str:
-    return "n/a" if loss is None else f"{100 * (expected.gain - loss):+.1f}"
+def _cell(share: float | None, by_chance: float, sign: int) -> str:
+    return "n/a" if share is None else f"{sign * 100 * (share - by_chance):+.1f}"
 
 
 def _needed_line(expected: Expectation, change: float) -> str:
-    loss = expected.gain - change
-    if not 0 <= loss <= expected.base:
+    loss = expected.gain - change if change <= 0 else expected.loss
+    gain = expected.gain if change <= 0 else expected.loss + change
+    if loss > expected.base:
         return f"{expected.name:<22} impossible: at most {expected.base:.1%} of the pairs can regress"
-    needed = [pairs_needed(loss, expected.gain, target) for target in TARGETS]
+    if gain > 1 - expected.base + 1e-12:
+        return f"{expected.name:<22} impossible: at most {1 - expected.base:.1%} of the pairs can gain"
+    needed = [pairs_needed(loss, gain, target) for target in TARGETS]
     texts = [
         f"{'more than a million' if pairs is None else pairs} at {target:.0%} power"
         for pairs, target in zip(needed, TARGETS, strict=True)

@@ -98,12 +98,3 @@ def test_bad_actions_are_errors_of_the_pair(
     result.assert_outcomes(errors=1)
     assert result.ret == 11
     result.stdout.fnmatch_lines([message, "INCOMPLETE: 0 of 1 planned pairs*"])
-
-
-def test_an_adapter_that_cannot_be_constructed_says_so_once_a_pair(
-    run: Run, pytester: pytest.Pytester
-) -> None:
-    pytester.makepyfile(broken="def policy():\n    raise OSError('no weights here')\n")
-    result = run("-k", "camera_shift", policy="broken.py")
-    result.assert_outcomes(errors=2)
-    result.stdout.fnmatch_lines(["*AdapterError: *no weights here*"])

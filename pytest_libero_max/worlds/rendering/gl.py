@@ -40,6 +40,22 @@ def prepare() -> str:
     return _choice()[0]
 
 
+def check() -> None:
+    """Find out whether an explicit ``MUJOCO_GL`` can draw. Nothing is settled by that.
+
+    For whoever only hands out the work, before anything is played.
+
+    Raises:
+        OptionError: It is no backend for offscreen images, or its libraries do not load; says what to do.
+    """
+    asked = _asked()
+    if asked in OFFSCREEN and not loads(asked):
+        raise OptionError(
+            f"{VARIABLE}={asked!r}, but its libraries do not load here. Install the Debian packages "
+            f"`{_PACKAGES[asked]}`, or unset {VARIABLE} to have a backend chosen."
+        )
+
+
 def require() -> str:
     """The backend for images.
 
@@ -78,18 +94,24 @@ def fingerprint() -> dict[str, str]:
 @cache
 def _choice() -> tuple[str, str]:
     """The backend settled on, and what ``MUJOCO_GL`` said before."""
-    asked = os.environ.get(VARIABLE, "").lower().strip()
-    if asked and asked not in (*OFFSCREEN, *DISABLED):
-        raise OptionError(
-            f"{VARIABLE}={asked!r} is no backend for offscreen images. "
-            f"{did_you_mean(asked, (*OFFSCREEN, DISABLED[0]))} Unset it to have one chosen."
-        )
+    asked = _asked()
     tried = () if asked in DISABLED else (asked,) if asked else OFFSCREEN
     # With none, MuJoCo must be told so: it would raise while it is imported, and physics needs no backend.
     backend = next((name for name in tried if loads(name)), DISABLED[0])
     os.environ[VARIABLE] = backend
     _quiet_robosuite()
     return backend, asked
+
+
+def _asked() -> str:
+    """The backend that ``MUJOCO_GL`` names; empty where it is not set."""
+    asked = os.environ.get(VARIABLE, "").lower().strip()
+    if asked and asked not in (*OFFSCREEN, *DISABLED):
+        raise OptionError(
+            f"{VARIABLE}={asked!r} is no backend for offscreen images. "
+            f"{did_you_mean(asked, (*OFFSCREEN, DISABLED[0]))} Unset it to have one chosen."
+        )
+    return asked
 
 
 def loads(backend: str) -> bool:

@@ -1,0 +1,138 @@
+"""What meets a user on the first day: a policy that cannot be played, a wrong name, an interruption."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.worlds.rendering import gl
+from tests.plugin.conftest import REACHER
+
+Run = Callable[..., pytest.RunResult]
+Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
+
+WITHOUT_WEIGHTS = (
+    "import os\nif 'NO_WEIGHTS' in os.environ:\n    raise OSError('no weights here')\n" + REACHER
+)
+
+
+def test_a_policy_that_cannot_be_constructed_stops_the_run_after_one_error(
+    run: Run, results: Results, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NO_WEIGHTS", "1")
+    pytester.makepyfile(broken=WITHOUT_WEIGHTS)
+    result = run(policy="broken.py")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(
+        ["AdapterError: broken.py, line 3: OSError while importing it: no weights here.*",
+         "INCOMPLETE: 0 of 16 planned pairs played, 1 invalid, 15 missing. No score.",
+         "Exit status 11: the run is incomplete (1 invalid, 15 missing)*"]
+    )  # fmt: skip
+    assert result.ret == 11
+    pairs, report = results()
+    assert [pair["phase"] for pair in pairs] == ["policy"]
+    assert report["pairs"]["missing"] == 15
+
+
+def test_on_two_workers_it_stops_as_well(
+    run: Run, results: Results, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NO_WEIGHTS", "1")
+    pytester.makepyfile(broken=WITHOUT_WEIGHTS)
+    result = run("-n", "2", policy="broken.py", subprocess=True)
+    assert result.ret == 11
+    pairs, _ = results()
+    assert len(pairs) <= 2
+    assert str(result.stdout).count("Traceback") == 1
+    result.stdout.fnmatch_lines(["*Exit status 11: the run is incomplete (* invalid, * missing)*"])
+
+
+def test_nothing_that_was_measured_before_is_lost(
+    run: Run, results: Results, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytester.makepyfile(broken=WITHOUT_WEIGHTS)
+    assert run("-k", "camera_shift", policy="broken.py").ret == 0
+    path = pytester.path / "libero-max-results" / "pairs.jsonl"
+    header, first, _ = path.read_text().splitlines()
+    path.write_text(f"{header}\n{first}\n")
+    monkeypatch.setenv("NO_WEIGHTS", "1")
+    assert run("-k", "camera_shift", "--libero-max-resume", policy="broken.py").ret == 11
+    _, report = results()
+    assert (report["pairs"]["played"], report["pairs"]["invalid"]) == (1, 1)
+    monkeypatch.delenv("NO_WEIGHTS")
+    assert run("-k", "camera_shift", "--libero-max-resume", policy="broken.py").ret == 0
+    assert results()[1]["pairs"]["played"] == 2
+
+
+def test_a_misspelt_camera_stops_the_run_before_the_first_pair(run: Run, pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(broken=REACHER.replace("cameras=()", "cameras=('agentvew',)"))
+    result = run(policy="broken.py")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(
+        ["AdapterError: camera='agentvew' of policy 'reacher' does not exist in scene tiny/*. Did you mean "
+         "'agentview'? Known: *"]
+    )  # fmt: skip
+    assert result.ret == 11
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("glfw", "MUJOCO_GL='glfw' is no backend for offscreen images.*Unset it to have one chosen."),
+        ("osmesa", "MUJOCO_GL='osmesa', but its libraries do not load here. Install the Debian packages "
+         "`libosmesa6`, or unset MUJOCO_GL to have a backend chosen."),
+    ],
+)  # fmt: skip
+def test_a_backend_that_cannot_draw_is_one_sentence_before_anything_starts(
+    run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, value: str, message: str
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", value)
+    monkeypatch.setattr(gl, "_library", lambda *names: None)
+    pytester.makeconftest(
+        "from pytest_libero_max.worlds.rendering import gl\ngl._library = lambda *names: None\n"
+    )
+    result = run()
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"ERROR: {message}"])
+    assert not (pytester.path / "libero-max-results").exists()
+
+
+def test_a_wrong_id_is_told_the_closest(run: Run) -> None:
+    result = run("libero-max::test_pair[libero-spatial-t00-i00-camera_shft-v0]")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(
+        ["ERROR: libero-max::test_pair[[]libero-spatial-t00-i00-camera_shft-v0] is not in manifest tiny.json."
+         " Did you mean 'libero-spatial-t00-i00-camera_shift-v0'?*"]
+    )  # fmt: skip
+    assert len(str(result.stderr)) < 2000
+
+
+def test_an_id_that_an_option_leaves_out_says_so(run: Run) -> None:
+    name = "libero-spatial-t00-i00-camera_shift-v0"
+    assert run(f"libero-max::test_pair[{name}]").ret == 0
+    result = run(f"libero-max::test_pair[{name}]", "--libero-max-shard=2/2")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: *is in manifest tiny.json, but not among the 8 pairs that *"])
+
+
+def test_an_interrupted_run_says_how_to_go_on(run: Run, pytester: pytest.Pytester) -> None:
+    text = REACHER.replace("    def reset(self, episode):\n        pass", INTERRUPTS)
+    pytester.makepyfile(adapter=text)
+    result = run("-k", "camera_shift", subprocess=True)
+    assert result.ret == pytest.ExitCode.INTERRUPTED
+    result.stdout.fnmatch_lines(
+        ["Interrupted: 1 of 2 pairs are measured and kept. Give the same command with --libero-max-resume to "
+         "play the others."]
+    )  # fmt: skip
+
+
+INTERRUPTS = """
+    played = 0
+
+    def reset(self, episode):
+        type(self).played += 1
+        if self.played == 3:
+            raise KeyboardInterrupt
+"""
