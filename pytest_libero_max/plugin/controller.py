@@ -243,7 +243,9 @@ class RunController:
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         if terminalreporter.verbosity < 0:
             self._lines = [
-                line for line in self._lines if line.startswith(("gate FAIL", "::error", "Exit status"))
+                line
+                for line in self._lines
+                if line.startswith(("gate FAIL", "::error", "Exit status", "Interrupted"))
             ]
         if self._lines:
             terminalreporter.section("libero-max")
