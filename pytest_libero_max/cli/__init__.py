@@ -27,8 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Words after ``libero-max``; those of the process by default.
 
     Returns:
-        The exit status: 0; 1 with a message on standard error; :data:`PIPE_CLOSED`, without any, for
-        ``libero-max show max | head``; :data:`INTERRUPTED`.
+        The exit status: that of the command, 0 for most; 1 with a message on standard error;
+        :data:`PIPE_CLOSED`, without any, for ``libero-max show max | head``; :data:`INTERRUPTED`.
     """
     try:
         try:
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     options = parser().parse_args(arguments)
     try:
-        options.run(options)
+        return int(options.run(options) or 0)
     except LiberoMaxError as error:
         print(f"libero-max: {error}", file=sys.stderr)
         return 1
@@ -53,7 +53,6 @@ def _run(arguments: Sequence[str] | None) -> int:
         kept = f" What was examined is kept in {work}: give the same command again to go on." if work else ""
         print(f"libero-max: interrupted.{kept}", file=sys.stderr)
         return INTERRUPTED
-    return 0
 
 
 def parser() -> argparse.ArgumentParser:

@@ -26,18 +26,13 @@ from pytest_libero_max.plugin.collection import (
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
+from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
 from pytest_libero_max.report.junit import suite_properties
-from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
 from pytest_libero_max.worlds.registry import describe_substrate
 from pytest_libero_max.worlds.rendering import gl
-
-GATE_FAILED = 10
-"""Exit status of a complete run of which a gate does not hold."""
-
-INCOMPLETE = 11
-"""Exit status of a run with a missing or invalid pair."""
 
 
 class RunController:
@@ -70,9 +65,17 @@ class RunController:
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
             if not config.option.collectonly:
                 require_writable(self.settings.output)
+                self._require_usable_gates()
                 self.measured = self._measured_before()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
+
+    def _require_usable_gates(self) -> None:
+        if self.settings.gate:
+            from pytest_libero_max.report.gate_results import require_usable
+
+            pairs = map(PlannedPair.of, manifest_of(self.config))
+            require_usable(self.settings.gate, pairs, self.settings.output, self.config.invocation_params.dir)
 
     def _measured_before(self) -> tuple[str, ...]:
         path = self.settings.output / PAIRS_NAME
@@ -184,6 +187,7 @@ class RunController:
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         if self.store is None:
+            self._fail_gates_without_pairs(session)
             return
         from pytest_libero_max.report.files import write_reports
         from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
@@ -210,6 +214,17 @@ class RunController:
         except Exception as error:  # a user's hook may raise anything, and must not cost the report
             self._lines.append(f"The report has no sections of your own: {type(error).__name__}: {error}")
             return report
+
+    def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
+        """Gates that a session asks for and cannot decide, because it planned no pair, fail it."""
+        option = self.config.option
+        listing = ("collectonly", "showfixtures", "show_fixtures_per_test", "setupplan")
+        if not self.settings.gate or any(getattr(option, name, False) for name in listing):
+            return
+        self._lines.append(f"gate FAIL  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
+        if session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = GATE_FAILED
+            self._lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
 
     def _set_status(self, session: pytest.Session, failed_gates: int) -> list[str]:
         """Turn pytest's status into ours where the run itself has more to say; never anything into OK."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import inspect
 
-from pytest_libero_max.plugin import controller, hooks, outcome_letters
+from pytest_libero_max.plugin import hooks, outcome_letters
 from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.reference.docstrings import constants, description
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
+from pytest_libero_max.report import exit_status
 
 EXAMPLE = """
 def test_few_actions_are_stale(libero_max_case, libero_max_prefix, libero_max_inject, libero_max_policy):
@@ -38,7 +39,7 @@ def page() -> str:
     )
     statuses = table(
         ("Exit status", "Meaning"),
-        ((item.value, one_line(item.text)) for item in constants(controller) if item.value.isdigit()),
+        ((item.value, one_line(item.text)) for item in constants(exit_status) if item.value.isdigit()),
     )
     return f"""# The plugin: options, fixtures, outcomes
 

@@ -136,7 +136,7 @@ COLUMNS: tuple[Column, ...] = (
     ),
     Column(
         "paired_change_by_task", "Paired change, interval by task", ("paired_change", "by_task"),
-        TaskInterval(), line=Line("Paired change by task"), gate=None,
+        TaskInterval(), line=Line("Paired change by task"), gate="delta.clustered",
     ),
     Column(
         "preserved_success", "Preserved successes (1,1)", ("outcomes", "preserved_success"), Number(),

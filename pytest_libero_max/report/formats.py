@@ -9,6 +9,33 @@ from typing import Any, ClassVar, Protocol
 from pytest_libero_max.benchmark.documents import Json
 
 
+@dataclass(frozen=True)
+class Scale:
+    """The values that a kind of quantity can have.
+
+    Attributes:
+        name: What it is, with its article.
+        least: Smallest value.
+        most: Largest value, None where there is none.
+        whole: Whether all values are whole numbers.
+        percent: Whether a percentage makes sense.
+    """
+
+    name: str
+    least: int
+    most: int | None
+    whole: bool = False
+    percent: bool = True
+
+
+SHARE = Scale("a share from 0 to 1", 0, 1)
+DIFFERENCE = Scale("a difference of shares from -1 to 1", -1, 1)
+RATIO = Scale("a ratio of at least 0", 0, None)
+P_VALUE = Scale("a p-value from 0 to 1", 0, 1)
+COUNT = Scale("a count", 0, None, whole=True, percent=False)
+AMOUNT = Scale("a number of at least 0", 0, None, percent=False)
+
+
 class Format(Protocol):
     """How one kind of quantity is printed.
 
@@ -18,6 +45,10 @@ class Format(Protocol):
 
     has_interval: ClassVar[bool]
     """Whether there are ``lower`` and ``upper`` ends."""
+
+    @property
+    def scale(self) -> Scale:
+        """The values there can be, which gates compare with."""
 
     def long(self, value: Any) -> str:
         """With counts and interval, for wide tables."""
@@ -44,6 +75,10 @@ class Rate:
 
     counted: bool = False
 
+    @property
+    def scale(self) -> Scale:
+        return SHARE
+
     def long(self, value: Json) -> str:
         return rate_text(value)
 
@@ -62,6 +97,10 @@ class Change:
     """A difference of rates with its 95% interval, in percentage points."""
 
     has_interval: ClassVar[bool] = True
+
+    @property
+    def scale(self) -> Scale:
+        return DIFFERENCE
 
     def long(self, value: Json) -> str:
         return change_text(value)
@@ -85,6 +124,10 @@ class TaskInterval:
 
     has_interval: ClassVar[bool] = True
 
+    @property
+    def scale(self) -> Scale:
+        return DIFFERENCE
+
     def long(self, value: Json) -> str:
         if value["lower"] is None:
             return f"n/a: too few tasks ({value['tasks']}, with a changed pair {value['changed_tasks']})"
@@ -99,7 +142,7 @@ class TaskInterval:
         return f"[${100 * value['lower']:+.1f}$, ${100 * value['upper']:+.1f}$]"
 
     def numbers(self, value: Json) -> dict[str, float | None]:
-        return {"_lower": value["lower"], "_upper": value["upper"]}
+        return _with_ends(value)
 
 
 @dataclass(frozen=True)
@@ -113,6 +156,10 @@ class Share:
     has_interval: ClassVar[bool] = False
 
     signed: bool = False
+
+    @property
+    def scale(self) -> Scale:
+        return DIFFERENCE if self.signed else RATIO
 
     def long(self, value: Json) -> str:
         return self.short(value) + ("" if self.signed else f"  {count_text(value)}")
@@ -142,6 +189,10 @@ class Number:
 
     spec: str = "d"
 
+    @property
+    def scale(self) -> Scale:
+        return COUNT if self.spec == "d" else AMOUNT
+
     def long(self, value: float | None) -> str:
         return "n/a" if value is None else f"{value:{self.spec}}"
 
@@ -161,6 +212,10 @@ class PairCount:
 
     has_interval: ClassVar[bool] = False
 
+    @property
+    def scale(self) -> Scale:
+        return COUNT
+
     def long(self, value: Json) -> str:
         return f"{value['played']} of {value['planned']}"
 
@@ -179,6 +234,10 @@ class PValue:
     """A p-value; a small one is printed from its logarithm, never as 0."""
 
     has_interval: ClassVar[bool] = False
+
+    @property
+    def scale(self) -> Scale:
+        return P_VALUE
 
     def long(self, value: Json) -> str:
         return p_text(value)

@@ -2,17 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.compare import common_cases
-from pytest_libero_max.report.files import report_of
-from pytest_libero_max.report.gates import Gate, GateResult, evaluate
+from pytest_libero_max.report.files import REPORT_NAME, report_of
+from pytest_libero_max.report.gates import Gate, GateResult, evaluate, require_known_groups
+from pytest_libero_max.report.run import PlannedPair
 from pytest_libero_max.report.statistics_json import contrast_json
-from pytest_libero_max.report.store import StoredRun, read_pairs
+from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
+
+
+def require_usable(gates: Sequence[Gate], pairs: Iterable[PlannedPair], folder: Path, start: Path) -> None:
+    """Refuse gates that could not be decided whatever a run measures. Called before anything is played.
+
+    Args:
+        gates: What :func:`~pytest_libero_max.report.gates.parse_gates` returned.
+        pairs: All pairs of the track or manifest, also those left out of the run.
+        folder: Where the run is, or will be.
+        start: What relative paths of other runs in the gates are relative to.
+
+    Raises:
+        OptionError: A gate names a group that no pair is of, another run that cannot be read, or the run
+            itself as the other one.
+    """
+    require_known_groups(gates, pairs)
+    for gate in gates:
+        if gate.run is None:
+            continue
+        other = _folder(start / gate.run)
+        if other.resolve() == _folder(folder).resolve():
+            raise OptionError(
+                f"gate={gate.text!r} compares the run with itself: {gate.run!r} is its own folder. Keep the "
+                "other run elsewhere, or choose another output folder."
+            )
+        try:
+            read_pairs(other)
+        except ReportError as error:
+            raise OptionError(
+                f"gate={gate.text!r} compares with the run {gate.run!r}, which cannot be read: {error}"
+            ) from error
 
 
 def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult, ...]:
@@ -51,13 +83,18 @@ def github_annotations(results: Sequence[GateResult]) -> list[str]:
 def _against(stored: StoredRun, other: Path) -> Json | str:
     """The contrast of Dynamic success, the other run first; or why there is none."""
     try:
-        baseline = read_pairs(other.parent if other.name == "report.json" else other)
+        baseline = read_pairs(_folder(other))
         common = common_cases({"baseline": baseline, "now": stored})
     except ReportError as error:
         return str(error)
     outcomes = {name: [row.dynamic_success for row in rows] for name, rows in common.records.items()}
     (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
     return contrast_json(contrast)
+
+
+def _folder(path: Path) -> Path:
+    """The folder of a run that may be named by one of its files."""
+    return path.parent if path.name in (REPORT_NAME, PAIRS_NAME) else path
 
 
 def _escaped(text: str) -> str:

@@ -4,11 +4,14 @@ The language::
 
     gate      = quantity operator number
     operator  = ">=" | "<=" | ">" | "<" | "==" | "!="
-    number    = a decimal number, or a percentage such as 60% (= 0.6)
+    number    = a decimal number, or a percentage such as 60% (exactly 0.6)
     quantity  = [scope "."] name ["." end]   a rate, a change, a count or a summary of the run
               | name "(" run ")" ["." end]   the same cases now and in another run, by its folder
     scope     = dimension "." group          for example event.camera_shift, category.pro-position
     end       = "lower" | "upper"            of the 95% interval
+
+Every quantity has a scale: the values it can have. A gate that no value or every value of the scale meets is
+refused, because it would test nothing. Numbers are compared exactly, as decimals of the report.
 
 A gate over pairs of which some are missing or invalid, or whose denominator is zero, is undecidable; an
 undecidable gate is not passed, and its reason is said.
@@ -16,11 +19,11 @@ undecidable gate is not passed, and its reason is said.
 
 from __future__ import annotations
 
-import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Literal
 
 from pytest_libero_max.benchmark.documents import Json
@@ -28,10 +31,12 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, Scale
+from pytest_libero_max.report.run import PlannedPair
 
 Verdict = Literal["passed", "failed", "undecidable"]
 
-OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
+OPERATORS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
     ">=": operator.ge,
     "<=": operator.le,
     ">": operator.gt,
@@ -46,16 +51,24 @@ _QUANTITIES = {column.gate or column.key: column for column in COLUMNS if column
 COUNTS = ("planned", "played", "invalid", "missing")
 """Counts of pairs; decidable in an incomplete run. ``invalid`` and ``missing`` are of the whole run only."""
 
-VERSUS = {
-    "regressions_vs": "first_only",
-    "gains_vs": "second_only",
-    "dynamic_sr_vs": "difference",
-    "p_value_vs": "p_value",
+WHOLE_TRACK = "whole_track"
+"""1 where the run planned every case of its track or manifest, else 0."""
+
+VERSUS: Mapping[str, tuple[str, Scale]] = {
+    "regressions_vs": ("first_only", COUNT),
+    "gains_vs": ("second_only", COUNT),
+    "dynamic_sr_vs": ("difference", DIFFERENCE),
+    "p_value_vs": ("p_value", P_VALUE),
 }
-"""Against another run, whose Dynamic outcomes come first in the contrast."""
+"""Against another run, whose Dynamic outcomes come first in the contrast: its place there, and its scale."""
+
+_FLAG = Scale("0 or 1", 0, 1, whole=True, percent=False)
 
 _GATE = re.compile(r"(?P<quantity>.+?)\s*(?P<operator>>=|<=|==|!=|>|<)\s*(?P<number>\S+)")
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?%?")
+_EXPONENT = re.compile(r"[eE][+-]?0*(\d+)")
+_MOST_EXPONENT_DIGITS = 3
+"""A number with a larger exponent would fill the memory when it is written out."""
 _CALL = re.compile(r"(?P<name>\w+)\((?P<run>[^()]+)\)(\.(?P<end>\w+))?")
 
 
@@ -70,7 +83,7 @@ class Gate:
         end: ``lower`` or ``upper`` end of the interval, or None for the estimate.
         run: Where the other run lies, for a quantity against another run.
         operator: One of :data:`OPERATORS`.
-        threshold: What the quantity is compared with.
+        threshold: What the quantity is compared with, exactly as written.
     """
 
     text: str
@@ -79,7 +92,7 @@ class Gate:
     end: str | None
     run: str | None
     operator: str
-    threshold: float
+    threshold: Fraction
 
 
 @dataclass(frozen=True)
@@ -118,11 +131,50 @@ def parse_gate(text: str) -> Gate:
         raise OptionError(
             f"gate={text!r} compares with {number!r}, but must compare with a number or a percentage."
         )
-    threshold = float(number.rstrip("%")) / (100 if number.endswith("%") else 1)
-    if not math.isfinite(threshold):
-        raise OptionError(f"gate={text!r} compares with {number!r}, but must compare with a finite number.")
+    exponent = _EXPONENT.search(number)
+    if exponent is not None and len(exponent[1]) > _MOST_EXPONENT_DIGITS:
+        raise OptionError(f"gate={text!r} compares with {number!r}, but no quantity is so large or so small.")
+    threshold = Fraction(number.rstrip("%")) / (100 if number.endswith("%") else 1)
     name, scope, end, run = _parse_quantity(match["quantity"].strip(), text)
-    return Gate(match.string, name, scope, end, run, match["operator"], threshold)
+    gate = Gate(match.string, name, scope, end, run, match["operator"], threshold)
+    _require_open(gate, percent=number.endswith("%"))
+    return gate
+
+
+def scale_of(name: str) -> Scale:
+    """The values that a quantity can have."""
+    if name in VERSUS:
+        return VERSUS[name][1]
+    if name == WHOLE_TRACK:
+        return _FLAG
+    return COUNT if name in COUNTS else _QUANTITIES[name].format.scale
+
+
+def _require_open(gate: Gate, percent: bool) -> None:
+    """Refuse a gate that every value of its quantity meets, or none."""
+    scale, number = scale_of(gate.name), gate.threshold
+    if percent and not scale.percent:
+        raise OptionError(
+            f"gate={gate.text!r} compares {gate.name} with a percentage, but it is {scale.name}. "
+            "Give a number."
+        )
+    most = scale.most
+    below = number < scale.least
+    above = most is not None and number > most
+    impossible = below or above or (scale.whole and number.denominator != 1)
+    always, never = {
+        ">=": (number <= scale.least, above),
+        ">": (below, most is not None and number >= most),
+        "<=": (most is not None and number >= most, below),
+        "<": (above, number <= scale.least),
+        "==": (False, impossible),
+        "!=": (impossible, False),
+    }[gate.operator]
+    if always or never:
+        raise OptionError(
+            f"gate={gate.text!r} can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}"
+            f"{', and 60% is 0.6' if scale.percent else ''}. Give a number that decides something."
+        )
 
 
 def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:
@@ -148,13 +200,15 @@ def evaluate(gate: Gate, report: Json, contrasts: Mapping[str, Json | str] | Non
         value, lack = _versus(gate, report, contrasts or {})
     elif gate.name in COUNTS and gate.scope is None:
         value, lack = report["pairs"][gate.name], ""
+    elif gate.name == WHOLE_TRACK:
+        value, lack = _whole_track(report)
     else:
         value, lack = _in_block(gate, report)
     if value is None:
         return GateResult(gate, "undecidable", None, f"{gate.text}: undecidable, {lack.rstrip('.')}.")
-    passed = OPERATORS[gate.operator](value, gate.threshold)
+    passed = OPERATORS[gate.operator](Fraction(repr(value)), gate.threshold)
     verdict: Verdict = "passed" if passed else "failed"
-    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, it is {value:.6g}.")
+    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, it is {value:.12g}.")
 
 
 def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | None, str | None, str | None]:
@@ -165,7 +219,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
             raise OptionError(
                 f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, VERSUS)}"
             )
-        if end is not None and VERSUS[name] != "difference":
+        if end is not None and name != "dynamic_sr_vs":
             raise OptionError(f"gate={text!r} asks for {end!r} of {name}, which has no interval.")
         return name, None, _end(end, text), call["run"].strip().strip("'\"")
     parts = quantity.split(".")
@@ -179,12 +233,13 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         scope = (parts[0], parts[1])
         _check_group(scope, text)
         parts = parts[2:]
-    name, ends = parts[0], parts[1:]
-    known = [*_QUANTITIES, *(COUNTS if scope is None else COUNTS[:2])]
+    known = [*_QUANTITIES, *((*COUNTS, WHOLE_TRACK) if scope is None else COUNTS[:2])]
+    words = 2 if ".".join(parts[:2]) in known else 1
+    name, ends = ".".join(parts[:words]), parts[words:]
     if name not in known:
         names = known if scope else [*known, *DIMENSIONS, *VERSUS]
         raise OptionError(f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, names)}")
-    if len(ends) > 1 or (ends and (name in COUNTS or not _QUANTITIES[name].format.has_interval)):
+    if len(ends) > 1 or (ends and (name not in _QUANTITIES or not _QUANTITIES[name].format.has_interval)):
         raise OptionError(f"gate={text!r} asks for {'.'.join(ends)!r} of {name}, which has no such part.")
     return name, scope, _end(ends[0] if ends else None, text), None
 
@@ -195,6 +250,28 @@ def _end(end: str | None, text: str) -> str | None:
             f"gate={text!r} has the unknown part {end!r}. {did_you_mean(end, ('lower', 'upper'))}"
         )
     return end
+
+
+def require_known_groups(gates: Iterable[Gate], pairs: Iterable[PlannedPair]) -> None:
+    """Refuse gates on groups that no pair can be in.
+
+    Args:
+        gates: Gates that were read.
+        pairs: All pairs of the track or manifest, also those left out of the run.
+
+    Raises:
+        OptionError: A gate names a group that none of the pairs belongs to.
+    """
+    every = tuple(pairs)
+    for gate in gates:
+        if gate.scope is not None:
+            dimension, group = gate.scope
+            groups = {DIMENSIONS[dimension].label(pair) for pair in every}
+            if group not in groups:
+                raise OptionError(
+                    f"gate={gate.text!r} names the {dimension} {group!r}, which no case is of. "
+                    f"{did_you_mean(group, groups)}"
+                )
 
 
 def _check_group(scope: tuple[str, str], text: str) -> None:
@@ -220,8 +297,23 @@ def _in_block(gate: Gate, report: Json) -> tuple[float | None, str]:
     if block["played"] < block["planned"]:
         return None, f"{block['played']} of {block['planned']} planned pairs of {where} were played"
     column = _QUANTITIES[gate.name]
-    numbers = column.format.numbers(column.value(block))
-    return numbers[f"_{gate.end}" if gate.end else ""], f"{where} has no pair to measure {gate.name} on"
+    found = column.value(block)
+    number = column.format.numbers(found)[f"_{gate.end}" if gate.end else ""]
+    if number is None and isinstance(found, dict) and "changed_tasks" in found and block["played"]:
+        from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
+
+        return None, (
+            f"tasks of {where}: {found['tasks']}, with a changed pair: {found['changed_tasks']}; at least "
+            f"{LEAST_TASKS} and {LEAST_CHANGED_TASKS} are needed"
+        )
+    return number, f"{where} has no pair to measure {gate.name} on"
+
+
+def _whole_track(report: Json) -> tuple[float | None, str]:
+    selection = report.get("selection")
+    if selection is None:
+        return None, "the run does not say what part of its track it is"
+    return int(selection["whole"]), ""
 
 
 def _versus(gate: Gate, report: Json, contrasts: Mapping[str, Json | str]) -> tuple[float | None, str]:
@@ -231,7 +323,7 @@ def _versus(gate: Gate, report: Json, contrasts: Mapping[str, Json | str]) -> tu
     if not report["pairs"]["complete"]:
         counts = report["pairs"]
         return None, f"{counts['played']} of {counts['planned']} planned pairs of the run were played"
-    found: Any = contrast[VERSUS[gate.name]]
+    found: Any = contrast[VERSUS[gate.name][0]]
     if isinstance(found, dict):
         found = found[gate.end or "value"]
     return found, f"no case tells this run and {gate.run!r} apart"

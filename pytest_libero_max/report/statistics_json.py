@@ -76,6 +76,7 @@ def change_json(result: PairedResult) -> Json:
         "by_task": {
             "tasks": result.change_by_task.tasks,
             "changed_tasks": result.change_by_task.changed,
+            "value": number(result.outcomes.change.value),
             **interval_json(result.change_by_task.interval),
         },
         "bootstrap": {

@@ -46,6 +46,88 @@ def test_a_gate_with_a_typo_stops_the_run_before_it_begins(run: Run) -> None:
     result.stderr.fnmatch_lines(["ERROR: --libero-max-gate=*Did you mean 'dynamic_sr'*"])
 
 
+@pytest.mark.parametrize(
+    ("gate", "words"),
+    [
+        ("delta >= -15", "can never fail*Give a number that decides something"),
+        ("regressions <= 3%", "with a percentage, but it is a count"),
+        ("suite.libero_spacial.delta >= -0.1", "Did you mean 'libero_spatial'?"),
+        ("difficulty.9.delta >= -0.1", "names the difficulty '9', which no case is of"),
+        ("regressions_vs(nowhere) <= 3", "the run 'nowhere', which cannot be read"),
+        ("regressions_vs(libero-max-results) <= 3", "compares the run with itself"),
+        ("regressions_vs(./libero-max-results/pairs.jsonl) <= 3", "compares the run with itself"),
+    ],
+)
+def test_a_gate_that_decides_nothing_stops_the_run_before_it_begins(run: Run, gate: str, words: str) -> None:
+    result = run(f"--libero-max-gate={gate}")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"ERROR: *{words}*"])
+    assert not Path("libero-max-results", "pairs.jsonl").exists()
+
+
+def test_a_group_left_out_of_the_run_fails_at_its_end(run: Run) -> None:
+    result = run("-k", "camera_shift", "--libero-max-gate=event.illumination_switch.delta >= -0.1")
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(["gate FAIL*undecidable*"])
+
+
+def test_gates_without_a_planned_pair_fail_the_session(run: Run, pytester: pytest.Pytester) -> None:
+    test = pytester.makepyfile(test_own="def test_of_the_users_own():\n    pass\n")
+    result = run(str(test), "--libero-max-gate=missing == 0")
+    result.assert_outcomes(passed=1)
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(["gate FAIL*no pair was planned*", "Exit status 10: *"])
+    assert run(str(test)).ret == 0
+    assert run(str(test), "--libero-max-gate=missing == 0", "--collect-only").ret == 0
+
+
+def test_gates_are_decided_again_on_a_stored_run(
+    run: Run, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_libero_max.cli import main
+
+    run("-k", "camera_shift")
+    assert main(["gate", "libero-max-results", "--gate", "regressions <= 2", "--gate", "invalid == 0"]) == 0
+    assert "gate pass  regressions <= 2: passed" in capsys.readouterr().out
+    assert main(["gate", "libero-max-results", "--gate=dynamic_sr >= 60%", "--gate=missing == 0"]) == 10
+    assert "Exit status 10: 1 of 2 gates do not hold." in capsys.readouterr().out
+    pytester.makeini("[pytest]\nlibero_max_gate =\n    dynamic_sr >= 0.6  # as before\n    invalid == 0\n")
+    assert main(["gate", "libero-max-results"]) == 10
+    assert "1 of 2 gates" in capsys.readouterr().out
+
+
+def test_gates_on_a_stored_run_refuse_what_a_session_refuses(
+    run: Run, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_libero_max.cli import main
+
+    run("-k", "camera_shift")
+    for gate, words in (
+        ("delta >= -15", "can never fail"),
+        ("event.illumination_switch.delta >= -0.1", "which no case is of"),
+        ("regressions_vs(libero-max-results) <= 0", "with itself"),
+        ("regressions_vs(nowhere) <= 0", "cannot be read"),
+    ):
+        assert main(["gate", "libero-max-results", f"--gate={gate}"]) == 1
+        assert words in capsys.readouterr().err
+    assert main(["gate", "libero-max-results"]) == 1
+    assert "There is no gate to decide" in capsys.readouterr().err
+
+
+def test_an_incomplete_stored_run_has_its_own_status(
+    run: Run, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_libero_max.cli import main
+
+    run("-k", "camera_shift")
+    pairs = Path("libero-max-results", "pairs.jsonl")
+    pairs.write_bytes(b"".join(pairs.read_bytes().splitlines(keepends=True)[:2]))
+    assert main(["gate", "libero-max-results", "--gate=regressions <= 2"]) == 11
+    out = capsys.readouterr().out
+    assert "gate FAIL  regressions <= 2: undecidable" in out
+    assert "INCOMPLETE: 1 of 2 planned pairs played" in out
+
+
 def test_on_github_failed_gates_are_annotated_and_summarised(
     run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:

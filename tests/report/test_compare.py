@@ -99,7 +99,7 @@ def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> N
         [
             "regressions_vs(old) <= 3",
             "regressions_vs(old/report.json) <= 4",
-            "gains_vs(lost) >= 0",
+            "gains_vs(lost) >= 1",
             "base_sr == 1",
         ]
     )
@@ -107,7 +107,7 @@ def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> N
     assert [result.verdict for result in results] == ["failed", "passed", "undecidable", "passed"]
     lines = gate_lines(results)
     assert lines[0] == "gate FAIL  regressions_vs(old) <= 3: failed, it is 4."
-    assert lines[2].startswith("gate FAIL  gains_vs(lost) >= 0: undecidable, Cannot read")
+    assert lines[2].startswith("gate FAIL  gains_vs(lost) >= 1: undecidable, Cannot read")
     annotations = github_annotations(results)
     assert len(annotations) == 2
     assert annotations[0] == (

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from decimal import Decimal
+from fractions import Fraction
 from itertools import cycle
 
 import pytest
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.gates import OPERATORS, evaluate, parse_gate, parse_gates
+from pytest_libero_max.report.gates import OPERATORS, evaluate, parse_gate, parse_gates, require_known_groups
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
 
 PAIRS = plan()
@@ -23,6 +25,14 @@ def _report(played: int = 32) -> Json:
 
 REPORT = _report()
 """24 Base successes, 24 Dynamic successes; 8 regressions and 8 gains."""
+
+
+def _report_of_change(losses: int, gains: int, pairs: int) -> Json:
+    planned = plan(per_cell=8)[:pairs]
+    fates = [(True, False)] * losses + [(False, True)] * gains + [(True, True)] * pairs
+    records = [record_of(pair, *fate) for pair, fate in zip(planned, fates, strict=False)]
+    return build_report(records, [], planned, PROVENANCE)
+
 
 CONTRAST: Json = {
     "first_only": 3,
@@ -62,13 +72,13 @@ def test_a_gate_is_decided(text: str, value: float, passed: bool) -> None:
     result = evaluate(parse_gate(text), REPORT)
     assert result.value == pytest.approx(value)
     assert result.verdict == ("passed" if passed else "failed")
-    assert result.reason == f"{text}: {result.verdict}, it is {value:.6g}."
+    assert result.reason == f"{text}: {result.verdict}, it is {value:.12g}."
 
 
 def test_interval_ends_are_addressable() -> None:
     change = REPORT["overall"]["paired_change"]
-    assert evaluate(parse_gate("delta.lower >= -1"), REPORT).value == change["lower"]
-    assert evaluate(parse_gate("delta.upper <= 1"), REPORT).value == change["upper"]
+    assert evaluate(parse_gate("delta.lower >= -0.9"), REPORT).value == change["lower"]
+    assert evaluate(parse_gate("delta.upper <= 0.9"), REPORT).value == change["upper"]
     assert evaluate(parse_gate("source.pro.base_sr.lower > 0"), REPORT).passed
 
 
@@ -98,16 +108,16 @@ def test_a_gate_against_a_run_that_is_not_there_is_undecidable() -> None:
 
 def test_missing_pairs_make_rates_undecidable_and_counts_not() -> None:
     report = _report(played=30)
-    rate = evaluate(parse_gate("dynamic_sr >= 0"), report)
+    rate = evaluate(parse_gate("dynamic_sr > 0"), report)
     assert rate.verdict == "undecidable"
-    assert rate.reason == "dynamic_sr >= 0: undecidable, 30 of 32 planned pairs of the run were played."
+    assert rate.reason == "dynamic_sr > 0: undecidable, 30 of 32 planned pairs of the run were played."
     assert evaluate(parse_gate("missing == 0"), report).verdict == "failed"
     assert evaluate(parse_gate("invalid == 1"), report).passed
     assert evaluate(parse_gate("event.illumination_switch.base_sr > 0"), report).passed
     assert (
         evaluate(parse_gate("regressions_vs(old) <= 99"), report, {"old": CONTRAST}).verdict == "undecidable"
     )
-    versus = evaluate(parse_gate("event.obstacle_insertion.base_sr >= 0"), report)
+    versus = evaluate(parse_gate("event.obstacle_insertion.base_sr > 0"), report)
     assert "2 of 4 planned pairs of event obstacle_insertion" in versus.reason
 
 
@@ -115,7 +125,7 @@ def test_a_zero_denominator_makes_a_gate_undecidable() -> None:
     records = [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS]
     report = build_report(records, [], PAIRS, PROVENANCE)
     for name in ("conditional_regression", "retained", "stale_mean"):
-        result = evaluate(parse_gate(f"{name} <= 99"), report)
+        result = evaluate(parse_gate(f"{name} <= 0.9"), report)
         assert result.verdict == "undecidable"
         assert f"no pair to measure {name} on" in result.reason
 
@@ -139,7 +149,37 @@ def test_a_group_the_run_does_not_have_is_undecidable_with_a_hint() -> None:
         ("dynamic_sr = 0.5", "is not a condition"),
         ("dynamic_sr >= high", "must compare with a number"),
         ("dynamic_sr >= nan", "must compare with a number"),
-        ("dynamic_sr >= 1e999", "finite number"),
+        ("dynamic_sr >= 1e999", "can never hold"),
+        ("dynamic_sr >= 1e9999999", "so large or so small"),
+        ("dynamic_sr >= 1e" + "9" * 5000, "so large or so small"),
+        # What can never fail or never hold tests nothing.
+        ("delta >= -15", "can never fail: delta is a difference of shares from -1 to 1"),
+        ("delta >= -1500%", "can never fail"),
+        ("delta <= 1", "can never fail"),
+        ("delta > 1", "can never hold"),
+        ("delta.lower < -1", "can never hold"),
+        ("delta.clustered.lower >= -1", "can never fail"),
+        ("event.camera_shift.delta >= -15", "can never fail"),
+        ("dynamic_sr <= 60", "can never fail: dynamic_sr is a share from 0 to 1, and 60% is 0.6"),
+        ("dynamic_sr >= 60", "can never hold"),
+        ("dynamic_sr >= 0", "can never fail"),
+        ("dynamic_sr == 60", "can never hold"),
+        ("dynamic_sr != 60", "can never fail"),
+        ("regressions <= 3%", "with a percentage, but it is a count"),
+        ("regressions_vs(old) <= 3%", "with a percentage, but it is a count"),
+        ("stale_mean <= 10%", "with a percentage"),
+        ("regressions >= 0", "can never fail"),
+        ("regressions < 0", "can never hold"),
+        ("regressions == 2.5", "can never hold"),
+        ("missing != -1", "can never fail"),
+        ("retained >= -1", "can never fail"),
+        ("p_value <= 1", "can never fail"),
+        ("p_value_vs(old) > 1", "can never hold"),
+        ("dynamic_sr_vs(old) >= -10", "can never fail"),
+        ("whole_track == 2", "can never hold"),
+        ("whole_track >= 0", "can never fail"),
+        ("delta.clusterd.lower >= -0.1", "has no such part"),
+        ("event.camera_shift.whole_track == 1", "unknown quantity 'whole_track'"),
         ("dynamic_rs >= 0.5", "Did you mean 'dynamic_sr'?"),
         ("event.camera_shfit.delta >= 0", "Did you mean 'camera_shift'?"),
         ("family.geomtry.delta >= 0", "Did you mean 'geometry'?"),
@@ -165,11 +205,100 @@ def test_gates_come_from_lines_with_comments() -> None:
     assert [gate.text for gate in gates] == ["dynamic_sr >= 0.6", "missing == 0"]
 
 
-@given(st.sampled_from([">=", ">"]), st.floats(-2, 2), st.floats(0, 1))
+@given(st.sampled_from([">=", ">"]), st.floats(-0.9, 0.4), st.floats(0, 0.5))
 def test_a_stricter_threshold_never_opens_a_gate(sign: str, threshold: float, more: float) -> None:
     loose = evaluate(parse_gate(f"delta {sign} {threshold:.6f}"), REPORT)
     strict = evaluate(parse_gate(f"delta {sign} {threshold + more:.6f}"), REPORT)
     assert loose.passed or not strict.passed
+
+
+def test_a_percentage_is_exactly_its_hundredth() -> None:
+    report = _report_of_change(7, 0, 250)
+    assert report["overall"]["paired_change"]["value"] == -0.028
+    assert -2.8 / 100 > -0.028, "as floating-point numbers the two differ"
+    for text in ("delta >= -2.8%", "delta <= -2.8%", "delta == -2.8%", "delta >= -0.028"):
+        assert evaluate(parse_gate(text), report).passed, text
+    assert not evaluate(parse_gate("delta > -2.8%"), report).passed
+
+
+@given(st.integers(1, 120).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_a_gate_set_at_the_value_a_run_reports_holds(counts: tuple[int, int]) -> None:
+    value = Fraction(*counts)
+    reported = f"{float(value):.12g}"
+    report = {"overall": {**REPORT["overall"], "dynamic_success": {"value": float(reported)}}}
+    for number in (reported, f"{100 * Decimal(reported):f}%"):
+        for sign in (">=", "<=", "=="):
+            if value == {">=": 0, "<=": 1}.get(sign):
+                continue  # such a gate can never fail
+            row = report["overall"]
+            row["dynamic_success"] |= {"lower": 0, "upper": 1}
+            assert evaluate(parse_gate(f"dynamic_sr {sign} {number}"), report).passed
+
+
+def test_four_alike_pairs_do_not_pass_a_gate_on_the_lower_end() -> None:
+    pairs = plan()
+    report = build_report([record_of(pair, True, True) for pair in pairs], [], pairs, PROVENANCE)
+    result = evaluate(parse_gate("event.camera_shift.delta.lower >= -5%"), report)
+    assert result.verdict == "failed"
+    assert result.value == pytest.approx(0.025**0.25 - 1, abs=1e-8)
+
+
+def test_an_interval_by_task_needs_tasks() -> None:
+    result = evaluate(parse_gate("delta.clustered.lower >= -0.5"), REPORT)
+    assert result.verdict == "undecidable"
+    assert "tasks of the run: 1, with a changed pair: 1; at least 30 and 15 are needed" in result.reason
+    assert evaluate(parse_gate("delta.clustered >= -0.5"), REPORT).passed
+
+
+def test_an_interval_by_task_decides_where_there_are_enough() -> None:
+    pairs = plan(per_cell=4)
+    records = [
+        record_of(pair, True, index % 3 > 0, task_index=index % 40) for index, pair in enumerate(pairs)
+    ]
+    report = build_report(records, [], pairs, PROVENANCE)
+    by_task = report["overall"]["paired_change"]["by_task"]
+    assert by_task["tasks"] >= 30
+    assert by_task["lower"] <= report["overall"]["paired_change"]["lower"] < -0.3
+    result = evaluate(parse_gate("delta.clustered.lower >= -0.9"), report)
+    assert result.passed
+    assert result.value == by_task["lower"]
+
+
+@pytest.mark.parametrize(("whole", "verdict"), [(True, "passed"), (False, "failed")])
+def test_only_a_whole_track_is_one(whole: bool, verdict: str) -> None:
+    report = {**REPORT, "selection": {"whole": whole}}
+    assert evaluate(parse_gate("whole_track == 1"), report).verdict == verdict
+
+
+def test_a_run_that_does_not_say_its_selection_decides_nothing_about_it() -> None:
+    report = {key: value for key, value in REPORT.items() if key != "selection"}
+    result = evaluate(parse_gate("whole_track == 1"), report)
+    assert result.verdict == "undecidable"
+    assert "does not say what part of its track it is" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("quantity", "words"),
+    [
+        ("suite.libero_spacial", "Did you mean 'libero_spatial'?"),
+        ("category.pro-positon", "Did you mean 'pro-position'?"),
+        ("variant.camera_shift-v2", "Did you mean 'camera_shift-v1'?"),
+        ("difficulty.9", "Known: 3, none."),
+        ("source.max", "Known: plus, pro."),
+        ("severity.mild", "names the severity 'mild', which no case is of"),
+    ],
+)
+def test_a_group_that_no_case_is_of_is_refused(quantity: str, words: str) -> None:
+    with pytest.raises(OptionError) as caught:
+        require_known_groups([parse_gate(f"{quantity}.delta >= -0.1")], PAIRS)
+    assert words in str(caught.value)
+
+
+def test_known_groups_are_not_refused() -> None:
+    require_known_groups(
+        parse_gates(["suite.libero_spatial.delta >= -0.1", "difficulty.none.base_sr > 0", "missing == 0"]),
+        PAIRS,
+    )
 
 
 @given(st.text(max_size=40))

@@ -1,0 +1,60 @@
+"""One option of pytest's ini file, for commands that run without pytest."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import iniconfig  # installed with pytest, which reads its own files with it
+
+from pytest_libero_max.errors import OptionError
+
+_NAMES = (
+    "pytest.toml",
+    ".pytest.toml",
+    "pytest.ini",
+    ".pytest.ini",
+    "pyproject.toml",
+    "tox.ini",
+    "setup.cfg",
+)
+
+
+def ini_lines(option: str, start: Path) -> list[str]:
+    """The lines of an option, empty where it is not set.
+
+    As pytest does, reads one file: the first in ``start`` or the nearest folder above that has settings for
+    pytest.
+
+    Raises:
+        OptionError: That file cannot be read.
+    """
+    for folder in (start, *start.parents):
+        for name in _NAMES:
+            path = folder / name
+            if path.is_file():
+                try:
+                    settings = _settings(path)
+                except (OSError, ValueError, iniconfig.ParseError) as error:
+                    raise OptionError(f"Cannot read {path}: {error}. Mend it or give the option.") from error
+                if settings is not None:
+                    value = settings.get(option, [])
+                    return (
+                        [str(line) for line in value] if isinstance(value, list) else str(value).splitlines()
+                    )
+    return []
+
+
+def _settings(path: Path) -> dict[str, object] | None:
+    """The settings for pytest in a file; None where it has none."""
+    if path.suffix == ".toml":
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        if path.name != "pyproject.toml":
+            return dict(document.get("pytest", {}))
+        tool = document.get("tool", {}).get("pytest")
+        return None if tool is None else dict(tool.get("ini_options", tool))
+    sections = iniconfig.IniConfig(str(path))
+    name = "tool:pytest" if path.name == "setup.cfg" else "pytest"
+    if name in sections:
+        return dict(sections[name].items())
+    return {} if path.name in ("pytest.ini", ".pytest.ini") else None
