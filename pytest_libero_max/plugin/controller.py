@@ -24,6 +24,7 @@ from pytest_libero_max.plugin.collection import (
     settings_of,
 )
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, POLICY_PHASE, RESULT_ATTRIBUTE
+from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
@@ -145,6 +146,7 @@ class RunController:
         return provenance.collect(
             policy={
                 "reference": settings.reference,
+                "code": adapter_digest(settings.reference),
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
             },

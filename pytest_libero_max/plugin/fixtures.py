@@ -18,7 +18,7 @@ from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
-from pytest_libero_max.plugin.stash_keys import CAMERAS_CHECKED, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, POLICY_PHASE, RESULT
 from pytest_libero_max.report.junit import properties
 
 if TYPE_CHECKING:
@@ -115,6 +115,7 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
     from pytest_libero_max.pairing.trace import write_trace
     from pytest_libero_max.policies.check import check_cameras
+    from pytest_libero_max.policies.code import adapter_digest
 
     settings = settings_of(request.config)
     # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
@@ -123,16 +124,17 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
     on_phase("setup")
     substrate = request.getfixturevalue("libero_max_substrate")
     world = request.getfixturevalue("libero_max_world")
-    if CAMERAS_CHECKED not in request.config.stash:
+    if ADAPTER_DIGEST not in request.config.stash:
         on_phase(POLICY_PHASE)
         check_cameras(policy, world)
-        request.config.stash[CAMERAS_CHECKED] = True
+        request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference)
         on_phase("setup")
+    fingerprints = {**substrate.fingerprint(), "adapter": request.config.stash[ADAPTER_DIGEST]}
     pair = measure_pair(
         case,
         world,
         policy,
-        PairSettings(prefix=settings.prefix, fingerprints=substrate.fingerprint()),
+        PairSettings(prefix=settings.prefix, fingerprints=fingerprints),
         on_phase,
         arms_of(case, repeat_base=case.item_id in noise_cases_of(request.config)),
     )

@@ -20,8 +20,8 @@ NOISE_CASES = pytest.StashKey[frozenset[str]]()
 RESULT = pytest.StashKey[Json]()
 """On an item: its pair record, or what broke, as JSON types."""
 
-CAMERAS_CHECKED = pytest.StashKey[bool]()
-"""On the config of a process that plays: the policy's cameras have been looked for in the first scene."""
+ADAPTER_DIGEST = pytest.StashKey[str]()
+"""On the config of a process that plays: the digest of the adapter's code, once the policy can be played."""
 
 POLICY_PHASE = "policy"
 """Phase of a pair error that every other pair would end with as well: the policy cannot be played at all."""

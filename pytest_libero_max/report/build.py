@@ -103,6 +103,7 @@ def build_report(
         "caveats": caveats_of(played[pair.case_id] for pair in measured),
         "overall": result_json(overall, len(planned)),
         "noise_floor": _noise_floor(played.values()),
+        "clipped_actions": _clipped_actions(played.values()),
         "by": {
             name: {label: result_json(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
@@ -128,6 +129,18 @@ def _noise_floor(records: Iterable[PairRecord]) -> Json | None:
     flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
     identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
     return {"flips": rate_json(flips, wilson(flips)), "identical": ratio_json(identical)}
+
+
+def _clipped_actions(records: Iterable[PairRecord]) -> Json | None:
+    """How much of the executed actions was outside [-1, 1]; None where no record says."""
+    shares = [
+        max(share for arm in record.arms.values() if (share := arm.clipped_share) is not None)
+        for record in records
+        if any(arm.clipped_share is not None for arm in record.arms.values())
+    ]
+    if not shares:
+        return None
+    return {"pairs": sum(share > 0 for share in shares), "largest_share": max(shares)}
 
 
 def _by_case(records: Iterable[PairRecord], planned: Mapping[str, PlannedPair]) -> dict[str, PairRecord]:

@@ -19,6 +19,7 @@ from pytest_libero_max.report.summary import (
     FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
     any_floor,
+    clipping_text,
     group_label,
     incomplete_text,
     noise_text,
@@ -130,12 +131,10 @@ def _outcomes(outcomes: Json) -> str:
 
 def _coverage(report: Json) -> str:
     table = _groups("coverage", "Event", {ALL_PAIRS: report["overall"], **report["by"]["event"]})
-    noise = report["noise_floor"]
-    return (
-        table
-        if noise is None
-        else f"{table}<p>Noise floor, Base played twice: {escape(noise_text(noise))}</p>"
-    )
+    noise, clipping = noise_text(report), clipping_text(report)
+    if noise is not None:
+        table += f"<p>Noise floor, Base played twice: {escape(noise)}</p>"
+    return table if clipping is None else f"{table}<p>{escape(clipping)}</p>"
 
 
 def _breakdown(report: Json, key: str, title: str) -> str:

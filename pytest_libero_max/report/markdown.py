@@ -15,6 +15,7 @@ from pytest_libero_max.report.summary import (
     FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
     any_floor,
+    clipping_text,
     group_label,
     incomplete_text,
     noise_text,
@@ -32,6 +33,9 @@ def markdown(report: Json) -> str:
         lines += [report["substrate"]["note"], ""]
     if report["caveats"]:
         lines += [*(f"- {caveat_text(caveat)}" for caveat in report["caveats"]), ""]
+    clipping = clipping_text(report)
+    if clipping is not None:
+        lines += [clipping, ""]
     lines += _table(("Quantity", "Value"), _quantities(report))
     lines += ["", f"## {highlights.TITLE}", "", *_table(("What", "Where", "Value"), highlight_rows(report))]
     lines += ["", highlights.NOTE]
@@ -65,8 +69,9 @@ def markdown(report: Json) -> str:
 
 def _quantities(report: Json) -> list[tuple[str, str]]:
     rows = [(column.title, column.long(report["overall"])) for column in columns_in("summary")]
-    if report["noise_floor"]:
-        rows.append(("Noise floor: Base played twice", noise_text(report["noise_floor"])))
+    noise = noise_text(report)
+    if noise is not None:
+        rows.append(("Noise floor: Base played twice", noise))
     return rows
 
 

@@ -39,8 +39,8 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
         return [*lines, "No pair was played; there is nothing to report.", *_written(paths)]
     if not pairs["complete"]:
         lines.append(f"Over the {pairs['played']} played pairs only:")
-    lines += [*_overall_lines(overall), *_noise_lines(report["noise_floor"]), "", *_event_lines(report)]
-    return [*lines, *_caveat_lines(report["caveats"]), *_written(paths)]
+    lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
+    return [*lines, *_caveat_lines(report["caveats"]), *_clipping_lines(report), *_written(paths)]
 
 
 def _overall_lines(overall: Json) -> Iterator[str]:
@@ -78,9 +78,32 @@ def any_floor(rows: Iterable[Json]) -> bool:
     return any(row["floor"] for row in rows)
 
 
-def noise_text(noise: Json) -> str:
-    """What playing Base twice showed."""
-    return f"{rate_text(noise['flips'])} ended otherwise, {count_text(noise['identical'])} bit for bit alike"
+def noise_text(report: Json) -> str | None:
+    """What playing Base twice showed, and whether fewer pairs were played twice than was asked for.
+
+    None where nothing was asked for and nothing was played twice.
+    """
+    noise, asked = report["noise_floor"], report["provenance"]["protocol"].get("noise_floor") or 0
+    measured = noise["flips"]["of"] if noise else 0
+    if not noise and not asked:
+        return None
+    lacking = f"asked for {asked} pairs, measured on {measured}" if measured < asked else ""
+    if not noise:
+        return f"{lacking}: none of the chosen pairs was played"
+    text = f"{rate_text(noise['flips'])} ended otherwise, {count_text(noise['identical'])} bit for bit alike"
+    return f"{text} ({lacking})" if lacking else text
+
+
+def clipping_text(report: Json) -> str | None:
+    """The warning about actions outside [-1, 1]; None where there were none."""
+    clipped = report["clipped_actions"]
+    if clipped is None or clipped["pairs"] == 0:
+        return None
+    return (
+        f"Actions outside [-1, 1] in {clipped['pairs']} of {report['pairs']['played']} pairs, up to "
+        f"{clipped['largest_share']:.1%} of the components of a rollout. They are clipped. Check the units "
+        "and the normalisation of the adapter's actions."
+    )
 
 
 def _caveat_lines(caveats: Sequence[Json]) -> list[str]:
@@ -90,8 +113,14 @@ def _caveat_lines(caveats: Sequence[Json]) -> list[str]:
     return wrap(f"Pairs that are not what their names promise (see report.md): {counts}.", 100)
 
 
-def _noise_lines(noise: Json | None) -> list[str]:
-    return [] if noise is None else [f"{'Noise floor: Base played twice':<32}{noise_text(noise)}"]
+def _noise_lines(report: Json) -> list[str]:
+    text = noise_text(report)
+    return [] if text is None else [f"{'Noise floor: Base played twice':<32}{text}"]
+
+
+def _clipping_lines(report: Json) -> list[str]:
+    text = clipping_text(report)
+    return [] if text is None else wrap(text, 100)
 
 
 def substrate_lines(substrate: Json) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -97,6 +98,50 @@ def test_a_backend_that_cannot_draw_is_one_sentence_before_anything_starts(
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines([f"ERROR: {message}"])
     assert not (pytester.path / "libero-max-results").exists()
+
+
+def test_actions_beyond_one_are_counted_and_warned_of_once(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(wild=REACHER.replace("np.tile(action, (8, 1))", "np.tile(action * 40, (8, 1))"))
+    result = run("-k", "camera_shift", policy="wild.py")
+    assert result.ret == 0
+    assert str(result.stdout).count("Actions outside [-1, 1] in 2 of 2 pairs, up to ") == 1
+    pairs, report = results()
+    counts = [arm["clipped_components"] for pair in pairs for arm in pair["arms"].values()]
+    assert min(counts) > 0
+    assert report["clipped_actions"]["pairs"] == 2
+    assert 0 < report["clipped_actions"]["largest_share"] <= 3 / 7
+    for name in ("report.md", "report.html"):
+        text = (pytester.path / "libero-max-results" / name).read_text()
+        assert "Actions outside [-1, 1] in 2 of 2 pairs" in text
+
+
+def test_actions_within_one_are_not_warned_of(run: Run, results: Results) -> None:
+    result = run("-k", "camera_shift")
+    assert "Actions outside" not in str(result.stdout)
+    assert results()[1]["clipped_actions"] == {"pairs": 0, "largest_share": 0.0}
+
+
+def test_a_noise_floor_that_was_asked_for_and_not_measured_is_said(run: Run) -> None:
+    asked = "--libero-max-noise-floor=4"
+    run(asked, "-k", "camera_shift or illumination_switch or visual_theme_switch").stdout.fnmatch_lines(
+        ["Noise floor: Base played twice*asked for 4 pairs, measured on [0-3]*"]
+    )
+    whole = run(asked)
+    whole.stdout.fnmatch_lines(["Noise floor: Base played twice*4/4*"])
+    assert "asked for" not in str(whole.stdout)
+
+
+def test_the_code_of_the_adapter_is_in_the_header_and_in_every_record(
+    run: Run, pytester: pytest.Pytester
+) -> None:
+    assert run("-k", "camera_shift").ret == 0
+    path = pytester.path / "libero-max-results" / "pairs.jsonl"
+    header, *pairs = map(json.loads, path.read_text().splitlines())
+    code = header["provenance"]["policy"]["code"]
+    assert len(code) == 64
+    assert [pair["fingerprints"]["adapter"] for pair in pairs] == [code, code]
 
 
 def test_a_wrong_id_is_told_the_closest(run: Run) -> None:
