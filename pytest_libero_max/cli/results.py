@@ -56,7 +56,7 @@ def add_commands(commands: Commands) -> None:
     gate = commands.add_parser(
         "gate", help="Decide gates on a stored run; exit status 10 where one does not hold, 11 if incomplete"
     )
-    gate.add_argument("folder", type=Path, metavar="FOLDER")
+    gate.add_argument("folder", type=Path, metavar="FOLDER", help="The output folder of the run")
     gate.add_argument(
         "--gate",
         action="append",
