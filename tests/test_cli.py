@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cli import main
+from pytest_libero_max.cli import main, parser
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore
 from tests.report.made_up import PROVENANCE, plan, records_of
@@ -85,6 +85,12 @@ def test_an_interrupted_build_says_how_to_go_on(
     assert capsys.readouterr().err == (
         "libero-max: interrupted. What was examined is kept in here: give the same command again to go on.\n"
     )
+
+
+def test_tracks_are_certified_by_the_built_in_expert_unless_told_otherwise() -> None:
+    assert parser().parse_args(["build", "there"]).expert == "expert"
+    assert parser().parse_args(["build", "there", "--expert", "mine.py"]).expert == "mine.py"
+    assert parser().parse_args(["preflight", "smoke"]).expert is None
 
 
 def test_an_error_is_one_line_and_a_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

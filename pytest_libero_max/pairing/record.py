@@ -516,7 +516,8 @@ class PairError:
         case_digest: SHA-256 of the case.
         kind: Name of the exception class.
         message: What the exception said.
-        phase: ``setup``, the name of the arm that was being played, or ``crash``.
+        phase: ``setup``, the name of the arm that was being played, ``crash``, or ``policy`` where no pair at
+            all can be played with the policy.
     """
 
     case_id: str
