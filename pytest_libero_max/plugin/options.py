@@ -110,8 +110,9 @@ OPTIONS = (
     Option(
         "policy",
         "ADAPTER",
-        "Policy to test: FILE.py, FILE.py:NAME or PACKAGE.MODULE:NAME; given on the command line "
-        "without test paths, every pair of the track is collected",
+        "Policy to test: the name of a policy (expert, stale_expert, noop, random), FILE.py, FILE.py:NAME or "
+        "PACKAGE.MODULE:NAME; given on the command line without test paths, every pair of the track is "
+        "collected",
         _text,
     ),
     Option("track", "NAME", "Frozen set of cases to play", _text, "smoke"),
@@ -124,7 +125,7 @@ OPTIONS = (
         "substrate",
         "NAME",
         "What builds the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
-        "for a dry run",
+        "(a toy scene for manifests that name its entities)",
         _known_in(SUBSTRATES),
         "embedded",
     ),
