@@ -36,7 +36,7 @@ def test_an_incomplete_run_is_not_excused_by_its_gates(run: Run, pytester: pytes
     result = run("-k", "camera_shift", "--libero-max-gate=regressions <= 3", policy="broken.py")
     assert result.ret == 11
     result.stdout.fnmatch_lines(
-        ["gate FAIL*", "Exit status 11: the run is incomplete (2 invalid, 0 missing)*"]
+        ["gate FAIL*", "Exit status 11: the run is incomplete (1 invalid, 1 missing)*"]
     )
 
 
@@ -63,6 +63,12 @@ def test_a_gate_that_decides_nothing_stops_the_run_before_it_begins(run: Run, ga
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines([f"ERROR: *{words}*"])
     assert not Path("libero-max-results", "pairs.jsonl").exists()
+
+
+def test_a_selection_is_no_whole_track(run: Run) -> None:
+    result = run("-k", "camera_shift", "--libero-max-gate=missing == 0", "--libero-max-gate=whole_track == 1")
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(["gate pass*missing*", "gate FAIL*whole_track == 1: failed, it is 0."])
 
 
 def test_a_group_left_out_of_the_run_fails_at_its_end(run: Run) -> None:
@@ -170,7 +176,7 @@ def test_resuming_a_finished_run_plays_nothing_and_is_fine(run: Run) -> None:
     run("-k", "camera_shift")
     result = run("-k", "camera_shift", "--libero-max-resume")
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["*2 of 2 planned pairs played*"])
+    result.stdout.fnmatch_lines(["*: 2 of 2*"])
 
 
 def test_the_ini_file_can_ask_for_resuming(run: Run, pytester: pytest.Pytester) -> None:
@@ -201,6 +207,8 @@ def test_shards_make_up_the_whole(run: Run, pytester: pytest.Pytester) -> None:
     for shard in ("1/3", "2/3", "3/3"):
         run(f"--libero-max-shard={shard}", f"--libero-max-output={shard[0]}")
     assert main(["merge", "1", "2", "3", "--output", "merged"]) == 0
+    assert main(["gate", "merged", "--gate=whole_track == 1", "--gate=missing == 0"]) == 0
+    assert main(["gate", "1", "--gate=whole_track == 1"]) == 10
     whole, merged = (json.loads(Path(name, "report.json").read_text()) for name in ("whole", "merged"))
     for name in ("overall", "by", "pairs"):
         assert merged[name] == whole[name]

@@ -115,6 +115,13 @@ def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> N
     )
 
 
+def test_a_run_like_its_baseline_has_the_p_value_one(tmp_path: Path) -> None:
+    _store(tmp_path / "old", _run(ALWAYS))
+    new = _store(tmp_path / "new", _run(ALWAYS))
+    results = decide(parse_gates(["p_value_vs(old) == 1", "dynamic_sr_vs(old).lower >= -15%"]), new, tmp_path)
+    assert all(result.passed for result in results)
+
+
 def test_a_baseline_of_other_cases_decides_nothing(tmp_path: Path) -> None:
     _store(tmp_path / "old", _run(ALWAYS[:31]))
     new = _store(tmp_path / "new", _run(ALWAYS))
