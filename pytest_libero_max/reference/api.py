@@ -35,6 +35,7 @@ MODULES: Mapping[str, Public] = {
     "pytest_libero_max.policies.loading": Public(
         "From the text of `--libero-max-policy` to a policy.", ("load_policy", "check_reference")
     ),
+    "pytest_libero_max.policies.code": Public("The code of an adapter.", ("adapter_digest",)),
     "pytest_libero_max.policies.check": Public(
         "The checks that the pair runner makes of a policy and its answers.",
         ("check_policy", "check_actions", "remembers"),
@@ -49,7 +50,23 @@ MODULES: Mapping[str, Public] = {
         "The tracks that are installed with the package.", ("track_names", "load_track")
     ),
     "pytest_libero_max.benchmark.sampling": Public("Smaller sets of cases.", ("stratified",)),
+    "pytest_libero_max.benchmark.identity": Public(
+        "The identity of a configuration: the source of all its seeds.", ("Identity",)
+    ),
+    "pytest_libero_max.benchmark.records": Public("Cases as manifests spell them.", ("case_record",)),
+    "pytest_libero_max.sources.metadata": Public("What a task contains.", ("TaskMetadata", "task_metadata")),
+    "pytest_libero_max.events.kind": Public("What an event is.", ("EventKind", "Scenario")),
+    "pytest_libero_max.events.registry": Public(
+        "The events by name.", ("resolve_event", "eligible_events", "families")
+    ),
+    "pytest_libero_max.events.triggers": Public("When something happens.", ("Trigger", "Moment", "register")),
+    "pytest_libero_max.events.schedules": Public(
+        "What happens in an arm.", ("Arm", "Entry", "Revert", "arms_of", "schedule_from_list")
+    ),
     "pytest_libero_max.sources": Public("Substrates by name.", ("open_substrate",)),
+    "pytest_libero_max.worlds.kind": Public(
+        "What makes a substrate one that can be asked for by name.", ("SubstrateKind", "SubstrateOptions")
+    ),
     "pytest_libero_max.worlds.contract": Public(
         "What a world and a substrate are.",
         ("World", "WorldState", "Entity", "PixelFilter", "Substrate"),
@@ -101,6 +118,15 @@ MODULES: Mapping[str, Public] = {
 """The modules with public names, in the order of the page."""
 
 
+ENTRY_POINTS = (
+    ("`pytest_libero_max.events`", "a subclass of `EventKind`, under the name of the event"),
+    ("`pytest_libero_max.changes`", "a class of changes, under the name of its operation"),
+    ("`pytest_libero_max.substrates`", "a `SubstrateKind`, under its name"),
+    ("`pytest_libero_max.policies`", "a policy, or a class or function that makes one"),
+)
+"""The entry-point groups and what each expects."""
+
+
 def page() -> str:
     """The text."""
     pages = table(
@@ -115,6 +141,13 @@ def page() -> str:
 `{COMMAND}` writes these pages from the code. A test fails when one of them is not what the code says.
 
 {pages}
+
+## Entry points
+
+Another package adds these without a change of this one. The [example](../../tests/plugin/example_package) adds
+an event and a change.
+
+{table(("Group", "An entry is"), ENTRY_POINTS)}
 
 # The Python API
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 
-from pytest_libero_max.plugin import hooks, outcome_letters
+from pytest_libero_max.plugin import hooks, hookspec, outcome_letters
 from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.reference.docstrings import constants, description
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
@@ -29,6 +29,11 @@ def page() -> str:
         ),
     )
     fixtures = "\n\n".join(_fixture(name) for name in ("libero_max_case", *sorted(hooks.__all__)))
+    hooks_of_ours = "\n\n".join(
+        f"**`{name}{inspect.signature(value)}`**. {prose(description(value))}".replace("'", "")
+        for name, value in vars(hookspec).items()
+        if name.startswith("pytest_libero_max_")
+    )
     letters = table(
         ("Letter", "Outcome"),
         (
@@ -62,6 +67,12 @@ A test of your own has one item for each case of the track:
 ```sh
 pytest test_mine.py --libero-max-policy=adapter.py
 ```
+
+## Hooks
+
+{prose(description(hookspec))}
+
+{hooks_of_ours}
 
 ## Outcomes
 
