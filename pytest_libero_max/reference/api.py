@@ -144,8 +144,8 @@ def page() -> str:
 
 ## Entry points
 
-Another package adds these without a change of this one. The [example](../../tests/plugin/example_package) adds
-an event and a change.
+Another package adds these without a change of this one. This [example](../../tests/plugin/example_package)
+adds an event and a change.
 
 {table(("Group", "An entry is"), ENTRY_POINTS)}
 
