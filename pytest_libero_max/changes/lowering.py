@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.rotations import fused_dot
 
 _STEP_M, _BISECTIONS, _MAX_STEPS = 0.004, 12, 500
 _BOX = 6  # mjGEOM_BOX
@@ -52,7 +55,7 @@ def top(world: World, name: str) -> float:
     for geom in _geoms(world, name):
         up = data.geom_xmat[geom].reshape(3, 3)[2]
         box = model.geom_type[geom] == _BOX
-        reach = float(np.abs(up) @ model.geom_size[geom]) if box else float(model.geom_rbound[geom])
+        reach = fused_dot(np.abs(up), model.geom_size[geom]) if box else float(model.geom_rbound[geom])
         heights.append(float(data.geom_xpos[geom][2]) + reach)
     if not heights:
         raise ChangeError(f"put_object.onto={name!r} has nothing that could carry anything.")
@@ -64,6 +67,10 @@ def reach(world: World, name: str) -> float:
     model, data = world.model, world.data
     origin = data.body(world.entities[name].body).xpos
     return max(
-        float(np.linalg.norm(data.geom_xpos[geom] - origin) + model.geom_rbound[geom])
+        _length(data.geom_xpos[geom] - origin) + float(model.geom_rbound[geom])
         for geom in _geoms(world, name)
     )
+
+
+def _length(vector: Array) -> float:
+    return math.sqrt(fused_dot(vector, vector))

@@ -104,7 +104,14 @@ def measure_pair(
     enter("setup")
     stage = Stage(case, world, policy)
     chosen = check_arms(arms_of(case) if arms is None else arms)
-    instruction, rollouts = _play(stage, chosen, settings.prefix, enter)
+    try:
+        instruction, rollouts = _play(stage, chosen, settings.prefix, enter)
+    except Exception:
+        stage.require_untouched()  # a write to the model may be what the error came from
+        raise
+    except BaseException:
+        world.take_back_writes()
+        raise
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
     record = PairRecord.of(case, instruction, played, policy.spec, settings.fingerprints, stage.clock.seconds)
     return Pair(record, rollouts)
@@ -144,6 +151,7 @@ def _play(
             rollout = Rollout.resume(task.branch, stage)
         with stage.clock(f"arm_{name}_s"):
             together, parted = _play_together(rollout, task.arms)
+        stage.require_untouched()
         results |= dict.fromkeys((arm.name for arm in together), rollout.result())
         tasks = parted + tasks
     return instruction, {arm.name: results[arm.name] for arm in arms}

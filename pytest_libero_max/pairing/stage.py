@@ -17,7 +17,9 @@ from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.policies.check import Actions, ask, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import NOOP_ACTION, World
+from pytest_libero_max.worlds.contract import NOOP_ACTION, World, WorldState
+
+_CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
 
 @dataclass(frozen=True)
@@ -77,11 +79,25 @@ class Stage:
             max_steps=case.budget,
             world=self.world if privileged else None,
         )
-        before = self.world.digest() if privileged else b""
+        before = self._seen_by_policy()
         with self.clock("policy_s"):
             start(policy, episode)
-        if privileged and self.world.digest() != before:
-            raise self._altered("reset")
+        self._require_unaltered(before, "reset")
+
+    def require_untouched(self) -> None:
+        """Refuse an arm during which a fixed field of the model or its options was written.
+
+        The write is undone, so that the next arm or pair finds the scene as it was built.
+
+        Raises:
+            AdapterError: The policy wrote one; names the fields.
+        """
+        written = self.world.take_back_writes()
+        if written:
+            raise AdapterError(
+                f"policy {self.policy.spec.name!r} wrote {', '.join(written)} of the world's model, but "
+                f"episode.world is read only. {_CURE}"
+            )
 
     def query(self, index: int, step: int) -> Query:
         """Query ``index`` of the episode, after ``step`` executed policy steps."""
@@ -101,17 +117,23 @@ class Stage:
         spec = self.policy.spec
         with self.clock("observe_s"):
             observation = self.world.observe(spec.cameras, spec.image_size)
-        before = self.world.digest() if spec.privileged else b""
+        before = self._seen_by_policy()
         with self.clock("policy_s"):
             actions = ask(self.policy, observation, query)
-        if spec.privileged and self.world.digest() != before:
-            raise self._altered(f"predict, query {query.index} at step {query.step}")
+        self._require_unaltered(before, f"predict, query {query.index} at step {query.step}")
         return actions
 
-    def _altered(self, where: str) -> AdapterError:
-        return AdapterError(
-            f"policy {self.policy.spec.name!r} altered the world in {where}, but episode.world is read only: "
-            "a policy acts through the actions it returns. Plan on a copy of the model and data instead."
+    def _seen_by_policy(self) -> tuple[bytes, WorldState] | None:
+        """The world before a privileged policy sees it; None for the others, which never do."""
+        return (self.world.digest(), self.world.snapshot()) if self.policy.spec.privileged else None
+
+    def _require_unaltered(self, before: tuple[bytes, WorldState] | None, where: str) -> None:
+        if before is None or self.world.digest() == before[0]:
+            return
+        altered = ", ".join(before[1].differing(self.world.snapshot()))
+        raise AdapterError(
+            f"policy {self.policy.spec.name!r} altered the world in {where}, but episode.world is read only. "
+            f"What differs: {altered}. {_CURE}"
         )
 
 

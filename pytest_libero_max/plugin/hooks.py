@@ -64,11 +64,13 @@ def pytest_configure(config: pytest.Config) -> None:
     collection.aim(config)
     in_use = options.given_on_command_line(config)
     collection.register_markers(config, in_use=in_use)
-    if in_use and not hasattr(config, "workerinput"):
-        from pytest_libero_max.plugin.controller import RunController
+    if in_use:
         from pytest_libero_max.worlds.threads import use_one_blas_thread
 
         use_one_blas_thread()
+    if in_use and not hasattr(config, "workerinput"):
+        from pytest_libero_max.plugin.controller import RunController
+
         config.pluginmanager.register(RunController(config), CONTROLLER)
 
 

@@ -100,6 +100,21 @@ class WorldState:
     parked: tuple[tuple[str, tuple[float, ...]], ...]
     assigned: tuple[str | None, Goal | None] = (None, None)
 
+    def differing(self, other: WorldState) -> tuple[str, ...]:
+        """Names of what is not bit for bit the same in another state; model fields by their own names."""
+        fields = [
+            name for name, value in self.model.items() if value.tobytes() != other.model[name].tobytes()
+        ]
+        arrays = [name for name in ("physics", "controller") if _bytes(self, name) != _bytes(other, name)]
+        plain = ("scene", "steps", "filters", "parked", "assigned")
+        values = [name for name in plain if getattr(self, name) != getattr(other, name)]
+        return (*arrays, *fields, *values)
+
+
+def _bytes(state: WorldState, name: str) -> bytes:
+    array: Array = getattr(state, name)
+    return array.tobytes()
+
 
 @runtime_checkable
 class World(Protocol):
@@ -190,6 +205,22 @@ class World(Protocol):
 
     def digest(self) -> bytes:
         """32-byte fingerprint of the snapshot: equal states, equal digests, bit for bit."""
+        ...
+
+    def take_back_writes(self) -> tuple[str, ...]:
+        """Undo every write to the model or its options that was not made through this contract.
+
+        The fields that changes alter are part of the digest and restored by a reset; all others are fixed
+        when the scene is built. A field too large to be put back leaves the world :attr:`spoiled`.
+
+        Returns:
+            The fixed fields that had been written since the last call, for example ``opt.gravity``.
+        """
+        ...
+
+    @property
+    def spoiled(self) -> bool:
+        """Whether a write could not be undone: the substrate then builds the scene anew."""
         ...
 
     def succeeded(self) -> bool:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from hashlib import blake2b
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from pytest_libero_max.worlds.contract import (
     Semantics,
     WorldState,
 )
+from pytest_libero_max.worlds.guard import ModelGuard
 from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()  # MuJoCo reads the backend while it is imported
@@ -113,6 +115,7 @@ class MujocoWorld(ABC):
         self._parked: dict[str, tuple[float, ...]] = {}
         self._assigned: tuple[str | None, Goal | None] = (None, None)
         self._renderer: Renderer | None = None
+        self._guard: ModelGuard | None = None
         self._compiled = {field: getattr(model, field).copy() for field in ALTERABLE}
         self._body = {name: self._body_id(entity) for name, entity in self._entities.items()}
         self._joint = {
@@ -184,7 +187,7 @@ class MujocoWorld(ABC):
 
     @property
     def entities(self) -> Mapping[str, Entity]:
-        return self._entities
+        return MappingProxyType(self._entities)
 
     @property
     def steps(self) -> int:
@@ -207,6 +210,8 @@ class MujocoWorld(ABC):
         self._settle()
         self._reset_controller()
         self._after_step()
+        if self._guard is None:  # the first reset of a scene ends its construction
+            self._guard = ModelGuard(self._model, ALTERABLE)
 
     def step(self, action: Sequence[float] | Array) -> None:
         self._control_step(self._checked_action(action))
@@ -261,6 +266,13 @@ class MujocoWorld(ABC):
         rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
         fingerprint.update(repr(rest).encode())
         return fingerprint.digest()
+
+    def take_back_writes(self) -> tuple[str, ...]:
+        return () if self._guard is None else self._guard.take_back()
+
+    @property
+    def spoiled(self) -> bool:
+        return self._guard is not None and self._guard.spoiled
 
     def position(self, entity: str) -> Array:
         return self.pose(entity)[0]

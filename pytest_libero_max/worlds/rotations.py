@@ -107,14 +107,19 @@ def unit_by_squares(q: Quaternion) -> Quaternion:
 
 
 def unit_fused(q: Quaternion) -> Quaternion:
-    """``q`` divided by its length, in which every product is added to the sum before it is rounded.
+    """``q`` divided by its length, which :func:`fused_dot` computes."""
+    return _divided(q, math.sqrt(fused_dot(q, q)))
 
-    This is what BLAS computes on processors with fused multiply-add; here it is so on every processor.
+
+def fused_dot(a: Sequence[float] | Array, b: Sequence[float] | Array) -> float:
+    """The dot product of two short vectors; every product is added to the sum before it is rounded.
+
+    It has the bits of a BLAS on processors with fused multiply-add, on every processor.
     """
     total = Fraction(0)
-    for part in map(Fraction, q):
-        total = Fraction(float(total + part * part))
-    return _divided(q, math.sqrt(total))
+    for one, other in zip(a, b, strict=True):
+        total = Fraction(float(total + Fraction(float(one)) * Fraction(float(other))))
+    return float(total)
 
 
 def matrix(q: Quaternion) -> Array:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Goal, SourceVariation
 from pytest_libero_max.worlds.embedded.graspable_parts import graspable_parts
 from pytest_libero_max.worlds.embedded.placement import initial_state
@@ -193,6 +194,8 @@ class EmbeddedSubstrate:
 
     def _world(self, suite: str, index: int, plan: Remodel) -> EmbeddedWorld:
         key = (suite, index, plan)
+        if key in self._worlds and self._worlds[key].spoiled:
+            self._worlds.pop(key).close()
         if key in self._worlds:
             self._worlds[key] = self._worlds.pop(key)  # the last one used is the last one to go
             return self._worlds[key]
@@ -221,7 +224,13 @@ class EmbeddedSubstrate:
     @cached_property
     def _fingerprint(self) -> Mapping[str, str]:
         packages = {package: version(package) for package in _RESULT_PACKAGES}
-        return {"substrate": NAME, **packages, **gl.fingerprint(), "assets": assets_digest(_WORLDS)}
+        return {
+            "substrate": NAME,
+            **packages,
+            **gl.fingerprint(),
+            **threads.fingerprint(),
+            "assets": assets_digest(_WORLDS),
+        }
 
     def close(self) -> None:
         for world in self._worlds.values():

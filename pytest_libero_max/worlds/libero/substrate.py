@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariation
 from pytest_libero_max.worlds.libero.environment import Built, build
 from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
@@ -153,6 +154,8 @@ class LiberoSubstrate:
 
     def _world(self, installation: Installation, task: Task, seed: int) -> LiberoWorld:
         scene = f"{NAME}{task.source}/{task.suite}/{task.index}?seed={seed}"
+        if scene in self._worlds and self._worlds[scene].spoiled:
+            self._worlds.pop(scene).close()
         if scene in self._worlds:
             self._worlds[scene] = self._worlds.pop(scene)  # the last one used is the last one to go
             return self._worlds[scene]
@@ -186,6 +189,7 @@ class LiberoSubstrate:
             **installations,
             **packages,
             **gl.fingerprint(),
+            **threads.fingerprint(),
         }
 
     def close(self) -> None:

@@ -211,6 +211,8 @@ class TinySubstrate:
         self._world: TinyWorld | None = None
 
     def world(self, case: Case) -> TinyWorld:
+        if self._world is not None and self._world.spoiled:
+            self.close()
         if self._world is None:
             self._world = TinyWorld()
         return self._world

@@ -1,0 +1,120 @@
+"""A privileged policy that writes to the world: found, named, and without effect on the next pair."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.pairing.runner import PairSettings, play_pair
+from pytest_libero_max.policies.contract import Episode, Query
+from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.tiny.world import TinyWorld
+
+from .actors import Approaching, make_case, shorten
+
+Write = Callable[[World], None]
+
+
+class Writing(Approaching):
+    """Writes to the world at its third query."""
+
+    def __init__(self, write: Write) -> None:
+        super().__init__(privileged=True)
+        self.write = write
+
+    def reset(self, episode: Episode) -> None:
+        super().reset(episode)
+        assert episode.world is not None
+        self.world = episode.world
+
+    def predict(self, observation: Any, query: Query) -> Any:
+        if query.index == 3:
+            self.write(self.world)
+        return super().predict(observation, query)
+
+
+def gravity(world: World) -> None:
+    world.model.opt.gravity[2] = -1.0
+
+
+def friction(world: World) -> None:
+    world.model.geom_friction[:, 0] = 0.0
+
+
+def size(world: World) -> None:
+    world.model.geom_size[-1] *= 2.0
+
+
+def timestep(world: World) -> None:
+    world.model.opt.timestep = 0.004
+
+
+def mass(world: World) -> None:
+    world.model.body_mass[:] *= 2.0
+
+
+def light(world: World) -> None:
+    world.model.light_diffuse[:] = 0.0
+
+
+def pose(world: World) -> None:
+    world.data.qpos[0] += 1e-9
+
+
+def played(world: World, mode: str = "fork") -> str:
+    settings = PairSettings(mode)  # type: ignore[arg-type]
+    record = play_pair(shorten(make_case()), world, Approaching(privileged=True), settings).to_dict()
+    return json.dumps({**record, "timings": None}, sort_keys=True)
+
+
+@pytest.mark.parametrize("mode", ["fork", "replay"])
+@pytest.mark.parametrize(
+    ("write", "named"),
+    [
+        (gravity, r"wrote opt\.gravity of the world's model"),
+        (friction, r"wrote geom_friction of the world's model"),
+        (size, r"wrote geom_size of the world's model"),
+        (timestep, r"wrote opt\.timestep of the world's model"),
+        (mass, r"wrote body_mass of the world's model"),
+        (light, r"altered the world in predict, query 3 .* What differs: light_diffuse\."),
+        (pose, r"altered the world in predict, query 3 .* What differs: physics\."),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_write_is_found_and_named_and_the_next_pair_is_what_it_was(
+    write: Write, named: str, mode: str
+) -> None:
+    world = TinyWorld()
+    baseline = played(world, mode)
+    with pytest.raises(AdapterError, match=named):
+        play_pair(shorten(make_case()), world, Writing(write), PairSettings(mode))  # type: ignore[arg-type]
+    assert played(world, mode) == baseline
+    world.close()
+
+
+def test_a_write_is_named_where_another_error_comes_first() -> None:
+    def destroy(world: World) -> None:
+        world.model.opt.gravity[2] = float("nan")
+
+    world = TinyWorld()
+    baseline = played(world)
+    with pytest.raises(AdapterError, match=r"wrote opt\.gravity"):
+        play_pair(shorten(make_case()), world, Writing(destroy))
+    assert played(world) == baseline
+    world.close()
+
+
+def test_an_interrupt_leaves_the_scene_as_it_was_built() -> None:
+    def interrupt(world: World) -> None:
+        gravity(world)
+        raise KeyboardInterrupt
+
+    world = TinyWorld()
+    with pytest.raises(KeyboardInterrupt):
+        play_pair(shorten(make_case()), world, Writing(interrupt))
+    assert world.model.opt.gravity[2] == pytest.approx(-9.81)
+    world.close()
