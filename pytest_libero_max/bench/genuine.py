@@ -1,4 +1,4 @@
-"""The same two measurements on a genuine scene: our loop against the installed package's own environment.
+"""Both measurements on a genuine scene: our loop compared with the installed package's environment.
 
 The clock is the one of :mod:`~pytest_libero_max.bench.stepping`: processor time, so what one core with
 nothing else to do would take. The package's loop is what an evaluation without this project does: a hard

@@ -1,4 +1,4 @@
-"""Pairs a minute: the pair runner against the loop one would write without it.
+"""Pairs per minute: the pair runner compared with a plain evaluation loop.
 
 The clock is the one of :mod:`~pytest_libero_max.bench.stepping`: processor time, so what one core with
 nothing else to do would take.
@@ -37,7 +37,7 @@ class Hovering:
         self._place = place
 
     def reset(self, episode: Episode) -> None:
-        """Nothing to forget."""
+        """Do nothing: the policy has no memory."""
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
         step = (self._place - observation["robot0_eef_pos"]) / (0.05 * QUERY_INTERVAL)

@@ -1,4 +1,4 @@
-"""The algebra of changes: small frozen values that alter a world, whenever they are applied."""
+"""Changes: frozen values that alter a world when they are applied, at reset or during an episode."""
 
 from __future__ import annotations
 

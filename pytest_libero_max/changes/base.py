@@ -1,4 +1,4 @@
-"""The change contract: something that alters a world, and nothing but what it declares."""
+"""The contract of a change: it alters the factors that it declares, and nothing else."""
 
 from __future__ import annotations
 

@@ -149,7 +149,7 @@ _Y, _Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class OrbitCamera(ManifestFields):
-    """Carry a fixed camera around the scene: up, sideways, away; then turn it on the spot.
+    """Move a fixed camera around a pivot (elevation, azimuth, distance), then turn it in place.
 
     In this order, in the world frame: elevation about the y axis through the pivot, azimuth about the z axis
     of the world, distance from the pivot, yaw about z and pitch about y without moving. A part that is zero

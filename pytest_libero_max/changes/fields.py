@@ -1,4 +1,4 @@
-"""Reading a change from a manifest and writing it back: every field checked, no field invented.
+"""Read a change from its manifest object and write it back; every field is checked.
 
 The fields of a change's dataclass are the fields of its manifest object. A field whose default is None is
 optional: absent from the object when it is None, so that what was read is written again.
@@ -133,7 +133,7 @@ def strength_of(operation: str, strength: float) -> float:
 
 
 def all_or_nothing(operation: str, strength: float) -> bool:
-    """Whether a change that cannot be divided happens.
+    """Whether a change that cannot be scaled happens at this strength.
 
     Raises:
         ChangeError: ``strength`` is neither 0 nor 1.

@@ -1,4 +1,4 @@
-"""Five ways in which a camera's picture goes bad: motion, focus, zoom, fog and rough glass.
+"""Five image corruptions: motion blur, Gaussian blur, zoom blur, fog and frosted glass.
 
 Each is a pure function of a float image (0 to 1), a level from 1 to 10 and a stream of random numbers. The
 formulas and level tables are the published ones of the common image corruptions, for pictures 256 pixels
@@ -65,7 +65,7 @@ _GLASS = (
 
 
 def motion(image: Picture, level: int, stream: Stream) -> Picture:
-    """Smear in one direction, drawn anew for every picture within 45 degrees of the horizontal."""
+    """Motion blur in one direction, drawn for every picture within 45 degrees of the horizontal."""
     radius, deviation = _MOTION[level - 1]
     scale = _scale(image)
     steps = np.arange(2 * max(1, round(radius * scale)) + 1)

@@ -1,4 +1,4 @@
-"""Changes of what the robot is told and of what counts as done."""
+"""Changes of the instruction and of the goal that decides success."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pytest_libero_max.worlds.contract import Goal, World
 
 @dataclass(frozen=True)
 class SetInstruction(ManifestFields):
-    """Say the same task in other words.
+    """Give the same task in other words.
 
     Attributes:
         instruction: What the policy is told from now on.
@@ -50,13 +50,13 @@ class SetInstruction(ManifestFields):
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
     def scaled(self, strength: float) -> SetInstruction | Nothing:
-        """The words at strength 1, nothing at strength 0; there is nothing between."""
+        """The instruction at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 @dataclass(frozen=True)
 class SetTask(ManifestFields):
-    """Ask for something else in the same scene: another goal, and the words for it.
+    """Give another task in the same scene: a goal and its instruction.
 
     Attributes:
         instruction: What the policy is told from now on.
@@ -98,7 +98,7 @@ class SetTask(ManifestFields):
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
     def scaled(self, strength: float) -> SetTask | Nothing:
-        """The task at strength 1, nothing at strength 0; there is nothing between."""
+        """The task at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 

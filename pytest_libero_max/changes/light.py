@@ -27,7 +27,7 @@ class SetLighting(ManifestFields):
     Attributes:
         scale: Factor on the ambient, diffuse and specular intensity of every light, at least 0.
         brightness: Factor on the pixels. None means the benchmark's rule: 0.75 where ``scale`` is below
-            1, otherwise 1.25. A change that :meth:`scaled` returned says it outright.
+            1, otherwise 1.25. A change that :meth:`scaled` returned states it.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -149,7 +149,7 @@ class SetLamps(ManifestFields):
         return Reversal(self.operation, self.factors, rows=rows)
 
     def scaled(self, strength: float) -> SetLamps:
-        """The share ``strength`` of it; shadows are there or not, so a change with shadows takes 0 and 1."""
+        """The share ``strength`` of the change; ``cast_shadows`` cannot be divided and takes only 0 and 1."""
         s = strength_of(self.operation, strength)
         if self.cast_shadows is not None and s not in (0.0, 1.0):
             raise ChangeError(

@@ -15,7 +15,7 @@ _BOX = 6  # mjGEOM_BOX
 
 
 def lower(world: World, name: str, onto: str, start: Array) -> None:
-    """Let an object down until it would touch, and leave it a few micrometres above that."""
+    """Lower an object until it would touch ``onto``, and leave it a few micrometres above that height."""
     at = start.copy()
 
     def meets(height: float) -> bool:

@@ -35,7 +35,7 @@ _DRAWN_GROUP = 1
 
 @dataclass(frozen=True)
 class SetVisualTheme(ManifestFields):
-    """Send the colour of every geom and every material through one fixed transform; opacity stays.
+    """Transform the colour of every geom and every material; opacity stays.
 
     The new colour is ``clip(rgb[permutation] * multiplier, 0, 1)``, mixed with the old one by ``blend``.
 
@@ -146,7 +146,7 @@ class SetTexture(ManifestFields):
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> SetTexture | Nothing:
-        """The texture at strength 1, nothing at strength 0; there is nothing between."""
+        """The texture at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -198,7 +198,7 @@ class CoverEntity(ManifestFields):
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> CoverEntity | Nothing:
-        """The cover at strength 1, nothing at strength 0; there is nothing between."""
+        """The cover at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 

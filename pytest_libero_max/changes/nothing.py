@@ -1,4 +1,4 @@
-"""The change that changes nothing: what an all-or-nothing change is at strength 0."""
+"""The empty change: what a change that cannot be scaled is at strength 0."""
 
 from __future__ import annotations
 

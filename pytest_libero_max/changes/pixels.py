@@ -153,7 +153,7 @@ class PictureCorruption:
 
 @dataclass(frozen=True)
 class Glare:
-    """A lamp that shines into every lens: a white veil, thick around one place of the picture.
+    """A white veil over the images of every camera, densest around one place.
 
     Attributes:
         strength: 0 to 1; at 1 its middle is white.

@@ -154,7 +154,7 @@ class RemoveObject(ManifestFields):
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> RemoveObject | Nothing:
-        """The removal at strength 1, nothing at strength 0; there is nothing between."""
+        """The removal at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -216,7 +216,7 @@ class InsertObstacle(Placement):
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertObstacle | Nothing:
-        """The insertion at strength 1, nothing at strength 0; there is nothing between."""
+        """The insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -266,7 +266,7 @@ class InsertDistractors(ManifestFields):
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertDistractors | Nothing:
-        """The insertion at strength 1, nothing at strength 0; there is nothing between."""
+        """The insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -339,7 +339,7 @@ class PutObject(ManifestFields):
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PutObject | Nothing:
-        """The move at strength 1, nothing at strength 0; there is nothing between."""
+        """The move at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 

@@ -105,7 +105,7 @@ class Reversal:
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure())
 
     def scaled(self, strength: float) -> Change:
-        """The reversal at strength 1, nothing at strength 0; there is nothing between."""
+        """The reversal at strength 1, nothing at strength 0; other strengths are errors."""
         from pytest_libero_max.changes.nothing import Nothing
 
         return self if all_or_nothing(self.operation, strength) else Nothing()

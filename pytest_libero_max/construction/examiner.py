@@ -200,7 +200,7 @@ def _begin(expert: str | None, substrate: str, options: SubstrateOptions | None)
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed cannot tell its processes to end, and they would wait for ever."""
+    """End this process with its parent; otherwise it would wait forever once the parent was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

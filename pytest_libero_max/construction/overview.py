@@ -1,4 +1,4 @@
-"""The frozen tracks, manifests, cases and examinations in words and tables: what commands print."""
+"""Texts and tables about tracks, manifests, cases and examinations, as the commands print them."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def examination_lines(examinations: Mapping[str, Examination]) -> list[str]:
 
 
 def manifest_lines(manifest: Manifest) -> list[str]:
-    """What a manifest is made of: Markdown."""
+    """The composition of a manifest, as Markdown."""
     title = f"{manifest.benchmark_id} {manifest.version}: {len(manifest)} cases, digest {manifest.digest}"
     lines = [title, "", *(f"- {key}: {value}" for key, value in sorted(manifest.protocol.items()))]
     views: tuple[tuple[str, Callable[[Case], object]], ...] = (

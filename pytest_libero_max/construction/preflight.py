@@ -1,4 +1,4 @@
-"""Whether a case is physically sensible: asked of the simulator, before any policy is scored on it.
+"""Check in the simulator whether a case is physically sensible, before any policy is scored on it.
 
 The event is applied twice: at the start, and in the very situation in which it will happen, with the hand
 on its way to the trigger entity. Both times the world is held still afterwards, once with and once without
@@ -77,7 +77,7 @@ _BASE_BODY = "robot0_base"
 
 @dataclass(frozen=True)
 class Problem:
-    """What speaks against a case.
+    """A check that a case fails.
 
     Attributes:
         check: What it failed at.
@@ -92,7 +92,7 @@ class Problem:
 
 
 def problems(world: World, case: Case, approach: Approach | None = None) -> tuple[Problem, ...]:
-    """What speaks against a case; nothing if it passes.
+    """The checks that a case fails; empty if it passes.
 
     The conditions: the hand comes within the trigger distance; neither the approach nor the event solves the
     task; what the event moves or brings in keeps clear of everything, is seen by a camera, stays where it was
@@ -142,7 +142,7 @@ def straight_approach(world: World, case: Case) -> bool:
 
 @dataclass(frozen=True)
 class _Before:
-    """What was so without the event, of the entities that it moves or brings in.
+    """The scene without the event, as far as it concerns the entities that the event moves or brings in.
 
     Attributes:
         touching: What each touched before the setup.
@@ -175,7 +175,7 @@ def _moved(change: Change) -> list[str]:
 
 
 def _problems_here(world: World, case: Case, before: _Before, steps: int) -> list[Problem]:
-    """Apply the event here and now, look, hold still, look again; the world is left as it was found."""
+    """Apply the event to the world as it is, check, hold still, check again; then restore the world."""
     here = world.snapshot()
     found = list(_apply_and_look(world, case, before, steps))
     world.restore(here)

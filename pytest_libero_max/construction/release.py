@@ -1,4 +1,4 @@
-"""The benchmark as files: tracks, the ledger of rejections, the certificates, their checksums."""
+"""The files of the benchmark: tracks, rejected cases, certificates and checksums."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Release:
 
     Attributes:
         tracks: Manifests by name.
-        rejected: What speaks against the cases that were replaced, by id.
+        rejected: The problems of the cases that were replaced, by id.
         certificates: How the expert did on each case of ``smoke`` and ``max``, by id.
     """
 
@@ -96,7 +96,7 @@ def write_splits(folder: Path) -> None:
 
 
 def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
-    """What spoke against the cases that were replaced, by id.
+    """The problems of the cases that were replaced, by id.
 
     Raises:
         ManifestError: The table is missing or is not the one that was frozen.

@@ -1,4 +1,4 @@
-"""What each event does, in pictures: the world just before and just after, seen by both cameras."""
+"""Contact sheet of the events: each camera's image just before and just after each event."""
 
 from __future__ import annotations
 

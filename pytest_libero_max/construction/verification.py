@@ -1,4 +1,4 @@
-"""Whether frozen tracks are what they must be: digests, format, identity of each case, quotas, splits."""
+"""Verify frozen tracks: digests, format, identity of each case, quotas and splits."""
 
 from __future__ import annotations
 

@@ -18,6 +18,15 @@ if TYPE_CHECKING:
 COPIED_BYTES = 2**20
 """Fields up to this size are compared with a copy. Of larger ones (textures, meshes) only sums are kept."""
 
+RENDERERS = (
+    "vis.global_.offheight",
+    "vis.global_.offwidth",
+    "vis.map.shadowclip",
+    "vis.quality.offsamples",
+    "vis.quality.shadowsize",
+)
+"""Settings that are not guarded: the renderer writes them before it reads them, which it does once."""
+
 _STRUCTS = ("opt", "stat", "vis")
 _ROW_WORDS = 1024
 
@@ -80,7 +89,9 @@ class ModelGuard:
     def _leaves(self) -> Iterator[tuple[str, Any, str]]:
         """Every number and array of the options, statistics and visual settings: path, owner, name."""
         for struct in _STRUCTS:
-            yield from _leaves_of(getattr(self._model, struct), struct)
+            for leaf in _leaves_of(getattr(self._model, struct), struct):
+                if leaf[0] not in RENDERERS:
+                    yield leaf
 
 
 def _leaves_of(owner: Any, path: str) -> Iterator[tuple[str, Any, str]]:
