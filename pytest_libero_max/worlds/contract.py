@@ -1,4 +1,4 @@
-"""What a world is: one scene that can be reset, stepped, looked at, copied and compared.
+"""The contract of a world: one scene that can be reset, stepped, rendered, copied and compared.
 
 Everything above this room (changes, policies, the pair runner) knows worlds only through
 :class:`World`. The two substrates, ``embedded`` and ``libero``, stand behind it.
@@ -312,7 +312,7 @@ class World(Protocol):
         ...
 
     def assign(self, instruction: str | None = None, goal: Goal | None = None) -> None:
-        """Put other words, another goal or both in place of the task's own, until the next reset.
+        """Assign another instruction, another goal or both, in place of the task's own, until the next reset.
 
         Raises:
             SubstrateError: The goal names something that the scene does not have.

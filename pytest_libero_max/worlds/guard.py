@@ -1,4 +1,4 @@
-"""Finding writes to a compiled model that no change may make.
+"""Find writes to those parts of a compiled model that no change alters.
 
 A world's snapshot, digest and reset cover the model fields that changes alter. Everything else of a model
 and its options is fixed when the scene is built; a guard finds a write to it, and puts it back.
@@ -32,7 +32,7 @@ _ROW_WORDS = 1024
 
 
 class ModelGuard:
-    """What the fixed fields of a model are.
+    """Remembers the fixed fields of a model, finds writes to them and undoes these.
 
     Args:
         model: A model that is complete.

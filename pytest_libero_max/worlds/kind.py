@@ -1,4 +1,4 @@
-"""What makes a substrate one that can be asked for by name."""
+"""The entry of a substrate in the registry, and the options that substrates take."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The embedded substrate: twenty LIBERO tasks in scenes that ship with the package."""
+"""The embedded substrate: LIBERO's forty tasks in scenes that ship with the package."""

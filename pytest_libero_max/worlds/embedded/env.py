@@ -71,7 +71,7 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
         upload(self.sim.model._model, self._scene.textures)
 
     def _destroy_sim(self) -> None:
-        """Let go of the model and its data.
+        """Release the model and its data.
 
         Robosuite also collects the garbage of the whole process, which takes as long as building a scene.
         Only its own rendering needs that, or its GL context outlives the display.

@@ -1,4 +1,4 @@
-"""The scenes of LIBERO-10: what stands where before anybody touches it."""
+"""The initial layouts of LIBERO-10's scenes: what stands where."""
 
 from __future__ import annotations
 

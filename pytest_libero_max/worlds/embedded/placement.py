@@ -279,7 +279,7 @@ def _robot_addresses(model: mujoco.MjModel) -> tuple[list[int], list[int]]:
 
 
 def _rounded(scene: Scene, model: mujoco.MjModel, qpos: Array) -> Array:
-    """Micrometres and microradians; quaternions are made unit length first."""
+    """Round to micrometres and microradians; quaternions are made unit length first."""
     result = qpos.copy()
     for name in scene.task.objects:
         start = int(model.joint(f"{name}_joint0").qposadr[0])
@@ -294,7 +294,7 @@ def _rounded(scene: Scene, model: mujoco.MjModel, qpos: Array) -> Array:
 
 
 def _defect(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> str:
-    """What is wrong with a settled state, in words; empty if nothing is."""
+    """The defect of a settled state, in words; empty if it has none."""
     import mujoco
 
     if not np.isfinite(qpos).all():

@@ -1,4 +1,4 @@
-"""Compiling a task's scene with something more or something else in it, for source variations.
+"""Compile a task's scene with added or replaced objects and surfaces, for source variations.
 
 Objects are added, which wait out of the scene until a change puts them somewhere; objects and fixtures are
 replaced by their relatives; textures are loaded that surfaces can be covered with. Everything else is the
@@ -71,7 +71,7 @@ class Remodel:
 
 
 def remodelled(scene: Scene, plan: Remodel) -> Scene:
-    """The scene as ``plan`` wants it.
+    """The scene of a task, altered as ``plan`` says.
 
     Raises:
         SubstrateError: The plan names an instance, a category or a surface that does not exist.

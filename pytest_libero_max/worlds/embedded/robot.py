@@ -1,4 +1,4 @@
-"""A Panda that moves and collides like robosuite's and costs little to draw.
+"""A Panda that moves and collides like robosuite's and is fast to render.
 
 Bodies, inertias, joints, actuators, collision shapes, gripper and pedestal are those of the installed
 robosuite, read from its own files. Only what is drawn is replaced: 168 000 triangles of visual meshes

@@ -1,4 +1,4 @@
-"""Procedural pictures of materials, and the way of pictures into a compiled model.
+"""Procedural textures, and how they are written into a compiled model.
 
 Every picture is (H, W, 3) uint8, row 0 on top, a pure function of its arguments: noise comes from a fixed
 integer hash of the pixel's place, never from a generator whose stream could change.

@@ -1,6 +1,6 @@
-"""Building the package's own environment and resetting it, without its traps.
+"""Build the package's own environment and reset it, around its defects.
 
-Its wrapper's ``reset`` retries for ever, whatever goes wrong, and a placement that fails stops in the
+Its wrapper's ``reset`` retries forever, whatever goes wrong, and a placement that fails stops in the
 debugger. Here the environment inside the wrapper is reset, a fixed number of times at most. It draws
 from NumPy's global generator, which is seeded before and put back afterwards.
 """

@@ -1,4 +1,4 @@
-"""What a scene object is made of, and how it becomes MJCF.
+"""The parts of a scene object, and how they are written as MJCF.
 
 An object is *designed upright*: in metres, in world axes as it stands at reset (front towards
 ``agentview``, +x; z up), with the origin where LIBERO has the body's origin. Its body frame may be turned
