@@ -83,7 +83,7 @@ def _counts(schema: Json) -> str:
 
 
 def _versus(comparison: Json) -> str:
-    described = comparison["properties"]["contrasts"]["items"]["properties"]
+    described = comparison["$defs"]["contrast"]["properties"]
     rows = ((code(f"{name}(RUN)"), described[key]["description"]) for name, (key, _) in gates.VERSUS.items())
     return table(("Quantity", "Meaning"), rows)
 

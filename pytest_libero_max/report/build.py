@@ -12,6 +12,7 @@ from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.outcomes_file import columns_of
 from pytest_libero_max.report.run import PlannedPair
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.statistics_json import (
@@ -177,19 +178,6 @@ def _require_planned(pairs: Mapping[str, object], planned: Mapping[str, PlannedP
         )
 
 
-def columns_of(records: Sequence[PairRecord]) -> Pairs:
-    """The columns of the statistics, one row a record."""
-    return Pairs.of(
-        base=[record.base_success for record in records],
-        dynamic=[record.dynamic_success for record in records],
-        triggered=[record.triggered for record in records],
-        responded=[record.responded for record in records],
-        stale=[-1 if record.stale_actions is None else record.stale_actions for record in records],
-        source=[record.source for record in records],
-        task=[f"{record.suite}/{record.task_index}" for record in records],
-    )
-
-
 def _group(
     planned: Sequence[PlannedPair],
     measured: Sequence[PlannedPair],
@@ -200,7 +188,7 @@ def _group(
     totals: dict[str, int] = {}
     for pair in planned:
         totals[label(pair)] = totals.get(label(pair), 0) + 1
-    names = sorted(totals, key=lambda name: _order(dimension, name))
+    names = sorted(totals, key=lambda name: group_order(dimension, name))
     results = breakdown(columns, [label(pair) for pair in measured], names)
     return {name: (results[name], totals[name]) for name in names}
 
@@ -211,7 +199,7 @@ def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> 
     for pair in planned:
         cells.setdefault((pair.category, pair.event), []).append(pair)
     table: Json = {category: {} for category, _ in sorted(cells)}
-    for category, event in sorted(cells, key=lambda cell: (cell[0], _order("event", cell[1]))):
+    for category, event in sorted(cells, key=lambda cell: (cell[0], group_order("event", cell[1]))):
         pairs = cells[category, event]
         rows = [played[pair.case_id] for pair in pairs if pair.case_id in played]
         outcomes = tabulate([row.base_success for row in rows], [row.dynamic_success for row in rows])
@@ -223,7 +211,7 @@ def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> 
     return table
 
 
-def _order(dimension: str, name: str) -> tuple[int, str]:
+def group_order(dimension: str, name: str) -> tuple[int, str]:
     """Events, their variants and families in the benchmark's order, everything else by name."""
     ranked = {"event": [*EVENTS], "variant": [*EVENTS], "family": [*families()]}.get(dimension, [])
     key = name.partition("-")[0]

@@ -2,25 +2,48 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.build import columns_of, substrate_json
+from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.report.build import group_order, substrate_json
+from pytest_libero_max.report.outcomes_file import RunOutcomes, read_outcomes
 from pytest_libero_max.report.run import PlannedPair
-from pytest_libero_max.report.statistics_json import change_json, contrast_json, number, result_json
-from pytest_libero_max.report.store import StoredRun, read_pairs
+from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.statistics_json import (
+    change_contrast_json,
+    change_json,
+    contrast_json,
+    group_contrast_json,
+    number,
+    result_json,
+    task_json,
+)
+from pytest_libero_max.report.store import StoredRun
 from pytest_libero_max.stats.breakdown import breakdown
-from pytest_libero_max.stats.comparison import contrasts, profile_agreement, ranks
-from pytest_libero_max.stats.paired import measure
+from pytest_libero_max.stats.clusters import task_interval
+from pytest_libero_max.stats.comparison import (
+    ChangeContrast,
+    Contrast,
+    change_contrasts,
+    contrasts,
+    group_change_contrasts,
+    group_contrasts,
+    profile_agreement,
+    ranks,
+)
+from pytest_libero_max.stats.paired import Pairs, measure_groups
 
-COMPARISON_VERSION = 2
+COMPARISON_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -29,16 +52,16 @@ class CommonCases:
 
     Attributes:
         planned: The common cases, by case id.
-        records: For each run, their records in that order.
+        pairs: For each run, its outcomes in that order.
         left_out: For each run, its planned cases that are not compared.
     """
 
     planned: tuple[PlannedPair, ...]
-    records: Mapping[str, tuple[PairRecord, ...]]
+    pairs: Mapping[str, Pairs]
     left_out: Mapping[str, tuple[str, ...]]
 
 
-def common_cases(runs: Mapping[str, StoredRun], restrict: bool = False) -> CommonCases:
+def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> CommonCases:
     """Line up the cases that every run has measured.
 
     Args:
@@ -51,25 +74,30 @@ def common_cases(runs: Mapping[str, StoredRun], restrict: bool = False) -> Commo
     """
     if len(runs) < 2:
         raise ReportError(f"{len(runs)} run given, but a comparison is of two or more.")
-    substrates = sorted({run.run.provenance["substrate"]["name"] for run in runs.values()})
+    outcomes = {name: _outcomes(run) for name, run in runs.items()}
+    substrates = sorted({run.run.provenance["substrate"]["name"] for run in outcomes.values()})
     if len(substrates) > 1:
         raise ReportError(
             f"The runs are of the substrates {' and '.join(substrates)}, whose scores are not comparable. "
             "Compare runs of one substrate."
         )
-    records = {name: {record.case_id: record for record in run.records} for name, run in runs.items()}
-    planned = {pair.case_id: pair for run in runs.values() for pair in run.run.planned}
-    for name, run in runs.items():
+    planned: dict[str, PlannedPair] = {}
+    for name, run in outcomes.items():
         for pair in run.run.planned:
-            if pair.case_digest != planned[pair.case_id].case_digest:
+            known = planned.setdefault(pair.case_id, pair)
+            if known is not pair and known.case_digest != pair.case_digest:
                 raise ReportError(
                     f"case_id={pair.case_id!r} of run {name!r} is another case than in the other runs: the "
                     "manifests differ. Play both with the same manifest."
                 )
-    common = sorted(set.intersection(*(set(measured) for measured in records.values())))
+    places = {
+        name: {case_id: index for index, case_id in enumerate(run.case_ids)} for name, run in outcomes.items()
+    }
+    common = sorted(set.intersection(*(set(measured) for measured in places.values())) & planned.keys())
+    compared = set(common)
     left_out = {
-        name: tuple(sorted({pair.case_id for pair in run.run.planned} - set(common)))
-        for name, run in runs.items()
+        name: tuple(sorted({pair.case_id for pair in run.run.planned} - compared))
+        for name, run in outcomes.items()
     }
     if not common:
         raise ReportError("The runs have no measured case in common; there is nothing to compare.")
@@ -81,43 +109,62 @@ def common_cases(runs: Mapping[str, StoredRun], restrict: bool = False) -> Commo
         )
     return CommonCases(
         planned=tuple(planned[case_id] for case_id in common),
-        records={name: tuple(records[name][case_id] for case_id in common) for name in runs},
+        pairs={
+            name: run.pairs.at([places[name][case_id] for case_id in common])
+            for name, run in outcomes.items()
+        },
         left_out=left_out,
     )
 
 
-def compare_runs(runs: Mapping[str, StoredRun], restrict: bool = False) -> Json:
+def _outcomes(run: StoredRun | RunOutcomes) -> RunOutcomes:
+    return run if isinstance(run, RunOutcomes) else RunOutcomes.of(run)
+
+
+def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> Json:
     """Compare runs on their common cases.
 
-    Contrasts are of Dynamic success, all pairs of runs, with Holm's correction over them; flips are the
-    cases whose pair of outcomes differs between runs.
+    Every family of contrasts holds all pairs of runs (and all events, for those by event). Holm's correction
+    and the simultaneous intervals are over the family. Flips are the cases whose pair of outcomes differs
+    between runs.
 
     Raises:
         ReportError: See :func:`common_cases`.
     """
     common = common_cases(runs, restrict)
-    events = [event for event in EVENTS if any(pair.event == event for pair in common.planned)]
-    labels = [pair.event for pair in common.planned]
-    columns = {name: columns_of(rows) for name, rows in common.records.items()}
-    results = {name: measure(column) for name, column in columns.items()}
-    by_event = {name: breakdown(column, labels, events) for name, column in columns.items()}
+    outcomes = {name: _outcomes(run) for name, run in runs.items()}
+    pairs = common.pairs
+    labels = np.asarray([pair.event for pair in common.planned])
+    events = sorted(set(labels.tolist()), key=lambda event: group_order("event", event))
+    masks = {event: labels == event for event in events}
+    results = dict(zip(pairs, measure_groups(list(pairs.values())), strict=True))
+    by_event = {name: breakdown(columns, labels, events) for name, columns in pairs.items()}
     changes = {
         name: [group.outcomes.change.count / group.outcomes.total for group in groups.values()]
         for name, groups in by_event.items()
     }
     agreement = profile_agreement(changes)
     ranked = ranks({name: result.outcomes.dynamic.value for name, result in results.items()})
+    base = {name: columns.base for name, columns in pairs.items()}
+    dynamic = {name: columns.dynamic for name, columns in pairs.items()}
+    differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
+    tasks = _task_codes(common)
+    by_group = group_contrasts(dynamic, masks)
+    changes_by_group = group_change_contrasts(base, dynamic, masks)
     rows = []
     for name, result in results.items():
         block = result_json(result, len(common.planned))
+        profile = dict(zip(events, changes[name], strict=True))
         rows.append(
             {
                 "name": name,
                 "rank": ranked[name],
-                "policy": common.records[name][0].policy,
-                "replay": replay_command(runs[name]),
+                "policy": outcomes[name].policy,
+                "replay": replay_command(outcomes[name]),
                 **{key: block[key] for key in _RUN_COLUMNS},
                 "by_event": {event: change_json(group) for event, group in by_event[name].items()},
+                "smallest_loss": max(events, key=lambda event: profile[event]),
+                "largest_loss": min(events, key=lambda event: profile[event]),
             }
         )
     return {
@@ -127,21 +174,35 @@ def compare_runs(runs: Mapping[str, StoredRun], restrict: bool = False) -> Json:
             "restricted": any(common.left_out.values()),
             "left_out": {name: list(cases) for name, cases in common.left_out.items()},
         },
-        "substrate": substrate_json(next(iter(runs.values())).run.provenance["substrate"]["name"]),
+        "substrate": substrate_json(next(iter(outcomes.values())).run.provenance["substrate"]["name"]),
+        "differences": list(_differences(outcomes)),
         "runs": rows,
         "contrasts": [
-            contrast_json(contrast)
-            for contrast in contrasts(
-                {name: column.dynamic for name, column in columns.items()},
-                [pair.source for pair in common.planned],
-            )
+            _with_tasks(contrast_json(contrast), contrast, dynamic, tasks)
+            for contrast in contrasts(dynamic, tasks[1])
         ],
+        "base_contrasts": [
+            _with_tasks(contrast_json(contrast), contrast, base, tasks)
+            for contrast in contrasts(base, tasks[1])
+        ],
+        "change_contrasts": [
+            _with_tasks(change_contrast_json(contrast), contrast, differences, tasks)
+            for contrast in change_contrasts(base, dynamic)
+        ],
+        "by_event": {
+            event: {
+                "dynamic_success": [group_contrast_json(contrast) for contrast in by_group[event]],
+                "paired_change": [group_contrast_json(contrast) for contrast in changes_by_group[event]],
+            }
+            for event in events
+        },
         "event_profiles": {
             "mean_spearman": number(agreement.mean),
             "lowest": number(agreement.lowest),
             "highest": number(agreement.highest),
         },
         "flips": _flips(common),
+        "statements": dict(STATEMENTS),
     }
 
 
@@ -151,10 +212,30 @@ def compare_folders(paths: Sequence[Path], restrict: bool = False) -> Json:
     Raises:
         ReportError: A run cannot be read, or see :func:`common_cases`.
     """
-    repeated = [path for path, count in Counter(paths).items() if count > 1]
+    repeated = [path for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
     if repeated:
         raise ReportError(f"{str(repeated[0])!r} is given twice; a comparison is of different runs.")
-    return compare_runs({str(path): read_pairs(path) for path in paths}, restrict)
+    return compare_runs({str(path): read_outcomes(path) for path in paths}, restrict)
+
+
+_COMPARED = ("substrate", "protocol", "case_set", "versions")
+"""Parts of the provenance in which runs should agree if only their policies are to differ."""
+
+
+def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[Json]:
+    """What the runs differ in beside their policies, each with the value of every run."""
+    flat = {
+        name: {
+            f"{part}.{key}": value
+            for part in _COMPARED
+            for key, value in run.run.provenance.get(part, {}).items()
+        }
+        for name, run in runs.items()
+    }
+    for key in sorted({key for values in flat.values() for key in values}):
+        values = {name: fields.get(key) for name, fields in flat.items()}
+        if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
+            yield {"field": key, "values": values}
 
 
 _RUN_COLUMNS = (
@@ -168,7 +249,7 @@ _RUN_COLUMNS = (
 )
 
 
-def replay_command(run: StoredRun) -> list[str]:
+def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     """The command that plays one case of a run again, once the case's item id is appended."""
     provenance = run.run.provenance
     command = ["pytest", f"--libero-max-policy={provenance['policy']['reference']}"]
@@ -181,17 +262,44 @@ def replay_command(run: StoredRun) -> list[str]:
     return [*command, "-k"]
 
 
+def _task_codes(common: CommonCases) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers for the tasks and the sources of the common cases; numbers are faster than names."""
+    pairs = next(iter(common.pairs.values()))
+    tasks, sources = (np.unique(labels, return_inverse=True)[1] for labels in (pairs.task, pairs.source))
+    return tasks.astype(np.int64), sources.astype(np.int64)
+
+
+def _with_tasks(
+    values: Json,
+    contrast: Contrast | ChangeContrast,
+    columns: Mapping[str, NDArray[Any]],
+    tasks: tuple[NDArray[np.int64], NDArray[np.int64]],
+) -> Json:
+    """A contrast with the interval that takes the cases of a task as one draw."""
+    change = columns[contrast.second].astype(np.int64) - columns[contrast.first]
+    by_task = task_interval(change, *tasks, contrast.interval)
+    values["difference"]["by_task"] = task_json(by_task)
+    return values
+
+
 def _flips(common: CommonCases) -> list[Json]:
+    names = list(common.pairs)
+    codes = np.stack([_codes(pairs) for pairs in common.pairs.values()], axis=1)
+    changed = np.flatnonzero((codes != codes[:, :1]).any(axis=1))
     flips: list[Json] = []
-    names = list(common.records)
-    for index, pair in enumerate(common.planned):
-        outcomes: dict[str, Any] = {name: common.records[name][index].outcome for name in names}
-        if len(set(outcomes.values())) > 1:
-            flips.append(
-                {
-                    "case_id": pair.case_id,
-                    "item_id": pair.item_id,
-                    "outcomes": outcomes,
-                }
-            )
+    for index in changed.tolist():
+        pair, outcomes = common.planned[index], [OUTCOMES[code] for code in codes[index].tolist()]
+        flips.append(
+            {
+                "case_id": pair.case_id,
+                "item_id": pair.item_id,
+                "outcomes": dict(zip(names, outcomes, strict=True)),
+            }
+        )
     return flips
+
+
+def _codes(pairs: Pairs) -> NDArray[np.int64]:
+    """The place of every pair's outcome in :data:`OUTCOMES`."""
+    failed = 1 - pairs.dynamic.astype(np.int64)
+    return np.where(pairs.base, 2 * failed, 1 + 2 * failed)

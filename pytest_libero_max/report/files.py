@@ -15,6 +15,7 @@ from pytest_libero_max.report.compare import replay_command
 from pytest_libero_max.report.figures import FIGURES
 from pytest_libero_max.report.html import html
 from pytest_libero_max.report.markdown import markdown
+from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
 from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, read_pairs
 
 REPORT_NAME = "report.json"
@@ -39,11 +40,14 @@ def write_reports(folder: Path, amend: Callable[[Json], Json] | None = None) -> 
         amend: Returns the report with sections of the user's own.
 
     Returns:
-        The report, and every file of the run: the pairs, ``report.json``, ``report.md`` and ``report.html``.
+        The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.
+        ``outcomes.json``, which makes comparisons fast, is written as well.
 
     Raises:
         ReportError: The pairs cannot be read, or the files not be written.
     """
+    pairs_path = folder / PAIRS_NAME
+    digest = file_digest(pairs_path) if pairs_path.is_file() else ""  # before reading: it may still grow
     stored = read_pairs(folder)
     report = report_of(stored)
     if amend is not None:
@@ -56,6 +60,7 @@ def write_reports(folder: Path, amend: Callable[[Json], Json] | None = None) -> 
     }
     for name, text in files.items():
         write_text(folder / name, text)
+    write_text(folder / OUTCOMES_NAME, outcomes_json(RunOutcomes.of(stored), digest))
     return report, [folder / name for name in (PAIRS_NAME, *files)]
 
 

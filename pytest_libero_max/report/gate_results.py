@@ -87,7 +87,7 @@ def _against(stored: StoredRun, other: Path) -> Json | str:
         common = common_cases({"baseline": baseline, "now": stored})
     except ReportError as error:
         return str(error)
-    outcomes = {name: [row.dynamic_success for row in rows] for name, rows in common.records.items()}
+    outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
     (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
     return contrast_json(contrast)
 

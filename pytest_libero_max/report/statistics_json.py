@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.stats.breakdown import MacroAverage, Split, at_floor
-from pytest_libero_max.stats.comparison import Contrast
+from pytest_libero_max.stats.clusters import TaskInterval
+from pytest_libero_max.stats.comparison import ChangeContrast, Contrast, GroupContrast
 from pytest_libero_max.stats.exposure import Exposure
 from pytest_libero_max.stats.intervals import Interval, MeanChange
 from pytest_libero_max.stats.outcomes import Outcomes, Ratio
@@ -74,15 +75,22 @@ def change_json(result: PairedResult) -> Json:
         **ratio_json(result.outcomes.change),
         **interval_json(result.change),
         "by_task": {
-            "tasks": result.change_by_task.tasks,
-            "changed_tasks": result.change_by_task.changed,
+            **task_json(result.change_by_task),
             "value": number(result.outcomes.change.value),
-            **interval_json(result.change_by_task.interval),
         },
         "bootstrap": {
             **bootstrap(result.bootstrap),
             "by_source": bootstrap(result.bootstrap_by_source),
         },
+    }
+
+
+def task_json(interval: TaskInterval) -> Json:
+    """An interval for other tasks of the same kind, with how many tasks it is from."""
+    return {
+        "tasks": interval.tasks,
+        "changed_tasks": interval.changed,
+        **interval_json(interval.interval),
     }
 
 
@@ -148,6 +156,7 @@ def contrast_json(contrast: Contrast) -> Json:
         "difference": {
             "value": number(difference.estimate if difference else None),
             **interval_json(contrast.interval),
+            "simultaneous": interval_json(contrast.simultaneous),
             "bootstrap": {
                 "lower": number(difference.lower if difference else None),
                 "upper": number(difference.upper if difference else None),
@@ -155,5 +164,36 @@ def contrast_json(contrast: Contrast) -> Json:
         },
         "p_value": number(contrast.test.p_value),
         "log10_p_value": number(contrast.test.log10_p),
+        "log10_p_value_holm": number(contrast.log10_p_holm),
+    }
+
+
+def change_contrast_json(contrast: ChangeContrast) -> Json:
+    """A contrast of two paired changes."""
+    return {
+        "first": contrast.first,
+        "second": contrast.second,
+        "second_lower": contrast.second_lower,
+        "second_higher": contrast.second_higher,
+        "difference": {
+            "value": number(contrast.difference),
+            **interval_json(contrast.interval),
+            "simultaneous": interval_json(contrast.simultaneous),
+        },
+        "log10_p_value": number(contrast.log10_p),
+        "log10_p_value_holm": number(contrast.log10_p_holm),
+    }
+
+
+def group_contrast_json(contrast: GroupContrast) -> Json:
+    """A contrast of two conditions within a group of cases."""
+    return {
+        "first": contrast.first,
+        "second": contrast.second,
+        "cases": contrast.cases,
+        "difference": {
+            "value": number(contrast.difference),
+            "simultaneous": interval_json(contrast.simultaneous),
+        },
         "log10_p_value_holm": number(contrast.log10_p_holm),
     }

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy import special, stats
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
 from pytest_libero_max.stats.outcomes import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, holm, mcnemar
@@ -28,6 +29,8 @@ class Contrast:
         second_only: Cases in which only the second succeeds.
         difference: Mean of (second - first) with its paired bootstrap interval; None without cases.
         interval: Exact interval of the same, which agrees with the uncorrected test; None without cases.
+        simultaneous: The exact interval at the level 1 - 0.05 / m, for a family of m contrasts: all of them
+            together hold their differences with 95%. None without cases.
         test: Exact McNemar test, uncorrected.
         log10_p_holm: Its p-value after Holm's correction over the family of contrasts; None if untestable.
     """
@@ -38,7 +41,57 @@ class Contrast:
     second_only: int
     difference: MeanChange | None
     interval: Interval | None
+    simultaneous: Interval | None
     test: McNemar
+    log10_p_holm: float | None
+
+
+@dataclass(frozen=True)
+class ChangeContrast:
+    """The paired changes of two conditions on the same cases.
+
+    Attributes:
+        first: Name of the one.
+        second: Name of the other.
+        second_lower: Cases in which the second loses more, or gains less, than the first.
+        second_higher: Cases in which it loses less, or gains more.
+        difference: Paired change of the second less that of the first; None without cases.
+        interval: See :func:`change_interval`; None without cases.
+        simultaneous: The same at the level 1 - 0.05 / m, for a family of m contrasts.
+        log10_p: Decimal logarithm of the p-value of :func:`sign_flip`; None without cases.
+        log10_p_holm: The same after Holm's correction over the family.
+    """
+
+    first: str
+    second: str
+    second_lower: int
+    second_higher: int
+    difference: float | None
+    interval: Interval | None
+    simultaneous: Interval | None
+    log10_p: float | None
+    log10_p_holm: float | None
+
+
+@dataclass(frozen=True)
+class GroupContrast:
+    """Two conditions on the cases of one group, in a family of contrasts over all groups.
+
+    Attributes:
+        first: Name of the one.
+        second: Name of the other.
+        cases: Cases of the group.
+        difference: Of the second less the first; None without cases.
+        simultaneous: Interval at the level 1 - 0.05 / m for a family of m contrasts; None without cases.
+        log10_p_holm: Decimal logarithm of the p-value after Holm's correction over the family; None without
+            cases.
+    """
+
+    first: str
+    second: str
+    cases: int
+    difference: float | None
+    simultaneous: Interval | None
     log10_p_holm: float | None
 
 
@@ -86,7 +139,9 @@ def contrasts(
     ]
     adjusted = holm([test.log10_p for test in tests])
     cases = next(iter(lengths.values()), 0)
-    intervals = paired_differences([(test.losses, test.gains, cases) for test in tests])
+    counts = [(test.losses, test.gains, cases) for test in tests]
+    intervals = paired_differences(counts)
+    together = intervals if len(tests) < 2 else paired_differences(counts, _family_confidence(len(tests)))
     return tuple(
         Contrast(
             first=first,
@@ -95,11 +150,156 @@ def contrasts(
             second_only=test.gains,
             difference=mean_change(columns[second].astype(np.int64) - columns[first], strata),
             interval=interval,
+            simultaneous=simultaneous,
             test=test,
             log10_p_holm=corrected,
         )
-        for (first, second), test, interval, corrected in zip(chosen, tests, intervals, adjusted, strict=True)
+        for (first, second), test, interval, simultaneous, corrected in zip(
+            chosen, tests, intervals, together, adjusted, strict=True
+        )
     )
+
+
+def group_contrasts(
+    successes: Mapping[str, BoolArray], groups: Mapping[str, BoolArray]
+) -> dict[str, tuple[GroupContrast, ...]]:
+    """Contrasts of success within groups of cases; one family of all conditions and groups.
+
+    Args:
+        successes: (n,) bool by condition; the same case at the same place in each.
+        groups: (n,) bool by group, which cases it holds.
+    """
+    names = list(combinations(successes, 2))
+    counts = [
+        (
+            _only(successes[first][mask], successes[second][mask]),
+            _only(successes[second][mask], successes[first][mask]),
+            int(mask.sum()),
+        )
+        for mask in groups.values()
+        for first, second in names
+    ]
+    tests = [mcnemar(losses, gains).log10_p if cases else None for losses, gains, cases in counts]
+    intervals = paired_differences(counts, _family_confidence(len(counts)))
+    differences = [(gains - losses) / cases if cases else None for losses, gains, cases in counts]
+    return _by_group(groups, names, differences, intervals, tests)
+
+
+def group_change_contrasts(
+    base: Mapping[str, BoolArray], dynamic: Mapping[str, BoolArray], groups: Mapping[str, BoolArray]
+) -> dict[str, tuple[GroupContrast, ...]]:
+    """Contrasts of paired changes within groups of cases; one family of all conditions and groups."""
+    changes = {name: dynamic[name].astype(np.int64) - base[name] for name in base}
+    names = list(combinations(changes, 2))
+    values = [
+        changes[second][mask] - changes[first][mask] for mask in groups.values() for first, second in names
+    ]
+    confidence = _family_confidence(len(values))
+    return _by_group(
+        groups,
+        names,
+        [float(value.mean()) if len(value) else None for value in values],
+        [change_interval(value, confidence) for value in values],
+        [sign_flip(value) for value in values],
+    )
+
+
+def _by_group(
+    groups: Mapping[str, BoolArray],
+    names: Sequence[tuple[str, str]],
+    differences: Sequence[float | None],
+    intervals: Sequence[Interval | None],
+    tests: Sequence[float | None],
+) -> dict[str, tuple[GroupContrast, ...]]:
+    """The contrasts of every group; the last three hold all pairs of names of the first group, and so on."""
+    rows = iter(zip(differences, intervals, holm(tests), strict=True))
+    return {
+        group: tuple(GroupContrast(first, second, int(mask.sum()), *next(rows)) for first, second in names)
+        for group, mask in groups.items()
+    }
+
+
+def change_contrasts(
+    base: Mapping[str, ArrayLike], dynamic: Mapping[str, ArrayLike]
+) -> tuple[ChangeContrast, ...]:
+    """Compare the paired changes of conditions on common cases, all pairs of conditions.
+
+    Args:
+        base: (n,) bool by condition, Base success; the same case at the same place in each.
+        dynamic: (n,) bool by condition, Dynamic success.
+    """
+    changes = {
+        name: boolean(dynamic[name], name).astype(np.int64) - boolean(base[name], name) for name in base
+    }
+    chosen = list(combinations(changes, 2))
+    differences = [changes[second] - changes[first] for first, second in chosen]
+    tests = [sign_flip(difference) for difference in differences]
+    return tuple(
+        ChangeContrast(
+            first=first,
+            second=second,
+            second_lower=int((difference < 0).sum()),
+            second_higher=int((difference > 0).sum()),
+            difference=float(difference.mean()) if len(difference) else None,
+            interval=change_interval(difference),
+            simultaneous=change_interval(difference, _family_confidence(len(chosen))),
+            log10_p=test,
+            log10_p_holm=corrected,
+        )
+        for (first, second), difference, test, corrected in zip(
+            chosen, differences, tests, holm(tests), strict=True
+        )
+    )
+
+
+def change_interval(differences: ArrayLike, confidence: float = CONFIDENCE) -> Interval | None:
+    """Interval of a mean of differences of paired changes, each from -2 to 2.
+
+    The normal interval after two made-up cases, one of +2 and one of -2, are added, so that it has a width
+    where all differences are alike. After the method that adds to each kind of pair for a difference of
+    proportions (A. Agresti and Y. Min (2005), Statistics in Medicine 24:729-740).
+
+    Args:
+        differences: (n,) integers.
+        confidence: Two-sided level.
+    """
+    values = np.asarray(differences, dtype=np.int64)
+    if values.size == 0:
+        return None
+    cases = len(values) + 2
+    mean = int(values.sum()) / cases
+    variance = (int((values * values).sum()) + 8) / cases - mean * mean
+    half = float(special.ndtri((1 + confidence) / 2)) * math.sqrt(variance / cases)
+    return Interval(max(-2.0, mean - half), min(2.0, mean + half))
+
+
+def sign_flip(differences: ArrayLike) -> float | None:
+    """Decimal logarithm of the p-value of the exact two-sided sign-flip test; None without a case.
+
+    Under the null the two conditions of every case could be exchanged, so that every difference is as likely
+    as its negative. Reference: R. A. Fisher (1935), The Design of Experiments, section 21. Below 1e-300 the
+    logarithm is -300.
+
+    Args:
+        differences: (n,) integers from -2 to 2.
+    """
+    values = np.asarray(differences, dtype=np.int64)
+    if values.size == 0:
+        return None
+    sizes = np.bincount(np.abs(values), minlength=3)
+    single = stats.binom.pmf(np.arange(sizes[1] + 1), sizes[1], 0.5)
+    double = np.zeros(2 * int(sizes[2]) + 1)
+    double[::2] = stats.binom.pmf(np.arange(sizes[2] + 1), sizes[2], 0.5)
+    mass = np.convolve(single, double)
+    total = int(sizes[1] + 2 * sizes[2])  # entry k is the sum 2 k - total
+    extreme = abs(int(values.sum()))
+    tail = float(mass[: (total - extreme) // 2 + 1].sum())
+    return max(-300.0, math.log10(min(1.0, 2 * tail))) if tail > 0 else -300.0
+
+
+def _family_confidence(contrasts: int) -> float:
+    """The level of one interval at which all of a family hold together with the usual one (Bonferroni)."""
+    return 1 - (1 - CONFIDENCE) / max(contrasts, 1)
 
 
 def ranks(values: Mapping[str, float | None]) -> dict[str, float | None]:

@@ -78,6 +78,12 @@ class Pairs:
             np.asarray(task, dtype=np.str_),
         )
 
+    def at(self, places: Sequence[int]) -> Pairs:
+        """The pairs at these places, in this order."""
+        return Pairs(
+            **{name: column[np.asarray(places, dtype=np.intp)] for name, column in vars(self).items()}
+        )
+
     def where(self, mask: BoolArray) -> Pairs:
         """The pairs for which ``mask`` is true."""
         return Pairs(**{name: column[mask] for name, column in vars(self).items()})

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -150,12 +151,43 @@ COMPARISON = """\
 2 runs on 32 common cases
 Scores on the embedded substrate are not comparable with published ones.
 
-rank  run                            Base   Dynamic    change     lost
-   1  old                          100.0%    100.0%      +0.0     0/32
-   2  new                          100.0%     87.5%     -12.5     4/32
+rank  run                      Base Dynamic             change [95%]     95% by task        lost
+   1  old                    100.0%  100.0%      +0.0 [-10.9, +10.9]             n/a        0/32
+   2  new                    100.0%   87.5%      -12.5 [-29.0, +2.8]             n/a        4/32
 
-Dynamic success, second against first      change     95% interval    Holm p
-new against old                             -12.5    [-29.0, +2.8]     0.125
+Dynamic success, second against first     change      95% interval     95% by task   Holm p
+new against old                            -12.5     [-29.0, +2.8]             n/a    0.125
+
+Base success, second against first        change      95% interval     95% by task   Holm p
+new against old                             +0.0    [-10.9, +10.9]             n/a    1.000
+
+Paired change, second against first       change      95% interval     95% by task   Holm p
+new against old                            -12.5     [-31.3, +7.8]             n/a    0.125
+
+Dynamic success by event                  change  simultaneous 95%                   Holm p
+illumination_switch                         +0.0    [-76.4, +76.4]                    1.000
+camera_shift                                +0.0    [-76.4, +76.4]                    1.000
+visual_theme_switch                         +0.0    [-76.4, +76.4]                    1.000
+sensor_noise_onset                          +0.0    [-76.4, +76.4]                    1.000
+target_relocation                           +0.0    [-76.4, +76.4]                    1.000
+receptacle_relocation                       +0.0    [-76.4, +76.4]                    1.000
+distractor_burst                           -50.0    [-97.7, +66.6]                    1.000
+obstacle_insertion                         -50.0    [-97.7, +66.6]                    1.000
+Paired change by event                    change  simultaneous 95%                   Holm p
+illumination_switch                         +0.0  [-128.9, +128.9]                    1.000
+camera_shift                                +0.0  [-128.9, +128.9]                    1.000
+visual_theme_switch                         +0.0  [-128.9, +128.9]                    1.000
+sensor_noise_onset                          +0.0  [-128.9, +128.9]                    1.000
+target_relocation                           +0.0  [-128.9, +128.9]                    1.000
+receptacle_relocation                       +0.0  [-128.9, +128.9]                    1.000
+distractor_burst                           -50.0  [-172.6, +105.9]                    1.000
+obstacle_insertion                         -50.0  [-172.6, +105.9]                    1.000
+Holm's correction and the simultaneous intervals are over all events and pairs of runs.
+
+Paired change by event       smallest loss                      largest loss
+  old                        illumination_switch +0.0           illumination_switch +0.0
+  new                        illumination_switch +0.0           distractor_burst -50.0
+Agreement of the event profiles: n/a, no two runs have profiles that vary
 
 4 cases changed, (Base, Dynamic) in old, new:
 (1,1) (1,0)  pro-spatial-t00-distractor_burst-v0
@@ -164,7 +196,17 @@ new against old                             -12.5    [-29.0, +2.8]     0.125
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
 To play one of them again, append its name:
   old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k
-  new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k"""
+  new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k
+
+The first interval of a paired change is for these tasks played again with other initial states and
+seeds. The interval by task is for other tasks of the same kind, and needs 30 tasks of which 15 have
+a changed pair.
+An interval describes how precisely these cases measure this policy. It does not cover how much the
+policy would differ if it were trained again.
+Policies differ in size, training data and serving at once. A difference between policies, or
+between families of policies, does not show which architecture or design is more robust.
+Success at the end of an episode and queries after the event are observable behaviour. They show
+sensitivity to the event, not whether the policy detected it or planned anew."""
 
 
 def test_folders_are_compared_under_their_names(tmp_path: Path) -> None:
@@ -174,3 +216,50 @@ def test_folders_are_compared_under_their_names(tmp_path: Path) -> None:
     assert len(comparison["flips"]) == 4
     with pytest.raises(ReportError, match="given twice"):
         compare_folders([old, old])
+
+
+def test_runs_that_differ_in_more_than_their_policy_are_warned_of() -> None:
+    other = _run(
+        MIXED, substrate={"name": "embedded", "semantics": "corrected"}, versions={"mujoco": "3.4.0"}
+    )
+    runs = {"old": _run(ALWAYS, versions={"mujoco": "3.3.7"}), "new": other}
+    comparison = compare_runs(runs)
+    assert comparison["differences"] == [
+        {"field": "substrate.semantics", "values": {"old": None, "new": "corrected"}},
+        {"field": "versions.mujoco", "values": {"old": "3.3.7", "new": "3.4.0"}},
+    ]
+    lines = comparison_lines(comparison)
+    assert "WARNING: the runs differ in versions.mujoco: old 3.3.7, new 3.4.0" in lines
+    assert not any("WARNING" in line for line in comparison_lines(compare_runs({"a": other, "b": other})))
+
+
+def test_contrasts_are_of_base_dynamic_and_the_change_and_by_event() -> None:
+    lost_base = [(False, False)] * 8 + MIXED[8:]
+    comparison = compare_runs({"old": _run(ALWAYS), "new": _run(lost_base)})
+    (dynamic,), (base,), (change,) = (
+        comparison[key] for key in ("contrasts", "base_contrasts", "change_contrasts")
+    )
+    assert [row["difference"]["value"] for row in (dynamic, base, change)] == [-0.375, -0.25, -0.125]
+    assert (change["second_lower"], change["second_higher"]) == (4, 0)
+    assert change["log10_p_value"] == pytest.approx(math.log10(2 * 0.5**4))
+    by_event = comparison["by_event"]
+    assert sum(rows["dynamic_success"][0]["cases"] for rows in by_event.values()) == 32
+    assert by_event["illumination_switch"]["dynamic_success"][0]["difference"]["value"] == -0.5
+    assert by_event["obstacle_insertion"]["paired_change"][0]["difference"]["value"] == -0.5
+
+
+def test_a_simultaneous_interval_is_as_wide_as_its_family_is_large() -> None:
+    two = compare_runs({"a": _run(ALWAYS), "b": _run(MIXED)})["contrasts"][0]["difference"]
+    assert two["simultaneous"] == {"lower": two["lower"], "upper": two["upper"]}
+    three = compare_runs({"a": _run(ALWAYS), "b": _run(MIXED), "c": _run(ALWAYS)})["contrasts"][0][
+        "difference"
+    ]
+    assert three["lower"] == two["lower"]
+    assert three["simultaneous"]["lower"] < three["lower"] < three["upper"] < three["simultaneous"]["upper"]
+
+
+def test_many_runs_count_their_contrasts_by_event() -> None:
+    runs = {name: _run(outcomes) for name, outcomes in (("a", ALWAYS), ("b", MIXED), ("c", MIXED[::-1]))}
+    lines = comparison_lines(compare_runs(runs))
+    assert "Dynamic success by event: contrasts with Holm p < 0.05" in lines
+    assert "  camera_shift             0 of 3" in lines

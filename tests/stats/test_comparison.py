@@ -1,12 +1,23 @@
 from __future__ import annotations
 
+import math
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.comparison import contrasts, profile_agreement, ranks
+from pytest_libero_max.stats.comparison import (
+    change_interval,
+    contrasts,
+    group_change_contrasts,
+    group_contrasts,
+    profile_agreement,
+    ranks,
+    sign_flip,
+)
 
 
 def test_a_contrast_counts_who_succeeds_where() -> None:
@@ -56,3 +67,50 @@ def test_profiles_that_order_alike_and_contrarily() -> None:
     assert agreement.correlations["a", "d"] is None
     assert agreement.mean == pytest.approx(-1 / 3)
     assert profile_agreement({"a": [1, 2]}).mean is None
+
+
+def test_the_sign_flip_test_counts_all_sign_changes() -> None:
+    for differences in ([1, 1, 2, -1], [2, 2, 0], [0, 0], [-2, 1, 1, 1, 0, -1], [1] * 7):
+        sums = [
+            sum(s * d for s, d in zip(signs, differences, strict=True))
+            for signs in product((-1, 1), repeat=len(differences))
+        ]
+        expected = np.mean([abs(total) >= abs(sum(differences)) for total in sums])
+        log10_p = sign_flip(differences)
+        assert log10_p == pytest.approx(math.log10(expected), abs=1e-12)
+    assert sign_flip([]) is None
+
+
+def test_an_interval_of_changes_keeps_its_coverage_and_has_a_width() -> None:
+    random = np.random.default_rng(5)
+    for cases, weights in (
+        (8, [0, 0.1, 0.9, 0, 0]),
+        (32, [0.3, 0, 0.7, 0, 0]),
+        (100, [0.05, 0.2, 0.5, 0.2, 0.05]),
+    ):
+        truth = float(np.dot(weights, [-2, -1, 0, 1, 2]))
+        held = []
+        for _ in range(600):
+            interval = change_interval(random.choice([-2, -1, 0, 1, 2], cases, p=weights))
+            assert interval is not None
+            held.append(interval.lower <= truth <= interval.upper)
+        assert np.mean(held) > 0.92
+    alike = change_interval([0] * 50)
+    assert alike is not None
+    assert alike.lower == -alike.upper < 0
+    assert change_interval([]) is None
+
+
+def test_contrasts_of_groups_are_one_family() -> None:
+    truth = np.ones(20, dtype=bool)
+    lost = truth.copy()
+    lost[:10] = False
+    groups = {"first": np.arange(20) < 10, "second": np.arange(20) >= 10, "none": np.zeros(20, dtype=bool)}
+    found = group_contrasts({"a": truth, "b": lost}, groups)
+    (first,), (second,), (none,) = found["first"], found["second"], found["none"]
+    assert (first.cases, first.difference, second.difference) == (10, -1.0, 0.0)
+    assert first.log10_p_holm == pytest.approx(math.log10(2 * 2 * 0.5**10))
+    assert (none.cases, none.difference, none.simultaneous, none.log10_p_holm) == (0, None, None, None)
+    changes = group_change_contrasts({"a": truth, "b": truth}, {"a": truth, "b": lost}, groups)
+    assert changes["first"][0].difference == -1.0
+    assert changes["first"][0].log10_p_holm == pytest.approx(first.log10_p_holm)
