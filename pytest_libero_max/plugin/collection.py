@@ -28,6 +28,9 @@ PSEUDO_PATH = "libero-max"
 
 PAIRS_FILE = Path(__file__).with_name("pairs.py")
 CASE_FIXTURE = "libero_max_case"
+_LISTING = ("collectonly", "showfixtures", "show_fixtures_per_test", "setuponly", "setupplan", "cacheshow")
+"""pytest's options, by their names in ``config.option``, with which no test is played to its end."""
+
 _LISTED_NODES = 3
 """So many node ids are named in the selection; more are counted."""
 
@@ -117,10 +120,33 @@ def aim(config: pytest.Config) -> None:
     path means nothing but the pairs.
     """
     unaimed = config.args_source is not pytest.Config.ArgsSource.ARGS
-    if unaimed and options.given_on_command_line(config):
+    if unaimed and options.policy_on_command_line(config):
         config.args = [str(PAIRS_FILE)]
         return
     config.args = [_resolve(arg) for arg in config.args]
+
+
+def aim_testpaths(config: pytest.Config) -> None:
+    """Let ``libero-max`` in the ini file's ``testpaths`` stand for the pairs, before pytest looks for it."""
+    paths = config.getini("testpaths")
+    paths[:] = map(_resolve, paths)  # the list that pytest itself keeps
+
+
+def is_run(config: pytest.Config) -> bool:
+    """Whether this session is a run of pairs: a policy is named, and the pairs are what it is for.
+
+    A policy on the command line is always meant for the pairs. One in the ini file is also there for tests of
+    the user's own, so the pairs have to be among the test paths.
+    """
+    if options.policy_on_command_line(config):
+        return True
+    aimed = any(_resolve(arg).startswith(str(PAIRS_FILE)) for arg in config.args)
+    return aimed and options.policy_in_ini_file(config)
+
+
+def only_lists(config: pytest.Config) -> bool:
+    """Whether this session collects tests to list them, or plans them, without playing any."""
+    return any(getattr(config.option, name, False) for name in _LISTING)
 
 
 def _resolve(arg: str) -> str:

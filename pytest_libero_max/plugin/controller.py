@@ -21,6 +21,7 @@ from pytest_libero_max.plugin.collection import (
     cases_of,
     check_ids,
     manifest_of,
+    only_lists,
     settings_of,
 )
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, POLICY_PHASE, RESULT_ATTRIBUTE
@@ -43,8 +44,9 @@ class RunController:
         measured: Item ids of the pairs that a resumed run holds already.
 
     Raises:
-        pytest.UsageError: A pair or the adapter cannot exist as named, a LIBERO or an OpenGL backend that is
-            asked for is not installed, the output folder cannot be written to, or what is to be resumed
+        pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
+            is asked for is not installed; at the start of the session: the output folder cannot be written
+            to, a gate cannot be used, or what is to be resumed cannot be read.
             cannot be read.
     """
 
@@ -64,10 +66,18 @@ class RunController:
             check_reference(self.settings.reference)
             gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
-            if not config.option.collectonly:
-                require_writable(self.settings.output)
-                self._require_usable_gates()
-                self.measured = self._measured_before()
+        except LiberoMaxError as error:
+            raise pytest.UsageError(str(error)) from None
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionstart(self) -> None:
+        """Look at the output folder, which only a session that plays may touch."""
+        if only_lists(self.config):
+            return
+        try:
+            require_writable(self.settings.output)
+            self._require_usable_gates()
+            self.measured = self._measured_before()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
 
@@ -105,8 +115,10 @@ class RunController:
     # What is planned: the pairs left after -k and -m, seen here or by the workers.
 
     @pytest.hookimpl(tryfirst=True)
-    def pytest_collection_finish(self, session: pytest.Session) -> None:
-        if not self.config.pluginmanager.has_plugin("dsession"):
+    def pytest_runtestloop(self, session: pytest.Session) -> None:
+        """Plan just before the first test: a session that never gets here has played nothing."""
+        failed = session.testsfailed and not self.config.option.continue_on_collection_errors
+        if not failed and not self.config.pluginmanager.has_plugin("dsession"):
             self._plan(item.nodeid for item in session.items)
 
     @pytest.hookimpl(optionalhook=True)
@@ -116,7 +128,7 @@ class RunController:
     def _plan(self, node_ids: Iterable[str]) -> None:
         chosen = {*map(case_of, node_ids), *self.measured}
         planned = [case for name, case in self.cases.items() if name in chosen]
-        if not planned or self.store is not None or self.config.option.collectonly:
+        if not planned or self.store is not None or only_lists(self.config):
             return
         selection = Selection.choose(
             (case.case_id for case in planned),

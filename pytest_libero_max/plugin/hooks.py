@@ -45,13 +45,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.hookimpl(tryfirst=True)
+def pytest_load_initial_conftests(early_config: pytest.Config) -> None:
+    collection.aim_testpaths(early_config)
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
     """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once."""
-    if (
-        config.getoption("libero_max_policy")
-        and config.getoption("numprocesses", None)
-        and _no_dist_chosen(config)
-    ):
+    if collection.is_run(config) and config.getoption("numprocesses", None) and _no_dist_chosen(config):
         config.option.dist = "worksteal"
 
 
@@ -62,7 +63,7 @@ def _no_dist_chosen(config: pytest.Config) -> bool:
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config: pytest.Config) -> None:
     collection.aim(config)
-    in_use = options.given_on_command_line(config)
+    in_use = collection.is_run(config)
     collection.register_markers(config, in_use=in_use)
     if in_use:
         from pytest_libero_max.worlds.threads import use_one_blas_thread
@@ -72,6 +73,14 @@ def pytest_configure(config: pytest.Config) -> None:
         from pytest_libero_max.plugin.controller import RunController
 
         config.pluginmanager.register(RunController(config), CONTROLLER)
+
+
+def pytest_report_header(config: pytest.Config) -> str | None:
+    """Say what a policy in the ini file does where the pairs are not among the tests."""
+    if not options.policy_in_ini_file(config) or collection.is_run(config):
+        return None
+    policy = config.getini("libero_max_policy")
+    return f"libero-max: policy {policy} is for tests that ask for it; to play the pairs: pytest libero-max"
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -112,7 +112,7 @@ OPTIONS = (
         "ADAPTER",
         "Policy to test: the name of a policy (expert, stale_expert, noop, random), FILE.py, FILE.py:NAME or "
         "PACKAGE.MODULE:NAME; given on the command line without test paths, every pair of the track is "
-        "collected",
+        "collected; given in the ini file, pytest libero-max plays them, and so does testpaths = libero-max",
         _text,
     ),
     Option("track", "NAME", "Frozen set of cases to play", _text, "smoke"),
@@ -312,9 +312,14 @@ def resolve(config: pytest.Config) -> Settings:
     return Settings(**values)
 
 
-def given_on_command_line(config: pytest.Config) -> bool:
-    """Whether the policy was named on the command line, which asks for the pairs themselves."""
+def policy_on_command_line(config: pytest.Config) -> bool:
+    """Whether the policy is named on the command line, which alone asks for the pairs."""
     return config.getoption("libero_max_policy") is not None
+
+
+def policy_in_ini_file(config: pytest.Config) -> bool:
+    """Whether the policy is named in the ini file, which asks for the pairs where they are collected."""
+    return bool(config.getini("libero_max_policy"))
 
 
 def _value(config: pytest.Config, option: Option) -> Any:

@@ -1,0 +1,132 @@
+"""A policy in the ini file: ``pytest libero-max``, or ``pytest`` with ``testpaths = libero-max``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.plugin.conftest import REACHER, tiny_manifest
+
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
+
+INI = """
+[pytest]
+addopts = --strict-markers --strict-config -p no:cacheprovider
+filterwarnings = error
+libero_max_policy = adapter.py
+libero_max_manifest = tiny.json
+libero_max_substrate = tiny
+libero_max_gate =
+    dynamic_sr >= 0.6
+"""
+
+
+@pytest.fixture
+def project(pytester: pytest.Pytester) -> pytest.Pytester:
+    """A project with an adapter, a manifest, a test of its own, and everything else in its ini file."""
+    pytester.makeini(INI)
+    pytester.makepyfile(adapter=REACHER)
+    pytester.path.joinpath("tests").mkdir()
+    pytester.path.joinpath("tests/test_mine.py").write_text("def test_mine(): pass\n")
+    pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
+    return pytester
+
+
+def set_testpaths(project: pytest.Pytester, *paths: str) -> None:
+    project.makeini(f"{INI}testpaths = {' '.join(paths)}\n")
+
+
+def played(folder: Path) -> int:
+    lines = (folder / "libero-max-results" / "pairs.jsonl").read_text().splitlines()
+    return sum(json.loads(line)["line"] == "pair" for line in lines)
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["plain", "two workers"])
+def test_pytest_libero_max_plays_reports_and_decides_the_gates(
+    project: pytest.Pytester, results: Results, workers: tuple[str, ...]
+) -> None:
+    done = project.runpytest_subprocess("libero-max", *workers)
+    done.assert_outcomes(passed=2)
+    assert done.ret == 10
+    done.stdout.fnmatch_lines(["gate FAIL*dynamic_sr*", "Exit status 10: 1 of 1 gates do not hold."])
+    assert results()[1]["selection"]["whole"]
+    assert played(project.path) == 2
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["plain", "two workers"])
+def test_bare_pytest_plays_the_pairs_that_testpaths_name(
+    project: pytest.Pytester, workers: tuple[str, ...]
+) -> None:
+    set_testpaths(project, "libero-max")
+    done = project.runpytest_subprocess(*workers)
+    done.assert_outcomes(passed=2)
+    assert done.ret == 10
+    assert played(project.path) == 2
+
+
+def test_testpaths_may_name_the_users_own_tests_too(project: pytest.Pytester) -> None:
+    set_testpaths(project, "tests", "libero-max")
+    done = project.runpytest_inprocess()
+    done.assert_outcomes(passed=3)
+    assert done.ret == 10
+    assert played(project.path) == 2
+
+
+def test_a_policy_in_the_ini_file_alone_leaves_the_users_tests_as_they_are_and_says_so(
+    project: pytest.Pytester,
+) -> None:
+    done = project.runpytest_inprocess()
+    done.assert_outcomes(passed=1)
+    assert done.ret == 0
+    done.stdout.fnmatch_lines(
+        ["libero-max: policy adapter.py is for tests that ask for it; *: pytest libero-max"]
+    )
+    assert not (project.path / "libero-max-results").exists()
+
+
+def test_the_command_line_wins_over_the_ini_file(project: pytest.Pytester, results: Results) -> None:
+    project.makepyfile(other=REACHER.replace('"reacher"', '"other"'))
+    project.runpytest_inprocess("libero-max", "--libero-max-policy=other.py", "-k", "v0")
+    assert results()[1]["policy"]["name"] == "other"
+
+
+@pytest.mark.parametrize("where", ["command line", "ini file"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--fixtures"],
+        ["--fixtures-per-test"],
+        ["--markers"],
+        ["--collect-only"],
+        ["--help"],
+        ["--version"],
+        ["--setup-plan"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_only_a_run_that_plays_writes_into_the_output_folder(
+    project: pytest.Pytester, arguments: list[str], where: str
+) -> None:
+    target = ["libero-max"] if where == "ini file" else ["--libero-max-policy=adapter.py"]
+    project.runpytest_inprocess(*target, *arguments)
+    folder = project.path / "libero-max-results"
+    assert not folder.exists()
+    folder.mkdir()
+    (folder / "report.json").write_text("kept")
+    (folder / "pairs.jsonl").write_text("kept\n")
+    project.runpytest_inprocess(*target, *arguments)
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {
+        "report.json": "kept",
+        "pairs.jsonl": "kept\n",
+    }
+
+
+def test_a_session_that_cannot_collect_writes_nothing(project: pytest.Pytester) -> None:
+    project.path.joinpath("tests/test_broken.py").write_text("import nowhere_to_be_found\n")
+    done = project.runpytest_inprocess("libero-max", "tests")
+    assert done.ret == pytest.ExitCode.INTERRUPTED
+    assert list((project.path / "libero-max-results").iterdir()) == []
