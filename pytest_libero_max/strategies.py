@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event, Trigger
 from pytest_libero_max.benchmark.cases import parse_case as _parse_case
 from pytest_libero_max.benchmark.identity import Identity
-from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.manifests import SCORING_TRACK, Manifest
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.changes.strategies import (
     AT_ONCE,
@@ -159,7 +159,9 @@ def manifests(entities: Entities | None = None, *, max_size: int = 6) -> SearchS
         Manifest,
         benchmark_id=st.just("drawn"),
         version=st.just("1.0.0"),
-        protocol=st.just({"arms": ["control", "intervention"], "query_interval": 16}),
+        protocol=st.just(
+            {"arms": ["control", "intervention"], "query_interval": 16, "scoring_track": SCORING_TRACK}
+        ),
         cases=distinct.map(tuple),
     )
 

@@ -14,6 +14,8 @@ from pytest_libero_max.benchmark.documents import (
     require_keys,
     require_object,
     require_text,
+    require_texts,
+    require_word,
     slug,
 )
 from pytest_libero_max.errors import ManifestError, did_you_mean
@@ -129,6 +131,20 @@ class Case:
         )
 
 
+TIMING_BUCKETS = ("early", "middle", "late")
+SEVERITIES = ("low", "medium", "high")
+RESPONSES = ("continue", "replan")
+"""What a policy may be expected to do in a case that is scored by whether its task is completed."""
+
+_VARIANT_OPTIONAL = (
+    "benchmark",
+    "category",
+    "bddl_file",
+    "init_states_file",
+    "init_reference_bddl_file",
+    "source_revision",
+)
+
 _CASE_REQUIRED = {
     "case_id",
     "task_suite_name",
@@ -177,12 +193,10 @@ def parse_case(record: Any, where: str = "case") -> Case:
     suite = require_text(case, "task_suite_name", where)
     if suite not in SUITE_BUDGETS:
         raise ManifestError(f"{where}: task_suite_name={suite!r}. {did_you_mean(suite, SUITE_BUDGETS)}")
-    variant = case.get("substrate_variant")
-    instruction = (
-        None
-        if variant is None
-        else require_text(require_object(variant, where), "language", f"{where}: substrate_variant")
-    )
+    require_word(case, "timing_bucket", where, TIMING_BUCKETS)
+    for key in ("task_name", "dynamic_phase"):
+        if key in case:
+            require_text(case, key, where)
     source, category = _source(case, where)
     difficulty = case.get("substrate_difficulty")
     if difficulty is not None and (type(difficulty) is not int or not 1 <= difficulty <= 5):
@@ -197,9 +211,21 @@ def parse_case(record: Any, where: str = "case") -> Case:
         source=source,
         source_category=category,
         difficulty=difficulty,
-        instruction=instruction,
+        instruction=_instruction(case, where),
         record=dict(case),
     )
+
+
+def _instruction(case: Json, where: str) -> str | None:
+    """The prompt of a case's ``substrate_variant``; None where it has none."""
+    if case.get("substrate_variant") is None:
+        return None
+    where = f"{where}: substrate_variant"
+    variant = require_object(case["substrate_variant"], where)
+    require_keys(variant, where, {"language"}, _VARIANT_OPTIONAL)
+    for key in variant:
+        require_text(variant, key, where)
+    return require_text(variant, "language", where)
 
 
 def _parse_event(value: Any, where: str) -> Event:
@@ -207,10 +233,10 @@ def _parse_event(value: Any, where: str) -> Event:
     where = f"{where}: scenario"
     require_keys(scenario, where, _SCENARIO_REQUIRED, _SCENARIO_OPTIONAL)
     name = require_text(scenario, "change_type", where)
-    randomization = require_object(scenario.get("randomization", {"draw_id": 0}), f"{where}.randomization")
-    draw = randomization.get("draw_id")
-    if type(draw) is not int or draw not in (0, 1):
-        raise ManifestError(f"{where}.randomization.draw_id={draw!r}, but an event has the variants 0 and 1.")
+    for key in ("scenario_id", "base_task_id"):
+        require_text(scenario, key, where)
+    require_texts(scenario, "safety_constraints", where)
+    draw = _draw(scenario["randomization"], f"{where}.randomization") if "randomization" in scenario else 0
     setup = scenario.get("setup", [])
     if not isinstance(setup, list):
         raise ManifestError(f"{where}.setup must be a list of changes.")
@@ -218,13 +244,25 @@ def _parse_event(value: Any, where: str) -> Event:
         name=name,
         variant=draw,
         seed=require_count(scenario, "seed", where),
-        severity=require_text(scenario, "severity", where),
+        severity=require_word(scenario, "severity", where, SEVERITIES),
         family_code=require_text(scenario, "change_family", where),
-        response=require_text(scenario, "expected_response_mode", where),
+        response=require_word(scenario, "expected_response_mode", where, RESPONSES),
         change=_change(scenario["change"], f"{where}.change"),
         setup=tuple(_change(item, f"{where}.setup[{i}]") for i, item in enumerate(setup)),
         trigger=_parse_trigger(scenario["trigger"], f"{where}.trigger"),
     )
+
+
+def _draw(value: Any, where: str) -> int:
+    """The parameter variant that a scenario's ``randomization`` names."""
+    randomization = require_object(value, where)
+    require_keys(randomization, where, {"sampler", "draw_id", "seed"})
+    require_text(randomization, "sampler", where)
+    require_count(randomization, "seed", where)
+    draw = randomization["draw_id"]
+    if type(draw) is not int or draw not in (0, 1):
+        raise ManifestError(f"{where}.draw_id={draw!r}, but an event has the variants 0 and 1.")
+    return draw
 
 
 def _parse_trigger(value: Any, where: str) -> Trigger:

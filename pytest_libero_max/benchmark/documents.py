@@ -103,6 +103,30 @@ def require_text(value: Json, key: str, where: str) -> str:
     return text
 
 
+def require_word(value: Json, key: str, where: str, known: Sequence[str]) -> str:
+    """The field as one of a few words.
+
+    Raises:
+        ManifestError: It is none of them; suggests the closest.
+    """
+    word = require_text(value, key, where)
+    if word not in known:
+        raise ManifestError(f"{where}.{key}={word!r}. {did_you_mean(word, known)}")
+    return word
+
+
+def require_texts(value: Json, key: str, where: str) -> tuple[str, ...]:
+    """The field as a list of non-empty strings.
+
+    Raises:
+        ManifestError: It is not one.
+    """
+    items = value.get(key)
+    if not isinstance(items, list) or not all(isinstance(item, str) and item for item in items):
+        raise ManifestError(f"{where}.{key}={items!r}, but must be a list of non-empty strings.")
+    return tuple(items)
+
+
 def require_count(value: Json, key: str, where: str) -> int:
     """The field as an integer of at least 0.
 

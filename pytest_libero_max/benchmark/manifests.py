@@ -18,11 +18,15 @@ from pytest_libero_max.benchmark.documents import (
     Json,
     canonical_digest,
     read_content,
+    require_count,
     require_keys,
     require_object,
     require_text,
 )
 from pytest_libero_max.errors import ManifestError
+
+SCORING_TRACK = "physical_completion"
+"""The only way of scoring that is played: whether the goal of the task holds."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +112,7 @@ def parse_manifest(document: Any) -> Manifest:
     top = require_object(document, "manifest")
     require_keys(top, "manifest", {"benchmark_id", "benchmark_version", "protocol", "cases"})
     protocol = require_object(top["protocol"], "protocol")
-    if protocol.get("arms") != ["control", "intervention"]:
-        raise ManifestError(
-            f"protocol.arms={protocol.get('arms')!r}, but must be ['control', 'intervention']."
-        )
+    _check_protocol(protocol)
     raw = top["cases"]
     if not isinstance(raw, list) or not raw:
         raise ManifestError("cases must be a non-empty list.")
@@ -130,6 +131,25 @@ def parse_manifest(document: Any) -> Manifest:
         protocol=dict(protocol),
         cases=cases,
     )
+
+
+_PROTOCOL_OPTIONAL = ("substrate", "profile", "source_benchmark_commit", "selection_contract")
+
+
+def _check_protocol(protocol: Json) -> None:
+    require_keys(protocol, "protocol", {"arms", "query_interval", "scoring_track"}, _PROTOCOL_OPTIONAL)
+    if protocol["arms"] != ["control", "intervention"]:
+        raise ManifestError(f"protocol.arms={protocol['arms']!r}, but must be ['control', 'intervention'].")
+    if require_count(protocol, "query_interval", "protocol") < 1:
+        raise ManifestError("protocol.query_interval=0, but must be at least 1.")
+    if require_text(protocol, "scoring_track", "protocol") != SCORING_TRACK:
+        raise ManifestError(
+            f"protocol.scoring_track={protocol['scoring_track']!r}, but only {SCORING_TRACK!r} is played: "
+            "whether the task of the case is completed."
+        )
+    for key in _PROTOCOL_OPTIONAL:
+        if key in protocol:
+            require_text(protocol, key, "protocol")
 
 
 def _refuse_constant(name: str) -> float:

@@ -5,7 +5,7 @@ This module imports Hypothesis, so nothing that plays a pair may import it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from hypothesis import strategies as st
@@ -60,32 +60,32 @@ def changes(
         OptionError: An operation that is not in :data:`AT_ONCE`.
     """
     known = entities_or_tiny(entities)
-    strategies: dict[str, SearchStrategy[Any]] = {
-        "set_lighting": st.builds(SetLighting, scale=st.floats(0.1, 2.0)),
-        "shift_camera": st.builds(
+    strategies: dict[str, Callable[[], SearchStrategy[Any]]] = {
+        "set_lighting": lambda: st.builds(SetLighting, scale=st.floats(0.1, 2.0)),
+        "shift_camera": lambda: st.builds(
             ShiftCamera,
             camera=st.sampled_from(sorted(cameras)),
             delta_position_m=vectors(0.1),
             yaw_degrees=st.floats(-45.0, 45.0),
             delta_fovy_degrees=st.floats(-15.0, 15.0),
         ),
-        "set_visual_theme": st.builds(
+        "set_visual_theme": lambda: st.builds(
             SetVisualTheme,
             rgb_permutation=st.permutations([0, 1, 2]).map(tuple),
             rgb_multiplier=st.tuples(*[st.floats(0.5, 1.5)] * 3),
         ),
-        "set_sensor_corruption": st.builds(
+        "set_sensor_corruption": lambda: st.builds(
             SetSensorCorruption,
             noise_std=st.floats(1.0, 40.0),
             occlusion_fraction=st.floats(0.0, 0.3),
             seed=SEEDS,
         ),
-        "move_object": st.builds(
+        "move_object": lambda: st.builds(
             MoveObject,
             object=st.sampled_from([name for name, entity in known.items() if entity.kind != "surface"]),
             delta_position_m=vectors(0.12, plane=True),
         ),
-        "remove_object": st.builds(
+        "remove_object": lambda: st.builds(
             RemoveObject,
             object=st.sampled_from(objects_of(known)),
             offworld_position_m=st.just((-2.0, 0.0, -5.0)),
@@ -98,7 +98,7 @@ def changes(
                 f"operation={operation!r} cannot be applied right after a reset. "
                 f"{did_you_mean(operation, AT_ONCE)}"
             )
-        chosen.append(strategies[operation])
+        chosen.append(strategies[operation]())
     return st.one_of(chosen)
 
 

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, get_args
 
-from pytest_libero_max.benchmark.cases import Event, Trigger
+from pytest_libero_max.benchmark.cases import SEVERITIES, Event, Trigger
 from pytest_libero_max.benchmark.documents import Json
 
 if TYPE_CHECKING:
@@ -105,8 +105,6 @@ class EventKind(ABC):
             trigger=trigger,
         )
 
-
-SEVERITIES = ("low", "medium", "high")
 
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 

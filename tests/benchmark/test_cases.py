@@ -35,7 +35,11 @@ def document(*cases: Json) -> Json:
     return {
         "benchmark_id": "mine",
         "benchmark_version": "1.0.0",
-        "protocol": {"arms": ["control", "intervention"], "query_interval": 16},
+        "protocol": {
+            "arms": ["control", "intervention"],
+            "query_interval": 16,
+            "scoring_track": "physical_completion",
+        },
         "cases": list(cases) or [record()],
     }
 
@@ -123,6 +127,29 @@ CORRUPT = [
     ("scenario.change.operation", ..., "change.operation=None, but must be a non-empty string"),
     ("scenario.setup", {}, "setup must be a list of changes"),
     ("scenario.extra", 1, "scenario has the unknown field 'extra'"),
+    ("/protocol.extra", 1, "protocol has the unknown field 'extra'"),
+    ("/protocol.query_interval", ..., "protocol lacks query_interval"),
+    ("/protocol.query_interval", 0, "query_interval=0, but must be at least 1"),
+    ("/protocol.query_interval", 1.5, "query_interval=1.5, but must be an integer"),
+    ("/protocol.scoring_track", ..., "protocol lacks scoring_track"),
+    ("/protocol.scoring_track", "intent_response", "'intent_response', but only 'physical_completion'"),
+    ("/protocol.profile", "", "protocol.profile='', but must be a non-empty string"),
+    ("timing_bucket", "mid", "timing_bucket='mid'. Did you mean 'middle'"),
+    ("dynamic_phase", 3, "dynamic_phase=3, but must be a non-empty string"),
+    ("task_name", None, "task_name=None, but must be a non-empty string"),
+    ("substrate_variant", {"langauge": "x"}, "substrate_variant lacks language"),
+    ("substrate_variant", {"language": "x", "bddl": "y"}, "unknown field 'bddl'. Did you mean 'bddl_file'"),
+    ("substrate_variant", {"language": "x", "category": 3}, "substrate_variant.category=3, but must be"),
+    ("scenario.severity", "severe", "severity='severe'. .*Known: high, low, medium"),
+    ("scenario.expected_response_mode", "stop", "expected_response_mode='stop'. .*Known: continue, replan"),
+    ("scenario.safety_constraints", "none", "safety_constraints='none', but must be a list of non-empty"),
+    ("scenario.safety_constraints", ["ok", ""], "but must be a list of non-empty strings"),
+    ("scenario.scenario_id", "", "scenario_id='', but must be a non-empty string"),
+    ("scenario.base_task_id", None, "base_task_id=None, but must be a non-empty string"),
+    ("scenario.randomization.extra", 1, "randomization has the unknown field 'extra'"),
+    ("scenario.randomization.sampler", ..., "randomization lacks sampler"),
+    ("scenario.randomization.seed", "x", "randomization.seed='x', but must be an integer"),
+    ("scenario.trigger.target_entity", "x", "trigger has the unknown field 'target_entity'"),
 ]
 
 

@@ -65,10 +65,10 @@ class DistractorBurst(EventKind):
 
         others = [name for name, entity in entities.items() if entity.kind == "object" and name != trigger]
 
-        @st.composite
-        def bursts(draw: st.DrawFn) -> Scenario:
-            chosen = draw(st.lists(st.sampled_from(others), min_size=1, max_size=COUNT, unique=True))
-            ring = tuple(draw(placements(Placement, entity, trigger)) for entity in chosen)
-            return Scenario(InsertDistractors(ring, len(ring)).to_dict(), removals(chosen))
+        def burst(chosen: list[str]) -> SearchStrategy[Scenario]:
+            ring = st.tuples(*(placements(Placement, entity, trigger) for entity in chosen))
+            return ring.map(
+                lambda placed: Scenario(InsertDistractors(placed, len(placed)).to_dict(), removals(chosen))
+            )
 
-        return bursts()
+        return st.lists(st.sampled_from(others), min_size=1, max_size=COUNT, unique=True).flatmap(burst)
