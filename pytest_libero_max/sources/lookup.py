@@ -17,8 +17,8 @@ from pytest_libero_max.sources.metadata import (
     task_metadata,
 )
 from pytest_libero_max.sources.plus import plus_suite
+from pytest_libero_max.sources.pro import ANOTHER_GOAL, pro_suite, pro_variations
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.sources.pro import pro_suite, pro_variations
 from pytest_libero_max.sources.variation import Variation, digest_of
 
 Counts = Mapping[tuple[str, str, "int | None"], int]
@@ -43,7 +43,8 @@ def variation_of(case: Case) -> Variation:
 
     Raises:
         SubstrateError: The case names none of the embedded catalogues': it belongs to the genuine LIBERO-Plus
-            or LIBERO-PRO, or to another version of these.
+            or LIBERO-PRO, or to another version of these; or its own words ask for another goal than the
+            variation's.
     """
     if case.source == "plus":
         suite = plus_suite(case.suite)
@@ -68,7 +69,21 @@ def variation_of(case: Case) -> Variation:
             f"difficulty {variation.difficulty}). Cases of the genuine "
             "LIBERO-Plus and LIBERO-PRO need substrate libero."
         )
+    _require_same_goal(case, variation)
     return variation
+
+
+def _require_same_goal(case: Case, variation: Variation) -> None:
+    """Refuse a case whose own words ask for another goal than the one that the variation is scored by."""
+    published = ANOTHER_GOAL.get((variation.category, variation.suite, variation.index))
+    if variation.source != "pro" or published is None or case.instruction is None:
+        return
+    words = variation_metadata(variation).language
+    if case.instruction.lower() != words.lower():
+        raise SubstrateError(
+            f"case {case.case_id!r} tells the policy {case.instruction!r}, but is scored by {words!r} on the "
+            f"embedded scenes: LIBERO-PRO's task is {published}. Play it on substrate libero or leave it out."
+        )
 
 
 def variation_metadata(variation: Variation) -> TaskMetadata:

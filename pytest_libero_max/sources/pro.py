@@ -300,6 +300,11 @@ _COVER = {
 _RESHAPED = {("libero_spatial", 5): "bigger_akita_black_bowl"}
 """Where the small relative will not do: a small bowl sinks into the ramekin up to its rim."""
 
+ANOTHER_GOAL: Mapping[tuple[str, str, int], str] = {
+    ("task", "libero_goal", 7): "to turn the stove off, which it is from the start",
+}
+"""What LIBERO-PRO asks for where the variation here asks for something else, by category, suite and task."""
+
 _LEVELS = (0.020, 0.16, 0.010)
 _BRIGHTNESS, _NOISE_STD = 0.68, 12.0
 _GLARE = SetGlare(0.85, 0.72, 0.74, 0.30)

@@ -53,6 +53,25 @@ def test_a_case_of_another_catalogue_is_refused(record: Json, message: str) -> N
         variation_of(case_of(PLUS[0], **record))
 
 
+def test_a_case_whose_words_ask_for_another_goal_is_refused() -> None:
+    (stove,) = (one for one in PRO if one.key == "pro/task/libero_goal/7")
+    for words in (None, "put the cream cheese on the stove", "Put the cream cheese on the stove"):
+        variant = None if words is None else {"language": words}
+        assert variation_of(case_of(stove, substrate_variant=variant)) is stove
+    published = case_of(stove, substrate_variant={"language": "Turn off the stove"})
+    message = "tells the policy 'Turn off the stove', but is scored by 'put the cream cheese on the stove'"
+    with pytest.raises(SubstrateError, match=message):
+        variation_of(published)
+    with pytest.raises(SubstrateError, match=message):
+        open_substrate("embedded").world(published)
+
+
+def test_a_case_may_say_the_same_goal_in_other_words() -> None:
+    (drawer,) = (one for one in PRO if one.key == "pro/task/libero_goal/3")
+    words = {"language": "Open the top layer of the drawer and put the cream cheese inside"}
+    assert variation_of(case_of(drawer, substrate_variant=words)) is drawer
+
+
 def test_another_source_has_no_catalogue() -> None:
     with pytest.raises(ManifestError, match="source='plas'"):
         catalogue("plas")

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -10,12 +12,13 @@ from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.sources import catalogue, variation_metadata
 from pytest_libero_max.sources.counts import SUITES
-from pytest_libero_max.sources.metadata import metadata_from_catalog, task_metadata
-from pytest_libero_max.sources.pro import CATEGORIES, pro_suite
+from pytest_libero_max.sources.metadata import Relation, metadata_from_catalog, task_metadata
+from pytest_libero_max.sources.pro import ANOTHER_GOAL, CATEGORIES, pro_suite
 from pytest_libero_max.worlds.embedded.tasks import task
 
 PRO = catalogue("pro")
-RELEASED = Path(__file__).parents[4] / "shared" / "official" / "pro_task_catalog.json"
+OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", Path(__file__).parents[3] / "shared" / "official"))
+RELEASED = OFFICIAL / "pro_task_catalog.json"
 
 
 def operations(category: str) -> list[tuple[str, ...]]:
@@ -120,3 +123,19 @@ def test_categories_are_the_originals() -> None:
         "object_shape",
         "initial_pose_position_angle",
     )
+
+
+@pytest.mark.skipif(not RELEASED.exists(), reason="needs pro_task_catalog.json of the released benchmark")
+def test_where_another_task_is_not_the_released_one_it_is_listed() -> None:
+    differing = set()
+    for row in json.loads(RELEASED.read_text(encoding="utf-8"))["tasks"]:
+        suite, index = row["task_suite_name"], row["task_index"]
+        goal = variation_metadata(pro_suite(row["pro_category"], suite)[index]).goal
+        released = metadata_from_catalog(row).goal
+        if row["pro_category"] == "task" and _facts(goal) != _facts(released):
+            differing.add(("task", suite, index))
+    assert differing == set(ANOTHER_GOAL)
+
+
+def _facts(goal: Iterable[Relation]) -> set[tuple[str, ...]]:
+    return {(fact.predicate.lower(), *fact.arguments) for fact in goal}
