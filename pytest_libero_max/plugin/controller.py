@@ -47,7 +47,6 @@ class RunController:
         pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
             is asked for is not installed; at the start of the session: the output folder cannot be written
             to, a gate cannot be used, or what is to be resumed cannot be read.
-            cannot be read.
     """
 
     def __init__(self, config: pytest.Config) -> None:
@@ -231,9 +230,7 @@ class RunController:
 
     def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
         """Gates that a session asks for and cannot decide, because it planned no pair, fail it."""
-        option = self.config.option
-        listing = ("collectonly", "showfixtures", "show_fixtures_per_test", "setupplan")
-        if not self.settings.gate or any(getattr(option, name, False) for name in listing):
+        if not self.settings.gate or only_lists(self.config):
             return
         self._lines.append(f"gate FAIL  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
         if session.exitstatus == pytest.ExitCode.OK:
