@@ -141,8 +141,9 @@ def incomplete_text(pairs: Json) -> str:
 
 def _header(report: Json) -> list[str]:
     pairs = report["pairs"]
-    text = f"{title_text(report)}: {pairs['played']} of {pairs['planned']} planned pairs played"
-    return wrap(text, 100, break_long_words=False, break_on_hyphens=False)
+    title, played = title_text(report), f"{pairs['played']} of {pairs['planned']} planned pairs played"
+    line = f"{title}: {played}"
+    return [line] if len(line) <= 100 else [f"{title}:", played]
 
 
 def title_text(report: Json) -> str:

@@ -24,8 +24,8 @@ def _records() -> list[PairRecord]:
 
 
 COMPLETE = """\
-scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded): 32 of 32 planned
-pairs played
+scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded):
+32 of 32 planned pairs played
 Scores on the embedded substrate are not comparable with published ones.
 
 Base success                    65.6% [48.3, 79.6]  21/32
@@ -50,8 +50,8 @@ Written: out/pairs.jsonl, out/report.json"""
 
 INCOMPLETE = """\
 INCOMPLETE: 30 of 32 planned pairs played, 1 invalid, 1 missing. No score.
-scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded): 30 of 32 planned
-pairs played
+scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded):
+30 of 32 planned pairs played
 Scores on the embedded substrate are not comparable with published ones.
 
 Over the 30 played pairs only:
@@ -69,15 +69,15 @@ illumination_switch            2 of 4    50.0%    50.0%      +0.0 [-97.5, +97.5]
 
 NOTHING = """\
 INCOMPLETE: 0 of 32 planned pairs played, 31 invalid, 1 missing. No score.
-scripted.py on embedded, 32 cases of track smoke (selection not recorded): 0 of 32 planned pairs
-played
+scripted.py on embedded, 32 cases of track smoke (selection not recorded):
+0 of 32 planned pairs played
 Scores on the embedded substrate are not comparable with published ones.
 
 No pair was played; there is nothing to report."""
 
 ALL_ALIKE = """\
-scripted (H=10 Q=5) on libero, 32 cases of track smoke (selection not recorded): 32 of 32 planned
-pairs played
+scripted (H=10 Q=5) on libero, 32 cases of track smoke (selection not recorded):
+32 of 32 planned pairs played
 
 Base success                    0.0% [0.0, 10.7]  0/32
 Dynamic success                 0.0% [0.0, 10.7]  0/32
