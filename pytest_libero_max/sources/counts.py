@@ -1,4 +1,4 @@
-"""How many variations of each kind LIBERO-Plus has: what is reproduced of its registry as it is."""
+"""The numbers of variations of each kind in LIBERO-Plus's registry, which the catalogue reproduces."""
 
 from __future__ import annotations
 

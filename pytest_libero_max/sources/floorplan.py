@@ -1,4 +1,4 @@
-"""Where things stand on a table or floor seen from above, and where there is room for something else.
+"""A floor plan of each task: what stands where on the table or floor, and where there is free space.
 
 Worked out from the task tables and the designs of the objects; no simulator is involved. What stands
 somewhere is a rectangle, wide enough for every initial state.

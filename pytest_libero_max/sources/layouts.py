@@ -1,4 +1,4 @@
-"""Objects Layout: confounders from the object library, and everything shifted about, target first."""
+"""LIBERO-Plus's category Objects Layout: added objects, and shifted ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finding variations: all of a source, the one a case plays, and what its scene contains."""
+"""Find variations: all of a source, the one that a case plays, and what its scene contains."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ class TaskMetadata:
 
     @property
     def trigger_entity(self) -> str | None:
-        """What the end effector has to come near for an event: the target, or what the goal names first."""
+        """The entity that an event's trigger watches: the target, or the first that the goal names."""
         return self.primary_target or next(iter(self.goal_entities), None)
 
     @property
@@ -90,7 +90,7 @@ class TaskMetadata:
 
     @property
     def distractors(self) -> tuple[str, ...]:
-        """Objects that neither the goal nor the task description cares about, sorted."""
+        """Objects that neither the goal nor the task description names, sorted."""
         cared_for = set(self.goal_entities) | self.objects_of_interest | self.reserved
         return tuple(sorted(set(self.objects) - cared_for))
 

@@ -67,7 +67,7 @@ _POSE_SEED = 42
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A possible variation: its kind, how large it is (only the order counts), and what it consists of."""
+    """A possible variation: its kind, its size (only the order counts) and its changes."""
 
     kind: str
     magnitude: float
@@ -170,7 +170,7 @@ def _mean_and_spread(picture: Image) -> tuple[float, ...]:
 
 
 def _contrast(name: str, nominal: tuple[float, ...]) -> float:
-    """How unlike a surface is what is there: difference of the mean colours and of the spreads."""
+    """How much a surface differs from the present one, by mean colour and by the spread of colours."""
     return math.dist(_looks(name), nominal)
 
 
@@ -233,13 +233,13 @@ def _direction(strength: float, where: tuple[object, ...]) -> SetLamps:
 
 
 def _gloss(strength: float, where: tuple[object, ...]) -> SetLamps:
-    """Lamps that stand behind the robot, so that what they shine on gleams into the camera."""
+    """Lamps behind the robot, whose reflections reach the camera."""
     specular = round(1.0 + 9.0 * strength, 6)
     return SetLamps(specular=specular, azimuth_degrees=_FROM_BEHIND_DEG, tilt_degrees=10.0)
 
 
 def _shadow(strength: float, where: tuple[object, ...]) -> SetLamps:
-    """A main lamp in front that casts shadows, the longer the stronger the variation."""
+    """A main lamp in front that casts shadows, longer ones in stronger variations."""
     azimuth = round(_FROM_THE_FRONT_DEG + uniform(-25.0, 25.0, *where, "azimuth"), 6)
     tilt = round(-20.0 + 28.0 * strength, 6)
     return SetLamps(azimuth_degrees=azimuth, tilt_degrees=tilt, cast_shadows=True)

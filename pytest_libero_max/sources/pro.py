@@ -361,7 +361,7 @@ def _object(task: Task) -> Parts:
 
 
 def _settled(onto: str, name: str) -> Json:
-    """Another size stands at another height: put it down where it is."""
+    """Put an object of another size down where it is, since it rests at another height."""
     return PutObject(name, onto, (0.0, 0.0), name).to_dict()
 
 

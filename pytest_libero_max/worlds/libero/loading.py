@@ -66,7 +66,7 @@ class _Loaded:
 
 @contextlib.contextmanager
 def imported(installation: Installation) -> Iterator[ModuleType]:
-    """Let ``libero`` be this installation while the block runs, whatever it is outside.
+    """Import ``libero`` from this installation while the block runs.
 
     Several installations can be used by turns in one process: what is built with one goes on working
     afterwards, since it holds the classes it needs. Where nothing else is called ``libero``, the first
@@ -161,7 +161,7 @@ def _import_outer(folder: Path) -> None:
 
 @contextlib.contextmanager
 def _private_settings(installation: Installation) -> Iterator[None]:
-    """Answer what an import would ask, and keep what it would write out of the home directory."""
+    """Answer the questions that an import asks, and keep its files out of the home directory."""
     folder = Path(tempfile.mkdtemp(prefix="libero-max-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     answers = {

@@ -1,4 +1,4 @@
-"""LIBERO-PRO's search for a free place, candidate by candidate in its order, and its idea of what is free.
+"""LIBERO-PRO's search for a free place: its candidates in its order, and its test of whether a place is free.
 
 Nothing is drawn: the requested place comes first, then others around it, and the first that will do is
 taken. Objects are circles of a nominal radius, and of contacts only those that are pressed in count.
@@ -169,7 +169,7 @@ def radius(world: LiberoWorld, entity: str) -> float:
 
 
 def objects(world: LiberoWorld) -> list[str]:
-    """What can be moved about."""
+    """The movable objects."""
     return [entity.name for entity in world.entities.values() if entity.kind == "object"]
 
 

@@ -72,7 +72,7 @@ class ProVariation:
 
 @dataclass(frozen=True)
 class DarkNoise:
-    """Darkened pictures with noise that is drawn anew, and the same, for every picture of a camera.
+    """Darken every image of a camera and add the same noise to each.
 
     Attributes:
         brightness: Factor of all values.

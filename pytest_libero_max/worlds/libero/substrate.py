@@ -1,4 +1,4 @@
-"""The genuine substrate: one installation, one world for each task and seed, built on first use."""
+"""The genuine substrate: builds worlds from installations of LIBERO, one for each task and seed."""
 
 from __future__ import annotations
 

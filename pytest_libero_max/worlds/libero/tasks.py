@@ -45,7 +45,7 @@ class Task:
 
     @property
     def clean_language(self) -> str:
-        """The prompt without what does not belong into one."""
+        """The prompt without the name of the variation."""
         return self.language
 
     @property
@@ -95,7 +95,7 @@ def task_of(installation: Installation, suite: str, index: int) -> Task:
 
 
 def check_name(installation: Installation, task: Task, name: str | None) -> None:
-    """Refuse a task that a case calls otherwise; one that it does not name is as good as any.
+    """Check that a task has the name that a case gives it; a case may also give none.
 
     Raises:
         SubstrateError: See above.

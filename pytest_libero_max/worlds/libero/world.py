@@ -1,4 +1,4 @@
-"""A genuine scene under our own loop: the bits, the pixels and the success of the package's own step.
+"""A genuine scene in our own loop, with the states, images and success of the package's own step.
 
 The package's control step does more than its physics: it samples observations in the middle of the step
 and judges success before the step is quite over. What it delivers is reproduced:
@@ -313,7 +313,7 @@ class LiberoWorld(RobosuiteWorld):
         self._seen["robot0_eef_pos"][:] = super().end_effector()
 
     def _refresh(self) -> None:
-        """Somebody has altered the world: until the next step, a look sees it as it is."""
+        """Note that the world was altered: until the next step, an observation shows it as it is now."""
         self._fresh = self._asked = True
         self._env._post_process()
 
