@@ -72,14 +72,16 @@ def test_a_new_event_is_played_and_reported(
     assert list(report["by"]["event"]) == ["push"]
     assert list(report["by"]["family"]) == ["dynamics"]
     for line in lines:
-        assert len({line["base_digest"], line["dynamic_digest"]}) == 2  # the push is felt
+        (firing,) = line["arms"]["dynamic"]["firings"]
+        assert firing["evidence"]["operation"] == "push_object"
+        assert line["arms"]["base"]["proof"] != line["arms"]["dynamic"]["proof"]
 
 
 def test_both_ways_of_playing_it_agree(installed: pytest.Pytester, results: Results) -> None:
     records = []
     for mode in ("fork", "replay"):
         installed.runpytest_subprocess(*RUN, "-k", "push", f"--libero-max-prefix={mode}")
-        records.append([(line["item_id"], line["dynamic_digest"]) for line in results()[0]])
+        records.append([(line["item_id"], line["arms"]["dynamic"]["proof"]) for line in results()[0]])
     assert records[0] == records[1]
 
 
