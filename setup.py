@@ -28,8 +28,9 @@ SOURCE = os.environ.get("LIBERO_MAX_SOURCE_URL", "").rstrip("/")
 UNSUPPORTED = """\
 pytest-libero-max needs Python 3.11, 3.12 or 3.13; this is {version}.
 Results depend on MuJoCo 3.3, and MuJoCo 3.3 has no wheel for Python 3.14 and later.
-Make the environment with another interpreter, for example:
-  pip install uv && uv venv --seed --python 3.13 .venv
+Make the environment with another interpreter, which uv can bring:
+  python3 -m venv .venv-uv && .venv-uv/bin/pip install uv
+  .venv-uv/bin/uv venv --clear --seed --python 3.13 .venv
 or use the container: see Containerfile."""
 
 

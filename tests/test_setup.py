@@ -103,7 +103,7 @@ def test_later_pythons_are_refused_with_the_cure(
     monkeypatch.setattr(sys, "version", "3.14.0 (main)")
     with pytest.raises(SystemExit, match=r"needs Python 3\.11, 3\.12 or 3\.13; this is 3\.14\.0") as refusal:
         setup["check_python"]()
-    assert "uv venv --seed --python 3.13" in str(refusal.value)
+    assert "uv venv --clear --seed --python 3.13 .venv" in str(refusal.value)
 
 
 TEXT = """\
