@@ -15,30 +15,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.errors import ProtocolError
 from pytest_libero_max.events.schedules import Entry
-from pytest_libero_max.pairing.stage import Applied, Stage
-from pytest_libero_max.policies.check import memory_digest, remembers, restore_memory
+from pytest_libero_max.pairing.consistency import Asked, Memory, require_same_answer, restored_elsewhere
+from pytest_libero_max.pairing.stage import Answer, Applied, Stage
+from pytest_libero_max.policies.check import remembers
 from pytest_libero_max.worlds.contract import Array, WorldState
 
 PrefixMode = Literal["fork", "replay"]
 """How an arm gets to the branch point: ``fork`` restores the snapshot taken there, ``replay`` plays the
 recorded actions from reset."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One query of a rollout and all that it returned, executed or not.
-
-    Attributes:
-        index: Number of the query in the episode, from 0.
-        step: Policy steps executed before it.
-        actions: (n, 7), Q <= n <= H.
-    """
-
-    index: int
-    step: int
-    actions: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -72,14 +58,14 @@ class BranchPoint:
         min_distance_m: The smallest of them so far; infinite before the first step.
         state: The world.
         digest: Its fingerprint, 32 bytes.
-        memory: What the policy's ``snapshot`` returned; None for a policy without one, and at step 0.
-        memory_digest: Its fingerprint then; None where it cannot be told.
+        memory: What the policy remembers; None at step 0.
         pending: (k, 7) queued actions, which an event does not cancel.
         actions: (step, 7) executed so far.
         end_effector: (step, 3) m, world frame, after each step.
         entity: (step, 3) m, world frame: the trigger entity after each step.
         answers: The queries so far.
-        asked: The world at the last of them, kept for a policy without a snapshot.
+        asked: The last of them, to be asked again; None where there is none, or the policy does not repeat
+            itself.
         firings: The entries of the schedule that have happened.
         chain: The links of the hash chain: the first, one for each step, one for each change.
     """
@@ -89,14 +75,13 @@ class BranchPoint:
     min_distance_m: float
     state: WorldState
     digest: bytes
-    memory: object
-    memory_digest: bytes | None
+    memory: Memory | None
     pending: NDArray[np.float64]
     actions: NDArray[np.float64]
     end_effector: Array
     entity: Array
     answers: tuple[Answer, ...]
-    asked: WorldState | None
+    asked: Asked | None
     firings: tuple[Firing, ...]
     chain: tuple[bytes, ...]
 
@@ -126,10 +111,10 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
 
     The world is restored from its snapshot (``fork``) or played there from reset (``replay``). A policy with
     ``snapshot`` and ``restore`` gets the memory it had; one without is, by contract, a function of the
-    observation and the query. What that is worth is measured: ``replay`` shows it every observation of the
-    prefix again, at the same steps, and ``fork`` the last one, and the answers must be the recorded bytes
-    (unless its spec says ``repeatable=False``: then they are not compared, and ``fork`` shows nothing). A
-    policy whose memory is made of what it has seen is therefore right in ``replay`` without a snapshot.
+    observation and the query. What both are worth is measured (unless the spec says ``repeatable=False``):
+    the policy is asked the last query of the prefix again, with the memory it had then, and the answer must
+    be the recorded bytes. In ``replay`` it is asked every query of the prefix again, at the same steps, so a
+    policy whose memory is made of what it has seen is right there without ``snapshot``.
 
     Args:
         branch: Where to go.
@@ -138,39 +123,30 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
 
     Raises:
         ProtocolError: Another state was reached, or the policy answers differently this time.
-        AdapterError: The policy raised, or its snapshot was no copy.
+        AdapterError: The policy raised, its snapshot was no copy, or it answers differently with the memory
+            that it had.
     """
-    if memory_digest(branch.memory) != branch.memory_digest:
-        raise AdapterError(
-            f"{stage.case.item_id}: the memory that policy {stage.policy.spec.name!r} copied at step "
-            f"{branch.step} has changed since. Let snapshot() return a copy that the policy does not write "
-            "to, and restore(memory) copy from it (copy.deepcopy in both)."
-        )
+    if branch.memory is not None:
+        branch.memory.require_unchanged(stage, branch.step)
     if mode == "replay":
         _replay(branch, stage)
     else:
         _fork(branch, stage)
-    if remembers(stage.policy) and branch.step:
-        restore_memory(stage.policy, branch.memory)
+    if branch.memory is not None:
+        branch.memory.restore(stage, branch.step)
 
 
 def _fork(branch: BranchPoint, stage: Stage) -> None:
     world = stage.world
-    if branch.asked is not None and stage.policy.spec.repeatable:
-        world.restore(branch.asked)
-        stage.begin_policy()
-        _ask_again(branch.answers[-1], stage)
+    if branch.asked is not None:
+        branch.asked.ask_again(stage)
         world.restore(branch.state)
     else:
         world.restore(branch.state)
         if branch.step:
             stage.begin_policy()
     if world.digest() != branch.digest:
-        raise ProtocolError(
-            f"{stage.case.item_id}: the world restored from the snapshot at step {branch.step} is not the "
-            "one it was taken from, so the arms would not share their prefix. The snapshots of "
-            f"{world.scene!r} leave something out; --libero-max-prefix=replay does without them."
-        )
+        raise restored_elsewhere(stage, branch.step)
 
 
 def _replay(branch: BranchPoint, stage: Stage) -> None:
@@ -179,7 +155,10 @@ def _replay(branch: BranchPoint, stage: Stage) -> None:
     digest = world.digest()
     links = [first_link(digest)]
     _compare(links, branch, 0, stage)
-    shown = {} if remembers(stage.policy) else {answer.step: answer for answer in branch.answers}
+    remembering = remembers(stage.policy)
+    # Where answers are not compared, a policy without a snapshot still has to see what it saw.
+    show = stage.spec.repeatable or not remembering
+    shown = {answer.step: answer for answer in branch.answers} if show else {}
     for step in range(branch.step + 1):
         for firing in (firing for firing in branch.firings if firing.step == step):
             firing.applied.change.apply(world)
@@ -192,7 +171,9 @@ def _replay(branch: BranchPoint, stage: Stage) -> None:
         if step == 0:
             stage.begin_policy()
         if step in shown:
-            _ask_again(shown[step], stage)
+            require_same_answer(shown[step], stage)
+        if remembering and branch.asked is not None and branch.asked.answer.step == step:
+            branch.asked.ask_again_here(stage)
         world.step(branch.actions[step])
         digest = world.digest()
         links.append(next_link(links[-1], branch.actions[step], digest))
@@ -208,16 +189,3 @@ def _compare(links: list[bytes], branch: BranchPoint, step: int, stage: Stage) -
         "first, so the arms are not comparable. The simulation does not repeat itself on this machine: check "
         "that its versions are the locked ones, and that nothing else writes to the world."
     )
-
-
-def _ask_again(answer: Answer, stage: Stage) -> None:
-    spec = stage.policy.spec
-    actions = stage.ask(stage.query(answer.index, answer.step))
-    if spec.repeatable and actions.tobytes() != answer.actions.tobytes():
-        raise ProtocolError(
-            f"{stage.case.item_id}: policy {spec.name!r} answered query {answer.index} at step "
-            f"{answer.step} differently when it was shown the same observation again. Draw from query.seed "
-            "and from nothing else; give a policy with memory snapshot() and restore(memory), or play with "
-            "--libero-max-prefix=replay; declare PolicySpec(repeatable=False) only for a server whose "
-            "arithmetic varies."
-        )

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.events.schedules import Entry, Revert
 from pytest_libero_max.events.triggers import Moment, distance_m
-from pytest_libero_max.pairing.prefix import Answer, BranchPoint, Firing, event_link, first_link, next_link
+from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, Asked, Memory
+from pytest_libero_max.pairing.prefix import BranchPoint, Firing, event_link, first_link, next_link
 from pytest_libero_max.pairing.queue import ActionQueue
-from pytest_libero_max.pairing.stage import Stage, apply_change
-from pytest_libero_max.policies.check import copy_memory, memory_digest, remembers
-from pytest_libero_max.worlds.contract import Array, WorldState
+from pytest_libero_max.pairing.stage import Answer, Stage, apply_change
+from pytest_libero_max.worlds.contract import Array
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ class Rollout:
         firings: The entries of the schedule that have happened.
         may_branch: Whether a branch point may still be taken. What only branch points need is kept as long
             as it is true.
+        asked: A late query, to be asked again: the last one as long as branch points may be taken, one of the
+            last four afterwards. None where there is none, or the policy does not repeat itself.
     """
 
     def __init__(self, stage: Stage, pending: NDArray[np.float64] | None = None) -> None:
@@ -71,14 +73,14 @@ class Rollout:
         self.min_distance_m = math.inf
         self.firings: list[Firing] = []
         self.may_branch = True
+        self.asked: Asked | None = None
         self._stage = stage
-        self._queue = ActionQueue(stage.policy.spec.query_interval, pending)
+        self._queue = ActionQueue(stage.spec.query_interval, pending)
         self._actions: list[NDArray[np.float64]] = []
         self._end_effector: list[Array] = []
         self._entity: list[Array] = []
         self._answers: list[Answer] = []
         self._chain: list[bytes] = []
-        self._asked: WorldState | None = None
         self._digest = b""
 
     @classmethod
@@ -109,7 +111,7 @@ class Rollout:
         rollout._end_effector = list(branch.end_effector)
         rollout._entity = list(branch.entity)
         rollout._answers = list(branch.answers)
-        rollout._asked = branch.asked
+        rollout.asked = branch.asked
         rollout._chain, rollout._digest = list(branch.chain), branch.digest
         rollout._note_change()
         return rollout
@@ -176,7 +178,7 @@ class Rollout:
                 change = earlier.change.reverted(earlier.evidence)
             else:
                 change = action
-            applied = apply_change(change, stage.world, stage.policy.spec, stage.case.item_id)
+            applied = apply_change(change, stage.world, stage.spec, stage.case.item_id)
         self.firings.append(Firing(entry, self.steps, len(self._answers), self.distance_m, proof, applied))
         self._note_change()
 
@@ -186,21 +188,19 @@ class Rollout:
         Raises:
             AdapterError: The policy's snapshot raised.
         """
-        memory = copy_memory(self._stage.policy) if self._actions else None
         return BranchPoint(
             step=self.steps,
             distance_m=self.distance_m,
             min_distance_m=self.min_distance_m,
             state=self._stage.world.snapshot(),
             digest=self._digest,
-            memory=memory,
-            memory_digest=memory_digest(memory),
+            memory=Memory.of(self._stage.policy) if self._actions else None,
             pending=self._queue.pending,
             actions=np.array(self._actions),
             end_effector=np.array(self._end_effector),
             entity=np.array(self._entity),
             answers=tuple(self._answers),
-            asked=self._asked,
+            asked=self.asked,
             firings=tuple(self.firings),
             chain=tuple(self._chain),
         )
@@ -222,12 +222,16 @@ class Rollout:
 
     def _query(self) -> None:
         stage = self._stage
-        if self.may_branch and stage.policy.spec.repeatable and not remembers(stage.policy):
-            self._asked = stage.world.snapshot()
-        query = stage.query(len(self._answers), self.steps)
-        actions = stage.ask(query)
-        self._answers.append(Answer(query.index, query.step, actions))
-        self._queue.refill(actions)
+        index = len(self._answers)
+        keep = stage.spec.repeatable and (self.may_branch or index % SAMPLE_INTERVAL == 0)
+        # Before its first query a policy may not have a memory to copy yet.
+        memory = Memory.of(stage.policy) if keep and index else None
+        state = stage.world.snapshot() if keep else None
+        answer = stage.ask(index, self.steps)
+        if state is not None:
+            self.asked = Asked(answer, state, self._digest, memory)
+        self._answers.append(answer)
+        self._queue.refill(answer.actions)
 
     def _note_change(self) -> None:
         """Add a link to the hash chain if the world is not what it was after the last one."""

@@ -18,6 +18,7 @@ from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
 from pytest_libero_max.pairing.stage import Stage, apply_change
+from pytest_libero_max.policies.check import remembers
 from pytest_libero_max.policies.contract import Policy, PolicySpec
 from pytest_libero_max.worlds.contract import World
 
@@ -113,7 +114,7 @@ def measure_pair(
         world.take_back_writes()
         raise
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
-    record = PairRecord.of(case, instruction, played, policy.spec, settings.fingerprints, stage.clock.seconds)
+    record = PairRecord.of(case, instruction, played, stage.spec, settings.fingerprints, stage.clock.seconds)
     return Pair(record, rollouts)
 
 
@@ -153,8 +154,23 @@ def _play(
             together, parted = _play_together(rollout, task.arms)
         stage.require_untouched()
         results |= dict.fromkeys((arm.name for arm in together), rollout.result())
+        if parted or task.branch is not None:
+            _check_policy(rollout, stage, mode)
         tasks = parted + tasks
     return instruction, {arm.name: results[arm.name] for arm in arms}
+
+
+def _check_policy(rollout: Rollout, stage: Stage, mode: PrefixMode) -> None:
+    """Ask a late query of an arm again: a memory that is not carried may matter only after many queries.
+
+    In ``replay`` a policy without ``snapshot`` may remember what it has seen, all of which it is shown.
+
+    Raises:
+        ProtocolError: See :meth:`.consistency.Asked.ask_again`.
+        AdapterError: Likewise.
+    """
+    if rollout.asked is not None and (mode == "fork" or remembers(stage.policy)):
+        rollout.asked.ask_again(stage)
 
 
 def _play_together(rollout: Rollout, arms: tuple[Arm, ...]) -> tuple[tuple[Arm, ...], list[_Task]]:

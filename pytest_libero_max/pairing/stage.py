@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,26 @@ from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
-from pytest_libero_max.policies.check import Actions, ask, start
+from pytest_libero_max.policies.check import Actions, ask, require_spec, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.worlds.contract import NOOP_ACTION, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One query of a rollout and all that it returned, executed or not.
+
+    Attributes:
+        index: Number of the query in the episode, from 0.
+        step: Policy steps executed before it.
+        actions: (n, 7), Q <= n <= H.
+    """
+
+    index: int
+    step: int
+    actions: Actions
 
 
 @dataclass(frozen=True)
@@ -31,12 +46,17 @@ class Stage:
         world: A world of the case's scene.
         policy: A checked policy.
         clock: Adds up wall-clock seconds.
+        spec: A copy of the policy's spec, which must stay what it is.
     """
 
     case: Case
     world: World
     policy: Policy
     clock: Clock = field(default_factory=Clock)
+    spec: PolicySpec = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "spec", replace(self.policy.spec))
 
     @property
     def entity(self) -> str:
@@ -67,10 +87,9 @@ class Stage:
         """Tell the policy that an episode begins; a privileged one gets the live world.
 
         Raises:
-            AdapterError: It raised, or altered the world.
+            AdapterError: It raised, or altered the world or its spec.
         """
-        policy, case = self.policy, self.case
-        privileged = policy.spec.privileged
+        case, privileged = self.case, self.spec.privileged
         episode = Episode(
             suite=case.suite,
             task_index=case.task_index,
@@ -81,7 +100,8 @@ class Stage:
         )
         before = self._seen_by_policy()
         with self.clock("policy_s"):
-            start(policy, episode)
+            start(self.policy, episode)
+        require_spec(self.policy, self.spec, "reset")
         self._require_unaltered(before, "reset")
 
     def require_untouched(self) -> None:
@@ -95,44 +115,47 @@ class Stage:
         written = self.world.take_back_writes()
         if written:
             raise AdapterError(
-                f"policy {self.policy.spec.name!r} wrote {', '.join(written)} of the world's model, but "
+                f"policy {self.spec.name!r} wrote {', '.join(written)} of the world's model, but "
                 f"episode.world is read only. {_CURE}"
             )
 
-    def query(self, index: int, step: int) -> Query:
-        """Query ``index`` of the episode, after ``step`` executed policy steps."""
-        return Query(index, step, self.instruction, query_seed(self.case.policy_seed, index))
-
-    def ask(self, query: Query) -> Actions:
-        """Show the policy the world as it is now and return its checked actions, (n, 7).
+    def ask(self, index: int, step: int) -> Answer:
+        """Show the policy the world as it is now and return its checked answer.
 
         This is the only place where an image is rendered for a policy: at queries alone, and only of the
         cameras and in the size that the policy declares.
 
+        Args:
+            index: Number of the query in the episode, from 0.
+            step: Policy steps executed before it.
+
         Raises:
             ActionError: The actions cannot be played.
-            AdapterError: The policy raised, or altered the world, which is read only for it.
+            AdapterError: The policy raised, or altered the world or its spec, which are read only for it.
             SimulatorError: The renderer does not answer.
         """
-        spec = self.policy.spec
+        spec, where = self.spec, f"predict, query {index} at step {step}"
+        query = Query(index, step, self.instruction, query_seed(self.case.policy_seed, index))
         with self.clock("observe_s"):
             observation = self.world.observe(spec.cameras, spec.image_size)
         before = self._seen_by_policy()
         with self.clock("policy_s"):
             actions = ask(self.policy, observation, query)
-        self._require_unaltered(before, f"predict, query {query.index} at step {query.step}")
-        return actions
+        require_spec(self.policy, spec, where)
+        self._require_unaltered(before, where)
+        # The numbers are ours: the policy has had the query in its hands.
+        return Answer(index, step, actions)
 
     def _seen_by_policy(self) -> tuple[bytes, WorldState] | None:
         """The world before a privileged policy sees it; None for the others, which never do."""
-        return (self.world.digest(), self.world.snapshot()) if self.policy.spec.privileged else None
+        return (self.world.digest(), self.world.snapshot()) if self.spec.privileged else None
 
     def _require_unaltered(self, before: tuple[bytes, WorldState] | None, where: str) -> None:
         if before is None or self.world.digest() == before[0]:
             return
         altered = ", ".join(before[1].differing(self.world.snapshot()))
         raise AdapterError(
-            f"policy {self.policy.spec.name!r} altered the world in {where}, but episode.world is read only. "
+            f"policy {self.spec.name!r} altered the world in {where}, but episode.world is read only. "
             f"What differs: {altered}. {_CURE}"
         )
 

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.errors import AdapterError, LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
-from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, POLICY_PHASE, RESULT
 from pytest_libero_max.report.junit import properties
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 @pytest.fixture(scope="session")
 def libero_max_policy(libero_max_settings: Settings) -> Policy:
     """The policy under test, loaded once a worker."""
+    from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.loading import load_policy
 
     settings = libero_max_settings
@@ -45,7 +47,16 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
             "file.",
             pytrace=False,
         )
-    return load_policy(settings.policy, horizon=settings.horizon, query_interval=settings.query_interval)
+    try:
+        return load_policy(settings.policy, horizon=settings.horizon, query_interval=settings.query_interval)
+    except BaseException as error:
+        if isinstance(error, Exception) or ends_the_session(error):
+            raise
+        # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
+        raise AdapterError(
+            f"policy {settings.policy!r} raised {type(error).__name__} while it was loaded: {error}. Repair "
+            "the adapter."
+        ) from error
 
 
 @pytest.fixture(scope="session")
@@ -97,13 +108,20 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
     phase: list[str] = ["setup"]
     try:
         record = _play(request, libero_max_case, phase.append)
-    except Exception as error:
+    except BaseException as error:
+        from pytest_libero_max.policies.check import ends_the_session
+
+        if ends_the_session(error):
+            raise
         request.node.stash[RESULT] = PairError.of(libero_max_case, error, phase[-1]).to_dict()
         if phase[-1] == POLICY_PHASE:
             # It would be the same with every other pair: what is not begun stays missing.
             request.session.shouldfail = "the policy cannot be played"
         if isinstance(error, LiberoMaxError):
             pytest.fail(_explain(error), pytrace=False)
+        if not isinstance(error, Exception):
+            # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
+            raise LiberoMaxError(f"{type(error).__name__} in phase {phase[-1]!r}: {error}") from error
         raise
     request.node.stash[RESULT] = record.to_dict()
     request.node.user_properties.extend(properties(record))
@@ -130,6 +148,7 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
         request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference)
         on_phase("setup")
     fingerprints = {**substrate.fingerprint(), "adapter": request.config.stash[ADAPTER_DIGEST]}
+    _require_declared_spec(request.config, policy)
     pair = measure_pair(
         case,
         world,
@@ -141,6 +160,22 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
     if settings.traces == "all" or settings.traces == pair.record.outcome:
         write_trace(settings.output / "traces", pair)
     return pair.record
+
+
+def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
+    """Check that the policy still declares what it declared before its first pair.
+
+    Raises:
+        AdapterError: Its spec has changed.
+    """
+    from pytest_libero_max.policies.check import require_spec
+
+    known, spec = config.stash.get(DECLARED, (None, None))
+    if known is not policy:
+        spec = replace(policy.spec)
+        config.stash[DECLARED] = (policy, spec)
+    assert isinstance(spec, type(policy.spec))
+    require_spec(policy, spec, "an earlier pair")
 
 
 def _explain(error: LiberoMaxError) -> str:

@@ -17,6 +17,9 @@ MANIFEST = pytest.StashKey[Manifest]()
 NOISE_CASES = pytest.StashKey[frozenset[str]]()
 """On the config: the item ids whose Base is played twice."""
 
+DECLARED = pytest.StashKey[tuple[object, object]]()
+"""On the config: the policy that was played last, and a copy of its spec from before its first pair."""
+
 RESULT = pytest.StashKey[Json]()
 """On an item: its pair record, or what broke, as JSON types."""
 

@@ -7,6 +7,9 @@ import inspect
 import pickle
 import sys
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +77,29 @@ def check_cameras(policy: Policy, world: World) -> None:
         gl.require()
 
 
+def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
+    """Check that the policy still declares what it declared.
+
+    Args:
+        policy: The policy.
+        spec: A copy of its spec, made earlier.
+        where: What it has done since, for the message.
+
+    Raises:
+        AdapterError: Its spec has changed; names the first field.
+    """
+    if policy.spec == spec:
+        return
+    now = policy.spec
+    names = (item.name for item in fields(spec))
+    name = next((name for name in names if getattr(now, name, None) != getattr(spec, name)), None)
+    before, after = (spec, now) if name is None else (getattr(spec, name), getattr(now, name, None))
+    raise AdapterError(
+        f"policy {spec.name!r} changed its spec in {where}: {name or 'spec'}={before!r} became {after!r}. "
+        "The spec is part of every result: declare it when the policy is constructed, and leave it."
+    )
+
+
 def remembers(policy: Policy) -> bool:
     """Whether the policy's memory can be copied (see :class:`RemembersPolicy`)."""
     return hasattr(policy, "snapshot") and hasattr(policy, "restore")
@@ -136,10 +162,8 @@ def start(policy: Policy, episode: Episode) -> None:
     Raises:
         AdapterError: It raised; the original is chained.
     """
-    try:
+    with _blaming(policy, "reset"):
         policy.reset(episode)
-    except Exception as error:
-        raise _raised(policy, "reset", error) from error
 
 
 def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
@@ -149,14 +173,13 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
         ActionError: The answer cannot be played; see :func:`check_actions`.
         AdapterError: The policy raised; the original is chained.
     """
-    try:
+    spec, where = policy.spec, f"query {query.index} at step {query.step}"
+    with _blaming(policy, f"predict, {where}"):
         answer = policy.predict(observation, query)
-    except Exception as error:
-        raise _raised(policy, f"predict, query {query.index} at step {query.step}", error) from error
     try:
-        return check_actions(answer, policy.spec)
+        return check_actions(answer, spec)
     except ActionError as error:
-        raise ActionError(f"query {query.index} at step {query.step}: {error}") from error
+        raise ActionError(f"{where}: {error}") from error
 
 
 def copy_memory(policy: Policy) -> object:
@@ -168,10 +191,8 @@ def copy_memory(policy: Policy) -> object:
     if not remembers(policy):
         return None
     remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
-    try:
+    with _blaming(policy, "snapshot"):
         return remembering.snapshot()
-    except Exception as error:
-        raise _raised(policy, "snapshot", error) from error
 
 
 def memory_digest(memory: object) -> bytes | None:
@@ -190,10 +211,8 @@ def restore_memory(policy: Policy, memory: object) -> None:
         AdapterError: It raised; the original is chained.
     """
     remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
-    try:
+    with _blaming(policy, "restore"):
         remembering.restore(memory)
-    except Exception as error:
-        raise _raised(policy, "restore", error) from error
 
 
 def _check_method(policy: Any, name: str, where: str, *arguments: str) -> None:
@@ -225,7 +244,27 @@ def locate(error: BaseException, file: str) -> str | None:
     return None if line is None else f"{Path(file).name}, line {line}"
 
 
-def _raised(policy: Policy, what: str, error: Exception) -> AdapterError:
+def ends_the_session(error: BaseException) -> bool:
+    """Whether an exception is nobody's fault and has to pass: an interrupt, or one of pytest's own.
+
+    Everything else that an adapter lets out is a fault of the adapter, also what is not an ``Exception``: an
+    ``asyncio.CancelledError``, a ``SystemExit``, a ``GeneratorExit``.
+    """
+    return isinstance(error, KeyboardInterrupt) or type(error).__module__.startswith("_pytest.")
+
+
+@contextmanager
+def _blaming(policy: Policy, what: str) -> Iterator[None]:
+    """Turn whatever the policy raises in the block into an AdapterError."""
+    try:
+        yield
+    except BaseException as error:
+        if ends_the_session(error):
+            raise
+        raise _raised(policy, what, error) from error
+
+
+def _raised(policy: Policy, what: str, error: BaseException) -> AdapterError:
     module = sys.modules.get(type(policy).__module__)
     place = locate(error, getattr(module, "__file__", None) or "")
     return AdapterError(

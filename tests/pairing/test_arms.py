@@ -87,6 +87,12 @@ def world() -> Iterator[Counting]:
     world.close()
 
 
+def not_asked_again(policy: Approaching) -> Approaching:
+    """The policy, which is asked no query twice."""
+    policy.spec = replace(policy.spec, repeatable=False)
+    return policy
+
+
 NUDGE = Nudge((0.04, 0.03, 0.01))
 
 
@@ -169,7 +175,7 @@ def test_a_change_at_the_start_is_there_before_the_policy_begins(world: Counting
             assert episode.world is not None
             self.seen.append((episode.instruction, episode.world.position("box_1")[0]))
 
-    policy = Noting(privileged=True)
+    policy = not_asked_again(Noting(privileged=True))
     arms = (
         Arm("base"),
         Arm("moved", (Entry(AtStart(), NUDGE),)),
@@ -181,8 +187,8 @@ def test_a_change_at_the_start_is_there_before_the_policy_begins(world: Counting
         assert [firing.step for arm in record.arms.values() for firing in arm.firings] == [0, 0]
         assert record.arms["moved"].response_step == record.arms["moved"].stale_actions == 0
         assert record.arms["moved"].firings[0].prefix_proof == record.arms["told"].firings[0].prefix_proof
-    (_, x), (_, moved), (told, same) = policy.seen[:3]
-    assert len(policy.seen) == 6
+    (_, x), (_, moved), (told, same) = Noting.seen[:3]
+    assert len(Noting.seen) == 6
     assert moved - x == pytest.approx(0.04)
     assert same == x
     assert told == "leave the box alone"
@@ -224,7 +230,7 @@ def test_arms_without_one_in_which_nothing_happens_go_on_in_their_order(world: C
 
 
 def test_a_repetition_is_played_from_the_start(world: Counting) -> None:
-    policy = Approaching(horizon=4, interval=4)
+    policy = not_asked_again(Approaching(horizon=4, interval=4))
     world.played = 0
     record = play_pair(make_case(distance_m=1e-9), world, policy, arms=arms_of(make_case(), repeat_base=True))
     assert world.played == 2 * (10 + BUDGET) + BUDGET - (record.trigger_step or 0)
@@ -241,8 +247,7 @@ def test_a_repetition_that_ends_otherwise_is_noticed(world: Counting) -> None:
             self.draws += 1
             return super().predict(observation, query) - 1e-3 * self.draws * np.eye(7)[2]
 
-    policy = Unseeded()
-    policy.spec = replace(policy.spec, repeatable=False)
+    policy = not_asked_again(Unseeded())
     record = play_pair(make_case(), world, policy, arms=arms_of(make_case(), repeat_base=True))
     assert record.base_repeat == {"success": False, "identical": False}
 
@@ -266,8 +271,9 @@ def test_what_goes_wrong_names_the_arm(world: Counting) -> None:
                 raise ValueError("no such tensor")
 
     phases: list[str] = []
+    policy = not_asked_again(Failing())
     with pytest.raises(AdapterError, match="raised ValueError in reset"):
-        play_pair(make_case(), world, Failing(), on_phase=phases.append, arms=five_arms(0.25, 3))
+        play_pair(make_case(), world, policy, on_phase=phases.append, arms=five_arms(0.25, 3))
     assert phases == ["setup", "base", "reset", "mid"]
     with pytest.raises(ManifestError, match="two arms are called 'base'"):
         play_pair(make_case(), world, Approaching(), arms=(Arm("base"), Arm("base")))

@@ -1,0 +1,148 @@
+"""Asks a policy again: whether its answers depend on what the contract allows, and on nothing else.
+
+A policy answers from the observation, the query and, if it offers ``snapshot`` and ``restore``, the memory
+that they carry. So the same observation and query, with the memory it had, must give the same bytes again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.pairing.stage import Answer, Stage
+from pytest_libero_max.policies.check import copy_memory, memory_digest, remembers, restore_memory
+from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.worlds.contract import WorldState
+
+SAMPLE_INTERVAL = 4
+"""Where no branch point can be taken any more, every fourth query is kept, and the last of these is asked
+again when the arm has ended."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a policy's ``snapshot`` returned.
+
+    Attributes:
+        value: The copy; None for a policy without one.
+        digest: Its fingerprint then; None where it cannot be told.
+    """
+
+    value: object
+    digest: bytes | None
+
+    @classmethod
+    def of(cls, policy: Policy) -> Memory:
+        """A copy of what the policy remembers now.
+
+        Raises:
+            AdapterError: Its snapshot raised.
+        """
+        value = copy_memory(policy)
+        return cls(value, memory_digest(value))
+
+    def restore(self, stage: Stage, step: int) -> None:
+        """Give the policy the memory back, if it has any.
+
+        Args:
+            stage: Whose policy.
+            step: When it was copied, for messages.
+
+        Raises:
+            AdapterError: The copy has changed since, or the policy raised.
+        """
+        if remembers(stage.policy):
+            self.require_unchanged(stage, step)
+            restore_memory(stage.policy, self.value)
+
+    def require_unchanged(self, stage: Stage, step: int) -> None:
+        """Check that nobody has written to the copy.
+
+        Raises:
+            AdapterError: It has changed.
+        """
+        if memory_digest(self.value) != self.digest:
+            raise AdapterError(
+                f"{stage.case.item_id}: the memory that policy {stage.spec.name!r} copied at step {step} has "
+                "changed since. Let snapshot() return a copy that the policy does not write to, and "
+                "restore(memory) copy from it (copy.deepcopy in both)."
+            )
+
+
+@dataclass(frozen=True)
+class Asked:
+    """An answer with all that is needed to ask for it again.
+
+    Attributes:
+        answer: The answer.
+        state: The world at the query.
+        digest: Its fingerprint, 32 bytes.
+        memory: The policy's memory before the query; None for the first query, before which it has none.
+    """
+
+    answer: Answer
+    state: WorldState
+    digest: bytes
+    memory: Memory | None
+
+    def ask_again(self, stage: Stage) -> None:
+        """Bring world and policy to the query, ask, and compare; both are left there.
+
+        Raises:
+            ProtocolError: The world's snapshot leaves something out, or a policy without ``snapshot`` answers
+                differently.
+            AdapterError: A policy with ``snapshot`` answers differently, or its copies are none.
+        """
+        stage.world.restore(self.state)
+        if stage.world.digest() != self.digest:
+            raise restored_elsewhere(stage, self.answer.step)
+        stage.begin_policy()
+        self.ask_again_here(stage)
+
+    def ask_again_here(self, stage: Stage) -> None:
+        """The same where the world is at the query and the policy has begun."""
+        if self.memory is None or not remembers(stage.policy):
+            require_same_answer(self.answer, stage)
+            return
+        # A copy that has no fingerprint is used twice, so that one which is written to is found as well.
+        for _ in range(1 if self.memory.digest else 2):
+            self.memory.restore(stage, self.answer.step)
+            require_same_answer(self.answer, stage)
+        self.memory.require_unchanged(stage, self.answer.step)
+
+
+def require_same_answer(answer: Answer, stage: Stage) -> None:
+    """Ask a query again, in the world as it is, and compare the bytes.
+
+    Raises:
+        ProtocolError: A policy without ``snapshot`` answers differently.
+        AdapterError: A policy with ``snapshot`` answers differently.
+    """
+    with stage.clock("asked_again_s"):
+        again = stage.ask(answer.index, answer.step)
+    if not stage.spec.repeatable or again.actions.tobytes() == answer.actions.tobytes():
+        return
+    where = (
+        f"{stage.case.item_id}: policy {stage.spec.name!r} answered query {answer.index} at step "
+        f"{answer.step} differently when it was shown the same observation again"
+    )
+    if remembers(stage.policy):
+        raise AdapterError(
+            f"{where}, with the memory that it had before. Let snapshot() copy all that answers depend "
+            "on (copy.deepcopy), and restore(memory) bring all of it back; draw from query.seed and from "
+            "nothing else."
+        )
+    raise ProtocolError(
+        f"{where}. Draw from query.seed and from nothing else; give a policy with memory snapshot() and "
+        "restore(memory), or play with --libero-max-prefix=replay; declare PolicySpec(repeatable=False) only "
+        "for a server whose arithmetic varies."
+    )
+
+
+def restored_elsewhere(stage: Stage, step: int) -> ProtocolError:
+    """The error of a world whose snapshot does not bring it back."""
+    return ProtocolError(
+        f"{stage.case.item_id}: the world restored from the snapshot at step {step} is not the one it was "
+        f"taken from, so the arms would not share their prefix. The snapshots of {stage.world.scene!r} leave "
+        "something out; --libero-max-prefix=replay does without them."
+    )
