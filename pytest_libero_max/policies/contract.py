@@ -31,7 +31,7 @@ class PolicySpec:
             it on policies without a snapshot; False, for a server whose arithmetic varies, switches that
             check off.
         revision: What tells these weights from others of the same name, for example a checkpoint's commit or
-            digest. Kept with every result: a run is not resumed, and runs are not merged, across revisions.
+            digest. Kept with every result.
 
     Raises:
         AdapterError: A value breaks its rule.
