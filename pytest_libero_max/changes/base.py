@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
+from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import World
 
 Factor = str
@@ -86,3 +87,17 @@ class Change(Protocol):
     def to_dict(self) -> dict[str, Any]:
         """The change as a manifest spells it, ``operation`` included."""
         ...
+
+
+def check_evidence(change: Change, evidence: Evidence) -> None:
+    """Check that the evidence is of this change.
+
+    Raises:
+        ChangeError: It is of another one, or was read from a record.
+    """
+    factors = tuple(sorted(change.factors))
+    if (evidence.operation, evidence.factors) != (change.operation, factors):
+        raise ChangeError(
+            f"evidence of {evidence.operation!r} on {list(evidence.factors)}, but {change.operation!r} on "
+            f"{list(factors)} is to be taken back. Give the evidence that its own apply returned."
+        )

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
     ManifestFields,
     Vector3,
@@ -18,7 +18,7 @@ from pytest_libero_max.changes.fields import (
     text,
     vector3,
 )
-from pytest_libero_max.changes.reversal import Reversal, altered_rows, check_evidence
+from pytest_libero_max.changes.reversal import Reversal, altered_rows
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array, World

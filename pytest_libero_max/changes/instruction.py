@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, text
 from pytest_libero_max.changes.nothing import Nothing
-from pytest_libero_max.changes.reversal import Reversal, check_evidence, frozen, saved
+from pytest_libero_max.changes.reversal import Reversal, frozen, saved
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import Goal, World
 

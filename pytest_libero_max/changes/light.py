@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, Vector3, flag, number, strength_of, vector3
-from pytest_libero_max.changes.pixels import Brightness, filter_records
-from pytest_libero_max.changes.reversal import Reversal, added_filters, altered_rows, check_evidence
+from pytest_libero_max.changes.measuring import filter_records
+from pytest_libero_max.changes.pixels import Brightness
+from pytest_libero_max.changes.reversal import Reversal, added_filters, altered_rows
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import Array, World
 

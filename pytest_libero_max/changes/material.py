@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
     ManifestFields,
     Vector3,
@@ -22,7 +22,7 @@ from pytest_libero_max.changes.fields import (
     vector3,
 )
 from pytest_libero_max.changes.nothing import Nothing
-from pytest_libero_max.changes.reversal import Reversal, Row, check_evidence, frozen, saved
+from pytest_libero_max.changes.reversal import Reversal, Row, frozen, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import World
 

@@ -6,21 +6,21 @@ and its own fields, and of nothing else. How often or in which order images are 
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import math
 from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.changes import image_corruptions
-from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of, text
-from pytest_libero_max.changes.reversal import Reversal, added_filters, check_evidence
+from pytest_libero_max.changes.measuring import filter_records
+from pytest_libero_max.changes.reversal import Reversal, added_filters
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, Image, World
 
@@ -330,17 +330,6 @@ class SetGlare(ManifestFields):
         """The veil's strength multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
         return self if s == 1.0 else replace(self, strength=self.strength * s)
-
-
-def filter_records(world: World) -> list[dict[str, Any]]:
-    """The world's active pixel filters as JSON values, in the order in which they act."""
-    records = []
-    for pixel_filter, since in world.filters:
-        value: Any = pixel_filter
-        names = [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else []
-        parameters = {name: getattr(value, name) for name in names}
-        records.append({"filter": type(pixel_filter).__name__, "since_step": since, **parameters})
-    return records
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
     ManifestFields,
     Vector3,
@@ -22,8 +22,9 @@ from pytest_libero_max.changes.fields import (
     vector3,
 )
 from pytest_libero_max.changes.lowering import lower, reach, top
+from pytest_libero_max.changes.measuring import measure_poses
 from pytest_libero_max.changes.nothing import Nothing
-from pytest_libero_max.changes.reversal import Reversal, check_evidence, former_poses, saved
+from pytest_libero_max.changes.reversal import Reversal, former_poses, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array, World
@@ -482,16 +483,6 @@ def pose_factors(names: Iterable[str]) -> frozenset[Factor]:
 
 def _objects(world: World) -> list[str]:
     return [name for name, entity in world.entities.items() if entity.kind == "object"]
-
-
-def measure_poses(world: World, names: Iterable[str]) -> dict[str, Any]:
-    """Where the entities named are, for the evidence."""
-    poses = {name: world.pose(name) for name in names}
-    return {
-        "position_m": {name: [float(v) for v in position] for name, (position, _) in poses.items()},
-        "quaternion_wxyz": {name: [float(v) for v in quaternion] for name, (_, quaternion) in poses.items()},
-        "taken_out": [name for name in poses if name in world.parked],
-    }
 
 
 def _yawed(turn: Array, yaw_degrees: float) -> rotations.Quaternion:

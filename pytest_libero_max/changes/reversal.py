@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pytest_libero_max.changes.base import Evidence, Factor
 from pytest_libero_max.changes.fields import all_or_nothing
+from pytest_libero_max.changes.measuring import filter_records, measure_poses
+from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import Goal, World
 
@@ -34,7 +36,7 @@ class Reversal:
         reverts: Operation of the change that is taken back.
         factors: What it may touch: the factors of that change.
         rows: Model fields to write.
-        filters: Pixel filters to remove, as :func:`~.pixels.filter_records` describes them.
+        filters: Pixel filters to remove, as :func:`~.measuring.filter_records` describes them.
         placed: Entities to place, or to bring back where they have been taken out.
         parked: Objects to take out of the scene again: where each was kept, and the pose it had in the scene.
         joints: Joint positions of the arm (7,), rad; None leaves it alone.
@@ -59,10 +61,6 @@ class Reversal:
         Raises:
             ChangeError: A filter to remove is not there, or an object to take out has been taken out already.
         """
-        # Imported here: pixels and poses make reversals, and this one only measures with them.
-        from pytest_libero_max.changes.pixels import filter_records
-        from pytest_libero_max.changes.poses import measure_poses
-
         entities = [name for name, _ in self.placed] + [name for name, *_ in self.parked]
 
         def measure() -> dict[str, Any]:
@@ -106,8 +104,6 @@ class Reversal:
 
     def scaled(self, strength: float) -> Change:
         """The reversal at strength 1, nothing at strength 0; other strengths are errors."""
-        from pytest_libero_max.changes.nothing import Nothing
-
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
     def reverted(self, evidence: Evidence) -> Change:
@@ -121,20 +117,6 @@ class Reversal:
     def to_dict(self) -> dict[str, Any]:
         """The reversal as JSON values, for people: a manifest cannot hold it."""
         return {"operation": self.operation, "reverts": self.reverts, "factors": sorted(self.factors)}
-
-
-def check_evidence(change: Change, evidence: Evidence) -> None:
-    """Check that the evidence is of this change.
-
-    Raises:
-        ChangeError: It is of another one, or was read from a record.
-    """
-    factors = tuple(sorted(change.factors))
-    if (evidence.operation, evidence.factors) != (change.operation, factors):
-        raise ChangeError(
-            f"evidence of {evidence.operation!r} on {list(evidence.factors)}, but {change.operation!r} on "
-            f"{list(factors)} is to be taken back. Give the evidence that its own apply returned."
-        )
 
 
 def saved(evidence: Evidence, name: str) -> Any:

@@ -1,0 +1,30 @@
+"""What the evidence of several changes says of a world."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
+from pytest_libero_max.worlds.contract import World
+
+
+def filter_records(world: World) -> list[dict[str, Any]]:
+    """The world's active pixel filters as JSON values, in the order in which they act."""
+    records = []
+    for pixel_filter, since in world.filters:
+        value: Any = pixel_filter
+        names = [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else []
+        parameters = {name: getattr(value, name) for name in names}
+        records.append({"filter": type(pixel_filter).__name__, "since_step": since, **parameters})
+    return records
+
+
+def measure_poses(world: World, names: Iterable[str]) -> dict[str, Any]:
+    """Where the entities named are, for the evidence."""
+    poses = {name: world.pose(name) for name in names}
+    return {
+        "position_m": {name: [float(v) for v in position] for name, (position, _) in poses.items()},
+        "quaternion_wxyz": {name: [float(v) for v in quaternion] for name, (_, quaternion) in poses.items()},
+        "taken_out": [name for name in poses if name in world.parked],
+    }
