@@ -53,7 +53,7 @@ def test_bad_options_stop_the_run_before_it_begins(
 
 def test_an_unknown_track_names_the_known_ones(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(adapter=REACHER)
-    result = pytester.runpytest_inprocess("--libero-max-policy=adapter.py", "--libero-max-track=smok")
+    result = pytester.runpytest_subprocess("--libero-max-policy=adapter.py", "--libero-max-track=smok")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["ERROR: *'smok'*Did you mean 'smoke'?*"])
 

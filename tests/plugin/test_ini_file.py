@@ -70,7 +70,7 @@ def test_bare_pytest_plays_the_pairs_that_testpaths_name(
 
 def test_testpaths_may_name_the_users_own_tests_too(project: pytest.Pytester) -> None:
     set_testpaths(project, "tests", "libero-max")
-    done = project.runpytest_inprocess()
+    done = project.runpytest_subprocess()
     done.assert_outcomes(passed=3)
     assert done.ret == 10
     assert played(project.path) == 2
@@ -79,7 +79,7 @@ def test_testpaths_may_name_the_users_own_tests_too(project: pytest.Pytester) ->
 def test_a_policy_in_the_ini_file_alone_leaves_the_users_tests_as_they_are_and_says_so(
     project: pytest.Pytester,
 ) -> None:
-    done = project.runpytest_inprocess()
+    done = project.runpytest_subprocess()
     done.assert_outcomes(passed=1)
     assert done.ret == 0
     done.stdout.fnmatch_lines(
@@ -90,7 +90,7 @@ def test_a_policy_in_the_ini_file_alone_leaves_the_users_tests_as_they_are_and_s
 
 def test_the_command_line_wins_over_the_ini_file(project: pytest.Pytester, results: Results) -> None:
     project.makepyfile(other=REACHER.replace('"reacher"', '"other"'))
-    project.runpytest_inprocess("libero-max", "--libero-max-policy=other.py", "-k", "v0")
+    project.runpytest_subprocess("libero-max", "--libero-max-policy=other.py", "-k", "v0")
     assert results()[1]["policy"]["name"] == "other"
 
 
@@ -112,13 +112,13 @@ def test_only_a_run_that_plays_writes_into_the_output_folder(
     project: pytest.Pytester, arguments: list[str], where: str
 ) -> None:
     target = ["libero-max"] if where == "ini file" else ["--libero-max-policy=adapter.py"]
-    project.runpytest_inprocess(*target, *arguments)
+    project.runpytest_subprocess(*target, *arguments)
     folder = project.path / "libero-max-results"
     assert not folder.exists()
     folder.mkdir()
     (folder / "report.json").write_text("kept")
     (folder / "pairs.jsonl").write_text("kept\n")
-    project.runpytest_inprocess(*target, *arguments)
+    project.runpytest_subprocess(*target, *arguments)
     assert {path.name: path.read_text() for path in folder.iterdir()} == {
         "report.json": "kept",
         "pairs.jsonl": "kept\n",
@@ -127,6 +127,6 @@ def test_only_a_run_that_plays_writes_into_the_output_folder(
 
 def test_a_session_that_cannot_collect_writes_nothing(project: pytest.Pytester) -> None:
     project.path.joinpath("tests/test_broken.py").write_text("import nowhere_to_be_found\n")
-    done = project.runpytest_inprocess("libero-max", "tests")
+    done = project.runpytest_subprocess("libero-max", "tests")
     assert done.ret == pytest.ExitCode.INTERRUPTED
     assert list((project.path / "libero-max-results").iterdir()) == []

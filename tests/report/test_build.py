@@ -33,6 +33,7 @@ def test_a_complete_run_counts_every_pair_once() -> None:
         "missing": 0,
         "complete": True,
         "invalid_pairs": [],
+        "missing_shards": [],
         "missing_pairs": [],
     }
     assert report["overall"]["outcomes"] == {
