@@ -172,8 +172,10 @@ def _replay(branch: BranchPoint, stage: Stage) -> None:
             stage.begin_policy()
         if step in shown:
             require_same_answer(shown[step], stage)
-        if remembering and branch.asked is not None and branch.asked.answer.step == step:
-            branch.asked.ask_again_here(stage)
+        # The first query, before which there is no memory, has just been asked again.
+        asked = branch.asked
+        if asked is not None and asked.memory is not None and remembering and asked.answer.step == step:
+            asked.ask_again_here(stage)
         world.step(branch.actions[step])
         digest = world.digest()
         links.append(next_link(links[-1], branch.actions[step], digest))
