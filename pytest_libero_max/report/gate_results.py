@@ -12,7 +12,7 @@ from pytest_libero_max.report.files import REPORT_NAME, report_of
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate, require_known_groups
 from pytest_libero_max.report.run import PlannedPair
 from pytest_libero_max.report.statistics_json import contrast_json
-from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, read_pairs
+from pytest_libero_max.report.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
 
 
@@ -94,7 +94,7 @@ def _against(stored: StoredRun, other: Path) -> Json | str:
 
 def _folder(path: Path) -> Path:
     """The folder of a run that may be named by one of its files."""
-    return path.parent if path.name in (REPORT_NAME, PAIRS_NAME) else path
+    return path.parent if path.name in (REPORT_NAME, PAIRS_NAME, PACKED_PAIRS_NAME) else path
 
 
 def _escaped(text: str) -> str:

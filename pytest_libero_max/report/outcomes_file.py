@@ -20,7 +20,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.run import PlannedPair, Run
-from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, read_pairs
+from pytest_libero_max.report.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.paired import Pairs
 
 OUTCOMES_NAME = "outcomes.json"
@@ -108,7 +108,7 @@ def read_outcomes(path: Path) -> RunOutcomes:
     Raises:
         ReportError: See :func:`~pytest_libero_max.report.store.read_pairs`.
     """
-    pairs_path = path / PAIRS_NAME if path.is_dir() else path
+    pairs_path = pairs_file(path)
     try:
         kept = json.loads((pairs_path.parent / OUTCOMES_NAME).read_bytes())
         if kept["schema_version"] == OUTCOMES_VERSION and kept["pairs_digest"] == file_digest(pairs_path):

@@ -14,12 +14,14 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
+from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line, read_content
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.run import Run
 
 PAIRS_NAME = "pairs.jsonl"
+PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
+"""The same file in a published run; it is read, never written to."""
 
 
 @dataclass(frozen=True)
@@ -153,8 +155,16 @@ def _set_aside(path: Path) -> None:
         path.replace(path.with_name(f"pairs.{max(numbers, default=0) + 1}.jsonl"))
 
 
+def pairs_file(path: Path) -> Path:
+    """The pairs of a run: those in a folder, packed where only these are there, or the file itself."""
+    if not path.is_dir():
+        return path
+    plain, packed = path / PAIRS_NAME, path / PACKED_PAIRS_NAME
+    return packed if packed.exists() and not plain.exists() else plain
+
+
 def read_pairs(path: Path) -> StoredRun:
-    """Read a ``pairs.jsonl`` (or the one in a folder).
+    """Read a ``pairs.jsonl`` or ``pairs.jsonl.gz`` (or the one in a folder).
 
     A last line without its line end was torn by a kill: it is left out, and ``torn`` says so. Damage
     anywhere else is an error.
@@ -162,10 +172,9 @@ def read_pairs(path: Path) -> StoredRun:
     Raises:
         ReportError: The file is missing, or a line is damaged; names the line.
     """
-    if path.is_dir():
-        path = path / PAIRS_NAME
+    path = pairs_file(path)
     try:
-        content = path.read_bytes()
+        content = read_content(path)
     except OSError as error:
         raise ReportError(
             f"Cannot read {path}: {error}. Give a folder in which a run has written {PAIRS_NAME}."

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gzip
 import json
 import os
 from pathlib import Path
@@ -93,6 +94,20 @@ def test_a_second_run_line_is_refused(tmp_path: Path, run: Run) -> None:
 
 def test_a_missing_file_says_where_it_was_looked_for(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match=r"Cannot read .*pairs\.jsonl"):
+        read_pairs(tmp_path)
+
+
+def test_packed_pairs_are_read_where_there_are_no_others(tmp_path: Path, run: Run) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, False))
+    store.close()
+    plain = read_pairs(tmp_path)
+    packed = tmp_path / "pairs.jsonl.gz"
+    packed.write_bytes(gzip.compress(store.path.read_bytes(), mtime=0))
+    store.path.unlink()
+    assert read_pairs(tmp_path) == read_pairs(packed) == plain
+    packed.write_bytes(packed.read_bytes()[:-20])
+    with pytest.raises(ReportError, match=r"Cannot read .*pairs\.jsonl\.gz"):
         read_pairs(tmp_path)
 
 
