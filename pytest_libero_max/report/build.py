@@ -89,7 +89,7 @@ def build_report(
     failed = {error.case_id: error for error in errors if error.case_id not in played}
     _require_planned(failed, {pair.case_id: pair for pair in planned})
     measured = [pair for pair in planned if pair.case_id in played]
-    columns = columns_of([played[pair.case_id] for pair in measured])
+    columns = columns_of([played[pair.case_id] for pair in measured], [pair.task for pair in measured])
     overall = measure(columns)
     selection = _selection(provenance)
     counts = _counts(planned, played, failed, selection["missing_shards"] if selection else [])

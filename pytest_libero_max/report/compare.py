@@ -41,7 +41,7 @@ from pytest_libero_max.stats.comparison import (
     profile_agreement,
     ranks,
 )
-from pytest_libero_max.stats.paired import Pairs, measure_groups
+from pytest_libero_max.stats.paired import Labels, Pairs, measure_groups
 
 COMPARISON_VERSION = 3
 
@@ -133,7 +133,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     """
     common = common_cases(runs, restrict)
     outcomes = {name: _outcomes(run) for name, run in runs.items()}
-    pairs = common.pairs
+    pairs = {name: columns.numbered() for name, columns in common.pairs.items()}
     labels = np.asarray([pair.event for pair in common.planned])
     events = sorted(set(labels.tolist()), key=lambda event: group_order("event", event))
     masks = {event: labels == event for event in events}
@@ -148,7 +148,8 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     base = {name: columns.base for name, columns in pairs.items()}
     dynamic = {name: columns.dynamic for name, columns in pairs.items()}
     differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
-    tasks = _task_codes(common)
+    labelled = next(iter(pairs.values()))
+    tasks = labelled.task, labelled.source
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
     rows = []
@@ -262,18 +263,11 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     return [*command, "-k"]
 
 
-def _task_codes(common: CommonCases) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Numbers for the tasks and the sources of the common cases; numbers are faster than names."""
-    pairs = next(iter(common.pairs.values()))
-    tasks, sources = (np.unique(labels, return_inverse=True)[1] for labels in (pairs.task, pairs.source))
-    return tasks.astype(np.int64), sources.astype(np.int64)
-
-
 def _with_tasks(
     values: Json,
     contrast: Contrast | ChangeContrast,
     columns: Mapping[str, NDArray[Any]],
-    tasks: tuple[NDArray[np.int64], NDArray[np.int64]],
+    tasks: tuple[Labels, Labels],
 ) -> Json:
     """A contrast with the interval that takes the cases of a task as one draw."""
     change = columns[contrast.second].astype(np.int64) - columns[contrast.first]

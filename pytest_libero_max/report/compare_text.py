@@ -36,7 +36,8 @@ def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
         comparison: What :func:`~pytest_libero_max.report.compare.compare_runs` returned.
         flips: How many changed cases are listed.
     """
-    comparison = _with_short_names(comparison)
+    changed = len(comparison["flips"])
+    comparison = with_short_names({**comparison, "flips": comparison["flips"][:flips]})
     pairs, runs = comparison["pairs"], comparison["runs"]
     lines = [f"{len(runs)} runs on {pairs['common']} common cases"]
     if pairs["restricted"]:
@@ -65,13 +66,13 @@ def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
         lines += ["", *_contrast_lines(title, comparison[key])]
     lines += ["", *_event_lines(comparison["by_event"])]
     lines += ["", *_profile_lines(comparison)]
-    lines += ["", *_flip_lines(comparison, flips), ""]
+    lines += ["", *_flip_lines(comparison, changed), ""]
     for key in _STATEMENTS:
         lines += wrap(comparison["statements"][key], 100)
     return lines
 
 
-def _with_short_names(comparison: Json) -> Json:
+def with_short_names(comparison: Json) -> Json:
     """The comparison with runs named by the last part of their paths, where these differ."""
     names = [run["name"] for run in comparison["runs"]]
     short = dict(zip(names, (PurePath(name).name for name in names), strict=True))
@@ -177,15 +178,16 @@ def _profile_lines(comparison: Json) -> Iterator[str]:
         )
 
 
-def _flip_lines(comparison: Json, most: int) -> list[str]:
+def _flip_lines(comparison: Json, changed: int) -> list[str]:
+    """The changed cases that are listed, of so many."""
     flips = comparison["flips"]
-    if not flips:
+    if not changed:
         return ["No case changed."]
     names = [run["name"] for run in comparison["runs"]]
-    lines = [f"{len(flips)} cases changed, (Base, Dynamic) in {', '.join(names)}:"]
-    for flip in flips[:most]:
+    lines = [f"{changed} cases changed, (Base, Dynamic) in {', '.join(names)}:"]
+    for flip in flips:
         lines.append(f"{' '.join(_SHORT[flip['outcomes'][name]] for name in names)}  {flip['item_id']}")
-    if len(flips) > most:
-        lines.append(f"... and {len(flips) - most} more")
+    if changed > len(flips):
+        lines.append(f"... and {changed - len(flips)} more")
     lines.append("To play one of them again, append its name:")
     return [*lines, *(f"  {run['name']}: {shlex.join(run['replay'])}" for run in comparison["runs"])]

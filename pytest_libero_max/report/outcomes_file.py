@@ -14,17 +14,16 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.run import PlannedPair, Run
+from pytest_libero_max.report.run import PlannedPair, Run, planned_pair
 from pytest_libero_max.report.store import StoredRun, pairs_file, read_pairs
-from pytest_libero_max.stats.paired import Pairs
+from pytest_libero_max.stats.paired import Labels, Pairs
 
 OUTCOMES_NAME = "outcomes.json"
-OUTCOMES_VERSION = 1
+OUTCOMES_VERSION = 2
 
 _PLANNED = b',"planned":['
 """Begins the last field of a run's line."""
@@ -50,16 +49,22 @@ class RunOutcomes:
     def of(cls, stored: StoredRun) -> RunOutcomes:
         """The outcomes of a run that has been read."""
         records = stored.records
+        tasks = {pair.case_id: pair.task for pair in stored.run.planned}
         return cls(
             run=stored.run,
             case_ids=tuple(record.case_id for record in records),
-            pairs=columns_of(records),
+            pairs=columns_of(records, [tasks.get(record.case_id, "?") for record in records]),
             policy=records[0].policy if records else None,
         )
 
 
-def columns_of(records: Sequence[PairRecord]) -> Pairs:
-    """The columns of the statistics, one row a record."""
+def columns_of(records: Sequence[PairRecord], tasks: Sequence[str]) -> Pairs:
+    """The columns of the statistics, one row a record.
+
+    Args:
+        records: Measured pairs.
+        tasks: The task of each, see :class:`~pytest_libero_max.report.run.PlannedPair`.
+    """
     return Pairs.of(
         base=[record.base_success for record in records],
         dynamic=[record.dynamic_success for record in records],
@@ -67,7 +72,7 @@ def columns_of(records: Sequence[PairRecord]) -> Pairs:
         responded=[record.responded for record in records],
         stale=[-1 if record.stale_actions is None else record.stale_actions for record in records],
         source=[record.source for record in records],
-        task=[f"{record.suite}/{record.task_index}" for record in records],
+        task=tasks,
     )
 
 
@@ -93,7 +98,7 @@ def outcomes_json(outcomes: RunOutcomes, digest: str) -> str:
     return json.dumps(values, separators=(",", ":"), allow_nan=False) + "\n"
 
 
-def _coded(labels: NDArray[np.str_]) -> Json:
+def _coded(labels: Labels) -> Json:
     """Labels as their distinct names and the place of each among them."""
     names, places = np.unique(labels, return_inverse=True)
     return {"names": names.tolist(), "places": places.tolist()}
@@ -151,4 +156,4 @@ def _run_of(path: Path) -> Run:
 
 @lru_cache(maxsize=2)
 def _planned_pairs(text: bytes) -> tuple[PlannedPair, ...]:
-    return tuple(PlannedPair(**values) for values in json.loads(b"[" + text.removesuffix(b"}")))
+    return tuple(map(planned_pair, json.loads(b"[" + text.removesuffix(b"}"))))

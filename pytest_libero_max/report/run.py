@@ -11,6 +11,9 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields, require_version
 
+_UNKNOWN = "?"
+"""The number of a task that is not known."""
+
 
 @dataclass(frozen=True)
 class PlannedPair:
@@ -28,6 +31,8 @@ class PlannedPair:
         family: The event's family.
         variant: The event's parameter variant, 0 or 1.
         severity: The event's severity.
+        task: The LIBERO task that the case is of or is a variation of, for example ``libero_goal/3``;
+            ``libero_goal/?`` where that is not known.
     """
 
     case_id: str
@@ -41,6 +46,7 @@ class PlannedPair:
     family: str
     variant: int
     severity: str
+    task: str
 
     @property
     def category(self) -> str:
@@ -66,6 +72,7 @@ class PlannedPair:
             family=family_of(case.event.name),
             variant=case.event.variant,
             severity=case.event.severity,
+            task=f"{case.suite}/{_task_number(case)}",
         )
 
 
@@ -111,9 +118,27 @@ class Run:
             raise ReportError(
                 f"A run has the fields {sorted(values)}, but must have planned, provenance, schema_version."
             )
-        return cls(tuple(_planned(entry) for entry in values["planned"]), values["provenance"])
+        return cls(tuple(planned_pair(entry) for entry in values["planned"]), values["provenance"])
 
 
-def _planned(values: Json) -> PlannedPair:
+def _task_number(case: Case) -> str:
+    """Which of the ten tasks of its suite a case is of. LIBERO-Plus numbers variations, named after it."""
+    if case.source != "plus":
+        return str(case.task_index)
+    from pytest_libero_max.worlds.embedded.tasks import SUITES, tasks
+
+    name = f"{case.record.get('task_name', '')}_"
+    suite = tasks(case.suite) if case.suite in SUITES else ()
+    known = [index for index, task in enumerate(suite) if name.startswith(f"{task.name}_")]
+    return str(known[0]) if len(known) == 1 else _UNKNOWN
+
+
+def planned_pair(values: Json) -> PlannedPair:
+    """A planned pair as stored. Its task was not always written.
+
+    Raises:
+        ReportError: Another field is missing or unknown.
+    """
+    values = {"task": f"{values.get('suite')}/{_UNKNOWN}", **values}
     require_fields(PlannedPair, values, "planned pair")
     return PlannedPair(**values)

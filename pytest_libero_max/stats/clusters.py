@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special, stats
+from scipy import special
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
@@ -119,7 +119,7 @@ def cluster_bootstrap(
     tail = (1 - confidence) / 2
     if expanded and cluster_count > 1:
         widening = np.sqrt(cluster_count / (cluster_count - 1))
-        tail = float(special.ndtr(widening * stats.t.ppf(tail, cluster_count - 1)))
+        tail = float(special.ndtr(widening * special.stdtrit(cluster_count - 1, tail)))
     lower, upper = np.quantile(means, [tail, 1 - tail], method="inverted_cdf")
     return ClusterInterval(
         estimate=float(numbers.sum() / n),

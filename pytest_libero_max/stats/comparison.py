@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy import special, stats
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
 from pytest_libero_max.stats.outcomes import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
-from pytest_libero_max.stats.significance import McNemar, holm, mcnemar
+from pytest_libero_max.stats.significance import McNemar, holm, log_fair_coins, mcnemar
 
 
 @dataclass(frozen=True)
@@ -287,12 +287,14 @@ def sign_flip(differences: ArrayLike) -> float | None:
     if values.size == 0:
         return None
     sizes = np.bincount(np.abs(values), minlength=3)
-    single = stats.binom.pmf(np.arange(sizes[1] + 1), sizes[1], 0.5)
+    single = np.exp(log_fair_coins(int(sizes[1])))
     double = np.zeros(2 * int(sizes[2]) + 1)
-    double[::2] = stats.binom.pmf(np.arange(sizes[2] + 1), sizes[2], 0.5)
+    double[::2] = np.exp(log_fair_coins(int(sizes[2])))
     mass = np.convolve(single, double)
     total = int(sizes[1] + 2 * sizes[2])  # entry k is the sum 2 k - total
     extreme = abs(int(values.sum()))
+    if extreme <= 1:
+        return 0.0  # no sum is nearer to zero
     tail = float(mass[: (total - extreme) // 2 + 1].sum())
     return max(-300.0, math.log10(min(1.0, 2 * tail))) if tail > 0 else -300.0
 
@@ -305,7 +307,7 @@ def _family_confidence(contrasts: int) -> float:
 def ranks(values: Mapping[str, float | None]) -> dict[str, float | None]:
     """Rank 1 for the largest value; equal values share the mean of their ranks, None has no rank."""
     known = {name: value for name, value in values.items() if value is not None}
-    ranked = dict(zip(known, stats.rankdata([-value for value in known.values()]).tolist(), strict=True))
+    ranked = dict(zip(known, _mean_ranks([-value for value in known.values()]).tolist(), strict=True))
     return {name: ranked.get(name) for name in values}
 
 
@@ -317,7 +319,7 @@ def profile_agreement(profiles: Mapping[str, Sequence[float]]) -> ProfileAgreeme
     """
     correlations: dict[tuple[str, str], float | None] = {}
     for first, second in combinations(profiles, 2):
-        one, other = (stats.rankdata(profiles[name]) for name in (first, second))
+        one, other = (_mean_ranks(profiles[name]) for name in (first, second))
         constant = np.ptp(one) == 0 or np.ptp(other) == 0
         correlations[first, second] = None if constant else float(np.corrcoef(one, other)[0, 1])
     known = [value for value in correlations.values() if value is not None]
@@ -327,6 +329,13 @@ def profile_agreement(profiles: Mapping[str, Sequence[float]]) -> ProfileAgreeme
         lowest=min(known, default=None),
         highest=max(known, default=None),
     )
+
+
+def _mean_ranks(values: Sequence[float]) -> NDArray[np.float64]:
+    """Ranks from 1 for the smallest; equal values share the mean of theirs."""
+    ordered = np.sort(np.asarray(values, dtype=np.float64))
+    first, end = (np.searchsorted(ordered, values, side=side) for side in ("left", "right"))
+    return np.asarray((first + end + 1) / 2, dtype=np.float64)
 
 
 def _only(one: BoolArray, other: BoolArray) -> int:

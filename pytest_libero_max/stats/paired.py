@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,8 @@ from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change,
 from pytest_libero_max.stats.outcomes import BoolArray, Outcomes, Ratio, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, mcnemar
+
+Labels = NDArray[np.str_] | NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +41,8 @@ class Pairs:
     triggered: BoolArray
     responded: BoolArray
     stale: NDArray[np.int64]
-    source: NDArray[np.str_]
-    task: NDArray[np.str_]
+    source: Labels
+    task: Labels
 
     def __post_init__(self) -> None:
         lengths = {name: len(column) for name, column in vars(self).items()}
@@ -77,6 +79,11 @@ class Pairs:
             np.asarray(source, dtype=np.str_),
             np.asarray(task, dtype=np.str_),
         )
+
+    def numbered(self) -> Pairs:
+        """The same pairs with numbers for labels, in the labels' order; statistics are faster on them."""
+        source, task = (np.unique(labels, return_inverse=True)[1] for labels in (self.source, self.task))
+        return replace(self, source=source.astype(np.int64), task=task.astype(np.int64))
 
     def at(self, places: Sequence[int]) -> Pairs:
         """The pairs at these places, in this order."""

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
+from numpy.typing import NDArray
+from scipy import special
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,18 @@ def mcnemar(losses: int, gains: int) -> McNemar:
     n, k = losses + gains, min(losses, gains)
     if 2 * k + 1 >= n:
         return McNemar(losses, gains, 0.0)
-    tail = special.logsumexp(stats.binom.logpmf(np.arange(k + 1), n, 0.5))
+    logs = log_fair_coins(n)[: k + 1]  # the last one is the largest
+    tail = logs[-1] + math.log(float(np.exp(logs - logs[-1]).sum()))
     return McNemar(losses, gains, min(0.0, float(tail + math.log(2)) / math.log(10)))
+
+
+def log_fair_coins(n: int) -> NDArray[np.float64]:
+    """Natural logarithms of the probabilities of 0 to n heads of n fair coins."""
+    heads = np.arange(n + 1)
+    logs: NDArray[np.float64] = (
+        special.gammaln(n + 1) - special.gammaln(heads + 1) - special.gammaln(n - heads + 1) - n * math.log(2)
+    )
+    return logs
 
 
 def holm(log10_p: Sequence[float | None]) -> tuple[float | None, ...]:

@@ -54,6 +54,7 @@ def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[
                 family=kind.family,
                 variant=variant,
                 severity=kind.severities[variant],
+                task=f"libero_{'spatial' if index % 2 == 0 else 'object'}/{index % 10}",
             )
         )
     return pairs
@@ -61,8 +62,10 @@ def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[
 
 def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> PairRecord:
     """A record of a planned pair with the outcomes given."""
+    labels = asdict(pair)
+    del labels["task"]
     values: dict[str, Any] = {
-        **asdict(pair),
+        **labels,
         "task_index": 0,
         "init_state_index": 0,
         "policy_seed": 195,
