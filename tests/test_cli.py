@@ -47,6 +47,16 @@ def test_runs_are_compared(
     assert main(arguments) == 0
     assert "2 runs on 64 common cases" in capsys.readouterr().out
     assert (tmp_path / "c.json").exists()
+    assert main([*arguments, "--output", str(tmp_path / "pages")]) == 0
+    assert (tmp_path / "pages" / "comparison.html").exists()
+
+
+def test_a_run_is_published(
+    stored: Callable[..., str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert main(["publish", stored("run", seed=1), str(tmp_path / "published" / "run")]) == 0
+    assert "pairs.jsonl.gz" in capsys.readouterr().out
+    assert main(["report", str(tmp_path / "published" / "run")]) == 0
 
 
 def test_power_is_printed_for_expectations_and_for_a_run(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def add_commands(commands: Commands) -> None:
-    """Add ``report``, ``compare``, ``published``, ``merge``, ``gate`` and ``power`` to the parser."""
+    """Add ``report``, ``compare``, ``publish``, ``published``, ``merge``, ``gate`` and ``power``."""
     report = commands.add_parser(
         "report", help="Compute the report of a run again from its pairs.jsonl alone"
     )
@@ -39,7 +39,20 @@ def add_commands(commands: Commands) -> None:
         "--flips", type=int, default=20, metavar="N", help="Listed at most (default: %(default)s)"
     )
     compare.add_argument("--json", type=Path, metavar="FILE", help="Also write the comparison here")
+    compare.add_argument(
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        help="Also write the comparison here as JSON, Markdown and HTML, with its figures",
+    )
     compare.set_defaults(run=_compare)
+
+    publish = commands.add_parser(
+        "publish", help="Write packed pairs, report and figures of a run into a folder to be published"
+    )
+    publish.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
+    publish.add_argument("folder", type=Path, metavar="FOLDER", help="For example reports/lite/expert")
+    publish.set_defaults(run=_publish)
 
     published = commands.add_parser("published", help="Print the results published in the paper")
     published.set_defaults(run=_published)
@@ -111,13 +124,22 @@ def _report(options: argparse.Namespace) -> None:
 
 def _compare(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.compare import compare_folders
+    from pytest_libero_max.report.compare_files import write_comparison
     from pytest_libero_max.report.compare_text import comparison_lines
     from pytest_libero_max.report.files import report_json, write_text
 
     comparison = compare_folders(options.folders, options.restrict)
     if options.json:
         write_text(options.json, report_json(comparison))
+    if options.output:
+        write_comparison(comparison, options.output)
     print("\n".join(comparison_lines(comparison, options.flips)))
+
+
+def _publish(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.publication import publish
+
+    print(f"Written: {', '.join(map(str, publish(options.run_folder, options.folder)))}")
 
 
 def _published(options: argparse.Namespace) -> None:

@@ -197,6 +197,9 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             }
             for event in events
         },
+        "events": {
+            event: _over_runs([changes[name][index] for name in pairs]) for index, event in enumerate(events)
+        },
         "event_profiles": {
             "mean_spearman": number(agreement.mean),
             "lowest": number(agreement.lowest),
@@ -261,6 +264,12 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
         if provenance["policy"].get(key) is not None:
             command.append(f"--libero-max-{flag}={provenance['policy'][key]}")
     return [*command, "-k"]
+
+
+def _over_runs(changes: Sequence[float]) -> Json:
+    """Median, quartiles (linear between runs) and range of the paired changes of an event."""
+    names = ("lowest", "lower_quartile", "median", "upper_quartile", "highest")
+    return dict(zip(names, map(number, np.percentile(changes, [0, 25, 50, 75, 100]).tolist()), strict=True))
 
 
 def _with_tasks(

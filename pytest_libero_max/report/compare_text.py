@@ -168,6 +168,14 @@ def _profile_lines(comparison: Json) -> Iterator[str]:
             for key in ("smallest_loss", "largest_loss")
         )
         yield f"  {run['name']:<26} {smallest:<34} {largest}"
+    if len(comparison["runs"]) > 2:
+        yield f"{'Paired change by event':<28} {'median':>7}  quartiles over the runs  range"
+        for event, over_runs in comparison["events"].items():
+            quartiles, ends = (
+                f"[{points(over_runs[low])}, {points(over_runs[high])}]"
+                for low, high in (("lower_quartile", "upper_quartile"), ("lowest", "highest"))
+            )
+            yield f"  {event:<26} {points(over_runs['median']):>7}  {quartiles:<23}  {ends}"
     profiles = comparison["event_profiles"]
     if profiles["mean_spearman"] is None:
         yield "Agreement of the event profiles: n/a, no two runs have profiles that vary"

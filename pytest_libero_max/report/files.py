@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
@@ -70,12 +70,20 @@ def write_figures(report: Json, folder: Path) -> list[Path]:
     Raises:
         ReportError: They cannot be written.
     """
-    documents = {stem: draw(report) for stem, draw in FIGURES.items()}
+    return write_drawings({stem: draw(report) for stem, draw in FIGURES.items()}, folder)
+
+
+def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:
+    """Write SVG documents by the stem of their file name, as PNG as well where the extra is installed.
+
+    Raises:
+        ReportError: They cannot be written.
+    """
     files = {f"{stem}.svg": svg.encode() for stem, svg in documents.items()}
     if raster.available():
         files |= {f"{stem}.png": raster.png_of(svg) for stem, svg in documents.items()}
     for name, content in files.items():
-        _write(folder / name, content)
+        write_bytes(folder / name, content)
     return [folder / name for name in files]
 
 
@@ -113,10 +121,11 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         ReportError: It cannot be written.
     """
-    _write(path, text.encode())
+    write_bytes(path, text.encode())
 
 
-def _write(path: Path, content: bytes) -> None:
+def write_bytes(path: Path, content: bytes) -> None:
+    """:func:`write_text` for any content."""
     partial = path.with_name(path.name + ".partial")
     try:
         partial.write_bytes(content)

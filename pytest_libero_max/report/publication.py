@@ -1,0 +1,59 @@
+"""A run as it is published: its pairs, packed, and what follows from them."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Mapping
+from pathlib import Path
+
+from pytest_libero_max.benchmark.documents import Json, read_content
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.figures import FIGURES
+from pytest_libero_max.report.files import MARKDOWN_NAME, REPORT_NAME, report_json, report_of, write_bytes
+from pytest_libero_max.report.markdown import markdown
+from pytest_libero_max.report.store import PACKED_PAIRS_NAME, pairs_file, read_pairs
+
+
+def publish(run: Path, folder: Path) -> list[Path]:
+    """Write the packed pairs of a finished run, its report and its figures.
+
+    The same pairs give the same files.
+
+    Args:
+        run: The output folder of the run.
+        folder: Made where it is missing. Files of these names are replaced.
+
+    Raises:
+        ReportError: The run cannot be read or is not complete, or the files cannot be written.
+    """
+    stored = read_pairs(run)
+    report = report_of(stored)
+    if not report["pairs"]["complete"]:
+        raise ReportError(
+            f"{run} is incomplete: {report['headline']['reason']}. Continue it with --libero-max-resume."
+        )
+    files = published_files(report)
+    try:
+        files[PACKED_PAIRS_NAME] = gzip.compress(read_content(pairs_file(run)), mtime=0)
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ReportError(f"Cannot publish {run} in {folder}: {error}.") from error
+    for name, content in files.items():
+        write_bytes(folder / name, content)
+    return [folder / name for name in files]
+
+
+def published_files(report: Json) -> dict[str, bytes]:
+    """What is published beside the pairs, by file name: the report and its figures."""
+    figures = {f"{stem}.svg": draw(report) for stem, draw in FIGURES.items()}
+    files = {
+        REPORT_NAME: report_json(report),
+        MARKDOWN_NAME: markdown(report) + _shown(figures),
+        **figures,
+    }
+    return {name: text.encode() for name, text in files.items()}
+
+
+def _shown(figures: Mapping[str, str]) -> str:
+    pictures = "\n".join(f"![{name.removesuffix('.svg')}]({name})\n" for name in figures)
+    return f"\n## Figures\n\n{pictures}"
