@@ -35,6 +35,10 @@ class ActionError(AdapterError):
     """A policy returned actions of the wrong shape, or actions that are not finite."""
 
 
+class ServerError(LiberoMaxError):
+    """A policy server cannot be reached, reports an error, or answers what cannot be read."""
+
+
 class ChangeError(LiberoMaxError):
     """A change is malformed or cannot be applied to this world."""
 

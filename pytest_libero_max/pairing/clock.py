@@ -20,7 +20,11 @@ class Clock:
         try:
             yield
         finally:
-            self._seconds[name] = self._seconds.get(name, 0.0) + perf_counter() - begin
+            self.add(name, perf_counter() - begin)
+
+    def add(self, name: str, seconds: float) -> None:
+        """Add seconds that were measured elsewhere to ``name``."""
+        self._seconds[name] = self._seconds.get(name, 0.0) + seconds
 
     @property
     def seconds(self) -> dict[str, float]:

@@ -22,6 +22,10 @@ from pytest_libero_max.worlds.contract import NOOP_ACTION, World, WorldState
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
 
+WAITED = "server_waited_s"
+"""Among the timings of a pair: how long an interrupted policy server was waited for. Only where it was."""
+
+
 @dataclass(frozen=True)
 class Answer:
     """One query of a rollout and all that it returned, executed or not.
@@ -139,12 +143,19 @@ class Stage:
         with self.clock("observe_s"):
             observation = self.world.observe(spec.cameras, spec.image_size)
         before = self._seen_by_policy()
+        waited_s = self._waited_s()
         with self.clock("policy_s"):
             actions = ask(self.policy, observation, query)
+        if self._waited_s() > waited_s:
+            self.clock.add(WAITED, self._waited_s() - waited_s)
         require_spec(self.policy, spec, where)
         self._require_unaltered(before, where)
         # The numbers are ours: the policy has had the query in its hands.
         return Answer(index, step, actions)
+
+    def _waited_s(self) -> float:
+        """How long a policy behind a server has waited for it to come back, s; 0 for every other policy."""
+        return float(getattr(self.policy, "waited_s", 0.0))
 
     def _seen_by_policy(self) -> tuple[bytes, WorldState] | None:
         """The world before a privileged policy sees it; None for the others, which never do."""

@@ -62,7 +62,7 @@ class RunController:
         self._hook_raised = False
         self._broken_policy: str | None = None
         try:
-            check_reference(self.settings.reference)
+            check_reference(self.settings.reference, self.settings.profile)
             gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
         except LiberoMaxError as error:
@@ -157,7 +157,7 @@ class RunController:
         return provenance.collect(
             policy={
                 "reference": settings.reference,
-                "code": adapter_digest(settings.reference),
+                "code": adapter_digest(settings.reference, settings.profile),
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
             },

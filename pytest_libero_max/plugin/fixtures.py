@@ -48,7 +48,12 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
             pytrace=False,
         )
     try:
-        return load_policy(settings.policy, horizon=settings.horizon, query_interval=settings.query_interval)
+        return load_policy(
+            settings.policy,
+            horizon=settings.horizon,
+            query_interval=settings.query_interval,
+            profile=settings.profile,
+        )
     except BaseException as error:
         if isinstance(error, Exception) or ends_the_session(error):
             raise
@@ -145,7 +150,7 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
     if ADAPTER_DIGEST not in request.config.stash:
         on_phase(POLICY_PHASE)
         check_cameras(policy, world)
-        request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference)
+        request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference, settings.profile)
         on_phase("setup")
     fingerprints = {**substrate.fingerprint(), "adapter": request.config.stash[ADAPTER_DIGEST]}
     _require_declared_spec(request.config, policy)

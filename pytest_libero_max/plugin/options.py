@@ -111,8 +111,15 @@ OPTIONS = (
         "policy",
         "ADAPTER",
         "Policy to test: the name of a policy (expert, stale_expert, noop, random), FILE.py, FILE.py:NAME or "
-        "PACKAGE.MODULE:NAME; given on the command line without test paths, every pair of the track is "
+        "PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a profile); given on the "
+        "command line without test paths, every pair of the track is "
         "collected; given in the ini file, pytest libero-max plays them, and so does testpaths = libero-max",
+        _text,
+    ),
+    Option(
+        "profile",
+        "NAME|PATH",
+        "How the policy behind a server's address is asked: a profile of this package, or a TOML file",
         _text,
     ),
     Option("track", "NAME", "Frozen set of cases to play", _text, "smoke"),
@@ -221,6 +228,7 @@ class Settings:
     """What the options resolved to. Without a policy the plugin only offers its fixtures."""
 
     policy: str | None
+    profile: str | None
     track: str
     manifest: Path | None
     limit: int | None

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import ActionError, AdapterError, did_you_mean
+from pytest_libero_max.errors import ActionError, AdapterError, ServerError, did_you_mean
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, RemembersPolicy
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World
 from pytest_libero_max.worlds.rendering import gl
@@ -172,6 +172,7 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
     Raises:
         ActionError: The answer cannot be played; see :func:`check_actions`.
         AdapterError: The policy raised; the original is chained.
+        ServerError: The policy asks a server, which was given up.
     """
     spec, where = policy.spec, f"query {query.index} at step {query.step}"
     with _blaming(policy, f"predict, {where}"):
@@ -255,11 +256,11 @@ def ends_the_session(error: BaseException) -> bool:
 
 @contextmanager
 def _blaming(policy: Policy, what: str) -> Iterator[None]:
-    """Turn whatever the policy raises in the block into an AdapterError."""
+    """Turn what the policy raises in the block into an AdapterError, unless it is a ServerError."""
     try:
         yield
     except BaseException as error:
-        if ends_the_session(error):
+        if ends_the_session(error) or isinstance(error, ServerError):
             raise
         raise _raised(policy, what, error) from error
 

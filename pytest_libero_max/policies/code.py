@@ -17,12 +17,15 @@ from pytest_libero_max.policies.references import (
     parse_reference,
     submodule_file,
 )
+from pytest_libero_max.policies.servers.address import is_address
 
 _OWN_PACKAGE = __name__.partition(".")[0]
 
 
-def adapter_digest(text: str) -> str:
+def adapter_digest(text: str, profile: str | None = None) -> str:
     """SHA-256 of the code that a reference leads to, hexadecimal. Nothing is imported.
+
+    For the address of a server it is that of the profile: what is asked, not where.
 
     It covers the adapter's file, the name taken from it, and every module that the code imports (anywhere,
     also inside a function) from the adapter's own folder or package. Comments, docstrings and layout do not
@@ -32,10 +35,15 @@ def adapter_digest(text: str) -> str:
 
     Args:
         text: The reference as the user typed it.
+        profile: Name or path of the profile, for the address of a server.
 
     Raises:
         AdapterError: The reference leads nowhere, or a file cannot be read.
     """
+    if is_address(text):
+        from pytest_libero_max.policies.servers.served import require_profile
+
+        return require_profile(text, profile).digest
     reference = parse_reference(text)
     try:
         code = code_digest(adapter_files(reference))

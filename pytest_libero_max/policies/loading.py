@@ -18,6 +18,7 @@ from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.check import check_policy, locate
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.references import Reference, file_of, find_spec, no_module, parse_reference
+from pytest_libero_max.policies.servers.address import is_address
 
 HORIZON_FLAG = "--libero-max-horizon"
 QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
@@ -25,8 +26,13 @@ QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
 _PRIVATE = "_pytest_libero_max_adapter_"
 
 
-def load_policy(text: str, *, horizon: int | None = None, query_interval: int | None = None) -> Policy:
+def load_policy(
+    text: str, *, horizon: int | None = None, query_interval: int | None = None, profile: str | None = None
+) -> Policy:
     """Load the policy that a reference names.
+
+    The address of a server (``openpi://host:8000``) is connected to; ``profile`` says how the policy behind
+    it is asked.
 
     The reference is the name of a built-in or installed policy (``expert``), a file (``adapter.py``) or an
     importable module (``package.module``); the latter two with ``:name`` for anything but the default name
@@ -44,6 +50,7 @@ def load_policy(text: str, *, horizon: int | None = None, query_interval: int | 
         text: What the user typed.
         horizon: Replaces H of the adapter's spec.
         query_interval: Replaces Q of the adapter's spec.
+        profile: Name or path of the profile of a policy behind a server.
 
     Returns:
         The policy. With H or Q replaced, its ``spec`` attribute is set to the new spec before anything else
@@ -52,7 +59,13 @@ def load_policy(text: str, *, horizon: int | None = None, query_interval: int | 
 
     Raises:
         AdapterError: Nothing can be loaded from there, or it is no policy; the message says what is missing.
+        ServerError: The server cannot be reached, or does not speak its protocol.
     """
+    if is_address(text):
+        from pytest_libero_max.policies.servers.served import load_served
+
+        return load_served(text, profile, horizon, query_interval)
+    _refuse_profile(text, profile)
     reference = parse_reference(text)
     path = file_of(reference)
     if reference.is_file:
@@ -64,14 +77,21 @@ def load_policy(text: str, *, horizon: int | None = None, query_interval: int | 
     return _override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
 
 
-def check_reference(text: str) -> None:
-    """Find what is wrong with a reference without executing anything.
+def check_reference(text: str, profile: str | None = None) -> None:
+    """Find what is wrong with a reference without executing anything or connecting to a server.
 
     For whoever only hands out the work: the weights belong into the processes that play.
 
     Raises:
-        AdapterError: The file, module or name does not exist, cannot be read, or is not Python.
+        AdapterError: The file, module or name does not exist, cannot be read, or is not Python; or
+            the address or its profile cannot be used.
     """
+    if is_address(text):
+        from pytest_libero_max.policies.servers.served import require_profile
+
+        require_profile(text, profile)
+        return
+    _refuse_profile(text, profile)
     reference = parse_reference(text)
     path = file_of(reference)
     if not reference.is_file:
@@ -88,6 +108,15 @@ def check_reference(text: str) -> None:
     defined = _defined_names(tree.body)
     if reference.name not in defined and "*" not in defined:
         raise _no_such_name(reference, [known for known in defined if known[:1] != "_"])
+
+
+def _refuse_profile(text: str, profile: str | None) -> None:
+    if profile is not None:
+        raise AdapterError(
+            f"policy={text!r} with profile={profile!r}: a profile says how a policy behind a server is "
+            "asked, "
+            "and this one is no address (openpi://host:8000). Leave --libero-max-profile out."
+        )
 
 
 def _defined_names(statements: Iterable[ast.stmt]) -> set[str]:

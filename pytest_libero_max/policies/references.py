@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -85,11 +84,6 @@ def parse_reference(text: str) -> Reference:
     Raises:
         AdapterError: It has none of the forms of a reference.
     """
-    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", text):
-        raise AdapterError(
-            f"policy={text!r} is the address of a policy server, which is not supported yet. {FORMS} "
-            "An adapter may talk to a server itself, in predict."
-        )
     names = set(POLICIES)
     reference = POLICIES[text] if text in names else text
     target, colon, name = reference.rpartition(":")

@@ -1,4 +1,4 @@
-"""The pairs whose scenes, prompts or events are not what their names promise: found in their records alone.
+"""Pairs that need a note, above all those that are not what their names promise, found in their records.
 
 Mostly because published code does something else than it says, and here the same. Nothing here changes a
 number.
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.stage import WAITED
 
 _GENUINE = "libero"
 _TOKENS = re.compile(
@@ -68,6 +69,12 @@ def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
 
 
 RULES = (
+    Rule(
+        "interrupted_server",
+        lambda record: WAITED in record.timings,
+        "The policy server was interrupted and asked again, while the episode stood still. A server without "
+        "memory and with seeded noise answers as it would have without the interruption.",
+    ),
     Rule(
         "contaminated_prompt",
         lambda record: record.source == "plus" and _TOKENS.search(record.instruction) is not None,

@@ -110,7 +110,7 @@ def _caveat_lines(caveats: Sequence[Json]) -> list[str]:
     if not caveats:
         return []
     counts = ", ".join(f"{caveat['name'].replace('_', ' ')} {caveat['pairs']}" for caveat in caveats)
-    return wrap(f"Pairs that are not what their names promise (see report.md): {counts}.", 100)
+    return wrap(f"Notes on pairs (see report.md): {counts}.", 100)
 
 
 def _noise_lines(report: Json) -> list[str]:

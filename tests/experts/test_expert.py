@@ -36,8 +36,8 @@ def substrate() -> Iterator[EmbeddedSubstrate]:
     substrate.close()
 
 
-def blind(name: str, **overrides: int) -> Policy:
-    policy = load_policy(name, **overrides)
+def blind(name: str, horizon: int | None = None, query_interval: int | None = None) -> Policy:
+    policy = load_policy(name, horizon=horizon, query_interval=query_interval)
     policy.spec = replace(policy.spec, cameras=())
     return policy
 

@@ -15,7 +15,7 @@ Run = Callable[..., pytest.RunResult]
     [
         ([], "adaptor.py", "*there is no file 'adaptor.py'. Did you mean 'adapter.py'?"),
         ([], "adapter.py:Reachr", "*the adapter defines no 'Reachr'. Did you mean 'Reacher'?*"),
-        ([], "ws://somewhere:8000", "*address of a policy server, which is not supported yet*"),
+        ([], "ws://somewhere:8000", "*names a WebSocket, but not what is spoken over it*"),
         (
             ["--libero-max-horizon=4", "--libero-max-query-interval=5"],
             "adapter.py",

@@ -266,9 +266,15 @@ BROKEN: list[tuple[str, str, str, str]] = [
         "address",
         "",
         "http://localhost:8000",
-        "policy='http://localhost:8000' is the address of a policy server, which is not supported yet. ",
+        "policy='http://localhost:8000' is the address of a server, and how it is asked depends on the "
+        "policy ",
     ),
-    ("websocket", "", "ws://localhost", "policy='ws://localhost' is the address of a policy server"),
+    (
+        "websocket",
+        "",
+        "ws://localhost",
+        "policy='ws://localhost' names a WebSocket, but not what is spoken over it",
+    ),
     (
         "missing file",
         "policy = 1",

@@ -110,7 +110,7 @@ def test_every_form_of_the_report_says_so() -> None:
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
     many = report | {"caveats": [{"name": rule.name, "pairs": 12} for rule in RULES]}
     assert max(map(len, summary_lines(many))) <= 100
-    assert not any("their names promise" in line for line in summary_lines(report | {"caveats": []}))
+    assert not any("Notes on pairs" in line for line in summary_lines(report | {"caveats": []}))
 
 
 def test_own_variations_are_told_from_those_of_libero_pro() -> None:

@@ -136,6 +136,17 @@ def first(values: NDArray[Any], count: int) -> NDArray[Any]:
     return values[:count].copy()
 
 
+def entry(values: NDArray[Any], index: int) -> NDArray[Any]:
+    """(1,): one of the values.
+
+    Raises:
+        AdapterError: There is none of that index.
+    """
+    if not 0 <= index < len(values):
+        raise AdapterError(f"Values of shape {values.shape} have no entry {index}.")
+    return values[index : index + 1].copy()
+
+
 def _quaternion(values: NDArray[Any]) -> Array:
     array = np.asarray(values, dtype=np.float64)
     if array.shape != (4,):

@@ -49,6 +49,7 @@ INPUT_STEPS: Mapping[str, Callable[..., Any]] = {
     "sine_cosine": states.sine_cosine,
     "pad_to": states.pad_to,
     "first": states.first,
+    "entry": states.entry,
 }
 """What may be done to an observation."""
 
@@ -84,6 +85,7 @@ NEEDS_ARGUMENT = frozenset(
         "jpeg_round_trip",
         "pad_to",
         "first",
+        "entry",
         "replace",
         "template",
         "first_columns",

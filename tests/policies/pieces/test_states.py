@@ -57,6 +57,9 @@ def test_sine_and_cosine_take_turns() -> None:
 def test_zeros_follow_and_more_values_than_places_are_refused() -> None:
     assert states.pad_to(np.array([1.0, 2.0]), 4).tolist() == [1.0, 2.0, 0.0, 0.0]
     assert states.first(np.array([1.0, 2.0]), 1).tolist() == [1.0]
+    assert states.entry(np.array([1.0, 2.0]), 1).tolist() == [2.0]
+    with pytest.raises(AdapterError, match="no entry 2"):
+        states.entry(np.array([1.0, 2.0]), 2)
     with pytest.raises(AdapterError, match="padded to 1"):
         states.pad_to(np.array([1.0, 2.0]), 1)
     with pytest.raises(AdapterError, match="fewer than the 3"):

@@ -1,0 +1,137 @@
+"""Addresses of policy servers, as a user types them. Nothing is connected or imported here."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from urllib.parse import SplitResult, parse_qsl, urlsplit
+
+from pytest_libero_max.errors import AdapterError, did_you_mean
+
+PROTOCOLS: Mapping[str, int] = {
+    "openpi": 8000,
+    "vla-eval": 8000,
+    "http": 80,
+    "https": 443,
+    "starvla": 10093,
+    "gr00t": 5555,
+}
+"""The schemes of addresses, with the port where none is given."""
+
+TIMEOUT_S = 120.0
+"""How long one answer may take. A server that compiles on its first query needs more: ``?timeout=600``."""
+
+PATIENCE_S = 300.0
+"""How long a server that cannot be reached is waited for, for example while it restarts."""
+
+_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
+
+_REFUSED = {
+    "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
+    "pickle": "asks for pickles",
+    "xiaomi": "is raw TCP with pickles",
+    "grpc": "is LeRobot's gRPC service, whose messages are pickles",
+}
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a policy server is, and how long it is waited for.
+
+    Attributes:
+        text: What the user typed.
+        scheme: A key of :data:`PROTOCOLS`.
+        host: Name or number of the machine.
+        port: TCP port.
+        path: Of the URL; empty where none is given.
+        timeout_s: How long one answer may take.
+        patience_s: How long a server that cannot be reached is waited for.
+    """
+
+    text: str
+    scheme: str
+    host: str
+    port: int
+    path: str
+    timeout_s: float = TIMEOUT_S
+    patience_s: float = PATIENCE_S
+
+    @property
+    def protocol(self) -> str:
+        """The protocol behind the scheme: ``https`` is ``http``."""
+        return "http" if self.scheme == "https" else self.scheme
+
+    @property
+    def where(self) -> str:
+        """Host and port, for messages and URLs."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{host}:{self.port}"
+
+    def __str__(self) -> str:
+        return f"{self.scheme}://{self.where}{self.path}"
+
+
+def is_address(text: str) -> bool:
+    """Whether a reference is the address of a server."""
+    return _ADDRESS.match(text) is not None
+
+
+def parse_address(text: str) -> Address:
+    """Read the address of a policy server, ``SCHEME://HOST:PORT/PATH?timeout=SECONDS&patience=SECONDS``.
+
+    Raises:
+        AdapterError: It has no such form, or a scheme that is refused or unknown.
+    """
+    scheme = text.partition("://")[0].lower()
+    if scheme in _REFUSED:
+        raise AdapterError(
+            f"policy={text!r} {_REFUSED[scheme]}. Whoever answers with a pickle can run any code here, so "
+            "none is ever read. Put the model behind one of the protocols that are spoken "
+            f"({', '.join(PROTOCOLS)}): a server is a few lines around it."
+        )
+    if scheme in ("ws", "wss"):
+        raise AdapterError(
+            f"policy={text!r} names a WebSocket, but not what is spoken over it. Write openpi://, "
+            "vla-eval:// or starvla:// instead."
+        )
+    if scheme not in PROTOCOLS:
+        raise AdapterError(
+            f"policy={text!r}: {scheme!r} is no protocol that is spoken. {did_you_mean(scheme, PROTOCOLS)}"
+        )
+    try:
+        parts = urlsplit(text)
+        port = parts.port
+    except ValueError as error:
+        raise AdapterError(f"policy={text!r} is no address: {error}. Write {scheme}://HOST:PORT.") from None
+    if not parts.hostname or parts.username or parts.fragment:
+        raise AdapterError(
+            f"policy={text!r}: an address is {scheme}://HOST:PORT, without a user name or a fragment."
+        )
+    seconds = _seconds(text, parts)
+    return Address(
+        text,
+        scheme,
+        parts.hostname,
+        PROTOCOLS[scheme] if port is None else port,
+        parts.path.rstrip("/"),
+        seconds.get("timeout", TIMEOUT_S),
+        seconds.get("patience", PATIENCE_S),
+    )
+
+
+def _seconds(text: str, parts: SplitResult) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for name, value in parse_qsl(parts.query, keep_blank_values=True):
+        if name not in ("timeout", "patience"):
+            raise AdapterError(
+                f"policy={text!r}: {name!r} is no option. {did_you_mean(name, ('timeout', 'patience'))}"
+            )
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = math.nan
+        if not 0.0 < found[name] < math.inf:
+            raise AdapterError(f"policy={text!r}: {name}={value!r}, but must be a number of seconds above 0.")
+    return found

@@ -1,0 +1,320 @@
+"""How arrays are written into messages. Nothing here unpickles, and every size is checked before it is used.
+
+Four dialects write an array as a map; they are not interchangeable. Two kinds of documents hold such maps:
+msgpack and JSON.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import io
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import ServerError
+
+MOST_BYTES = 64 * 2**20
+"""The largest message that is read. A chunk of actions has some kilobytes."""
+
+_KINDS = "biuf"
+_MOST_DIMENSIONS = 8
+
+AnyArray = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """One way to write an array as a map.
+
+    Attributes:
+        name: For messages.
+        encode: The map of an array.
+        decode: What a map stands for: itself, unless it is one of this dialect.
+    """
+
+    name: str
+    encode: Callable[[AnyArray], dict[Any, Any]]
+    decode: Callable[[dict[Any, Any]], Any]
+
+
+def pack(value: Any, dialect: Dialect) -> bytes:
+    """A msgpack document."""
+    import msgpack
+
+    def default(item: Any) -> Any:
+        if isinstance(item, np.ndarray):
+            return dialect.encode(_plain(item))
+        if isinstance(item, np.generic):
+            return item.item()
+        raise TypeError(f"a {type(item).__name__} cannot be sent")
+
+    packed: bytes = msgpack.packb(value, default=default)
+    return packed
+
+
+def unpack(content: bytes | str, dialect: Dialect) -> Any:
+    """The value of a msgpack document.
+
+    Raises:
+        ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
+    """
+    import msgpack
+
+    if isinstance(content, str):
+        raise ServerError(f"expected a binary message, but got text: {shortened(content)}")
+    _check_size(len(content))
+    try:
+        return msgpack.unpackb(content, object_hook=dialect.decode, raw=False, strict_map_key=True)
+    except ServerError:
+        raise
+    except Exception as error:  # msgpack has a dozen of its own, some of them no ValueError
+        raise ServerError(
+            f"a message of {len(content)} bytes is no msgpack document ({type(error).__name__}: {error})"
+        ) from error
+
+
+def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
+    """A JSON document.
+
+    Args:
+        value: What to write; NaN and infinities are refused.
+        encode: What an array is written as.
+    """
+
+    def default(item: Any) -> Any:
+        if isinstance(item, np.ndarray):
+            return encode(_plain(item))
+        if isinstance(item, np.generic):
+            return item.item()
+        raise TypeError(f"a {type(item).__name__} cannot be sent")
+
+    return json.dumps(value, default=default, allow_nan=False).encode()
+
+
+def from_json(content: bytes) -> Any:
+    """The value of a JSON document, arrays of the json-numpy dialect included.
+
+    Raises:
+        ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
+    """
+    _check_size(len(content))
+    try:
+        return json.loads(content, object_hook=JSON_NUMPY.decode)
+    except (ValueError, RecursionError) as error:
+        raise ServerError(
+            f"an answer of {len(content)} bytes is no JSON document ({type(error).__name__}: {error}); "
+            f"it begins with {shortened(content.decode('utf-8', 'replace'))}"
+        ) from error
+
+
+def as_lists(array: AnyArray) -> Any:
+    """An array as nested lists."""
+    return array.tolist()
+
+
+def as_json_numpy(array: AnyArray) -> dict[str, Any]:
+    """An array as a map of the json-numpy dialect."""
+    return JSON_NUMPY.encode(array)
+
+
+def as_json_numpy_text(array: AnyArray) -> str:
+    """An array as a string that holds a JSON document of the json-numpy dialect."""
+    return json.dumps(JSON_NUMPY.encode(array))
+
+
+def shortened(text: str) -> str:
+    """The beginning of a text in quotes, on one line."""
+    return repr(text if len(text) <= 200 else text[:200] + "...")
+
+
+def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
+    """An array from its bytes, after a look at everything that is said about it.
+
+    Args:
+        data: C order, or Fortran order for an array of one axis or none.
+        dtype: NumPy's name of a real type, for example ``<f4``.
+        shape: The lengths of its axes.
+
+    Raises:
+        ServerError: They contradict each other, or the type is not one of plain numbers.
+    """
+    try:
+        kind = np.dtype(dtype) if isinstance(dtype, str) else None
+    except (TypeError, ValueError):
+        kind = None
+    if kind is None or kind.kind not in _KINDS or kind.subdtype is not None:
+        raise ServerError(f"an array of dtype {shortened(str(dtype))}, but only plain real numbers are read")
+    if not isinstance(data, bytes):
+        raise ServerError(f"the data of an array are a {type(data).__name__}, but must be bytes")
+    axes = list(shape) if isinstance(shape, list | tuple) else None
+    if (
+        axes is None
+        or len(axes) > _MOST_DIMENSIONS
+        or not all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in axes)
+        or math.prod(axes) * kind.itemsize != len(data)
+    ):
+        raise ServerError(
+            f"an array of shape {shortened(str(shape))} and dtype {kind} with {len(data)} bytes"
+        )
+    return np.frombuffer(data, dtype=kind).reshape(axes).copy()
+
+
+def _plain(array: AnyArray) -> AnyArray:
+    if array.dtype.kind not in _KINDS:
+        raise TypeError(f"an array of dtype {array.dtype} cannot be sent, only real numbers")
+    return np.asarray(array, order="C")
+
+
+def _check_size(size: int) -> None:
+    if size > MOST_BYTES:
+        raise ServerError(f"a message of {size} bytes, but at most {MOST_BYTES} are read")
+
+
+# openpi: bytes as keys.
+
+
+def _openpi_encode(array: AnyArray) -> dict[Any, Any]:
+    return {
+        b"__ndarray__": True,
+        b"data": array.tobytes(),
+        b"dtype": array.dtype.str,
+        b"shape": list(array.shape),
+    }
+
+
+def _openpi_decode(value: dict[Any, Any]) -> Any:
+    if b"__ndarray__" in value:
+        return array_from(value.get(b"data"), value.get(b"dtype"), value.get(b"shape"))
+    if b"__npgeneric__" in value:
+        number = value.get(b"data")
+        if not isinstance(number, int | float):
+            raise ServerError(f"a number that is a {type(number).__name__}")
+        return number
+    return value
+
+
+OPENPI = Dialect("openpi", _openpi_encode, _openpi_decode)
+"""``__ndarray__``, ``data``, ``dtype``, ``shape``, the keys being bytes."""
+
+
+# vla-eval: the same words as text, and images as files.
+
+
+def _vla_eval_encode(array: AnyArray) -> dict[Any, Any]:
+    return {
+        "__ndarray__": True,
+        "data": array.tobytes(),
+        "dtype": array.dtype.str,
+        "shape": list(array.shape),
+    }
+
+
+def _vla_eval_decode(value: dict[Any, Any]) -> Any:
+    if "__image__" in value:
+        raise ServerError("an image where actions were expected")
+    if "__ndarray__" in value:
+        return array_from(value.get("data"), value.get("dtype"), value.get("shape"))
+    return value
+
+
+VLA_EVAL = Dialect("vla-eval", _vla_eval_encode, _vla_eval_decode)
+"""``__ndarray__``, ``data``, ``dtype``, ``shape``, the keys being text."""
+
+
+# msgpack-numpy: GR00T N1.7.
+
+
+def _msgpack_numpy_encode(array: AnyArray) -> dict[Any, Any]:
+    return {
+        b"nd": True,
+        b"type": array.dtype.str,
+        b"kind": b"",
+        b"shape": list(array.shape),
+        b"data": array.tobytes(),
+    }
+
+
+def _msgpack_numpy_decode(value: dict[Any, Any]) -> Any:
+    known = {(key.decode("ascii", "replace") if isinstance(key, bytes) else key): key for key in value}
+    if "nd" not in known:
+        return value
+    dtype = value.get(known.get("type", ""))
+    dtype = dtype.decode("ascii", "replace") if isinstance(dtype, bytes) else dtype
+    if value.get(known.get("kind", "")) not in (b"", "", None):
+        raise ServerError("an array of objects or records, but only plain real numbers are read")
+    if value[known["nd"]] is not True:
+        return array_from(value.get(known.get("data", "")), dtype, ()).item()
+    return array_from(value.get(known.get("data", "")), dtype, value.get(known.get("shape", "")))
+
+
+MSGPACK_NUMPY = Dialect("msgpack-numpy", _msgpack_numpy_encode, _msgpack_numpy_decode)
+"""``nd``, ``type``, ``kind``, ``shape``, ``data``, the keys being bytes; read as text as well."""
+
+
+# NumPy files inside a map: GR00T N1.5 and N1.6.
+
+
+def _npy_encode(array: AnyArray) -> dict[Any, Any]:
+    content = io.BytesIO()
+    np.save(content, array, allow_pickle=False)
+    return {"__ndarray_class__": True, "as_npy": content.getvalue()}
+
+
+def _npy_decode(value: dict[Any, Any]) -> Any:
+    if "__ndarray_class__" not in value:
+        return value
+    content = value.get("as_npy")
+    if not isinstance(content, bytes):
+        raise ServerError(f"a NumPy file that is a {type(content).__name__}, but must be bytes")
+    try:
+        file = io.BytesIO(content)
+        version = np.lib.format.read_magic(file)
+        read = (
+            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        )
+        shape, fortran, dtype = read(file)
+    except (ValueError, TypeError, SyntaxError, EOFError, RecursionError, MemoryError) as error:
+        raise ServerError(f"a NumPy file that cannot be read ({error})") from error
+    if dtype.fields is not None:
+        raise ServerError("a NumPy file of records, but only plain real numbers are read")
+    data = content[file.tell() :]
+    order = tuple(reversed(shape)) if fortran else shape
+    array = array_from(data, dtype.str, order)
+    return array.transpose() if fortran else array
+
+
+NPY = Dialect("npy", _npy_encode, _npy_decode)
+"""``__ndarray_class__`` with the content of a ``.npy`` file."""
+
+
+# json-numpy.
+
+
+def _json_numpy_encode(array: AnyArray) -> dict[str, Any]:
+    return {
+        "__numpy__": base64.b64encode(array.tobytes()).decode("ascii"),
+        "dtype": array.dtype.str,
+        "shape": list(array.shape),
+    }
+
+
+def _json_numpy_decode(value: dict[Any, Any]) -> Any:
+    if "__numpy__" not in value:
+        return value
+    text = value["__numpy__"]
+    try:
+        data = base64.b64decode(text, validate=True) if isinstance(text, str) else None
+    except (binascii.Error, ValueError) as error:
+        raise ServerError(f"an array whose data are not base64 ({error})") from error
+    return array_from(data, value.get("dtype"), value.get("shape"))
+
+
+JSON_NUMPY = Dialect("json-numpy", _json_numpy_encode, _json_numpy_decode)
+"""``__numpy__`` with base64, ``dtype``, ``shape``."""

@@ -1,0 +1,148 @@
+"""Asking a server: what a protocol offers, and the retries around it."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
+
+from pytest_libero_max.errors import ServerError
+
+LOG = logging.getLogger("pytest_libero_max.servers")
+
+FIRST_PAUSE_S = 0.25
+LONGEST_PAUSE_S = 5.0
+
+MOST_BAD_ANSWERS = 3
+"""So many answers to one query may be errors or useless before it is given up."""
+
+Answer = TypeVar("Answer")
+
+
+class Unreachable(ServerError):
+    """There is no connection, it was lost, or no answer came in time: worth waiting for."""
+
+
+class Link(Protocol):
+    """One connection to a server, in one protocol. It is closed and opened again after every trouble."""
+
+    def open(self) -> Any:
+        """Connect, and return what the server says about itself, None where it says nothing.
+
+        Raises:
+            Unreachable: Nobody answers there.
+            ServerError: Somebody answers who does not speak the protocol.
+        """
+        ...
+
+    def ask(self, request: Any) -> Any:
+        """Send a request and return the reply.
+
+        Raises:
+            Unreachable: The connection was lost, or no answer came in time.
+            ServerError: The server reports an error, or its reply cannot be read.
+        """
+        ...
+
+    def close(self) -> None:
+        """Close the connection; nothing happens if it is closed."""
+        ...
+
+
+class Client:
+    """Asks a server, patiently.
+
+    A server that cannot be reached is waited for, with pauses that grow from 0.25 to 5 s, as long as the
+    patience lasts. A server that answers with errors or nonsense is asked three times. One that was given up
+    is asked once by each later query until it answers again.
+
+    Args:
+        name: How to name the server in messages.
+        link: The connection.
+        patience_s: How long to wait for a server that cannot be reached.
+        on_open: Told what the server says about itself, each time it is connected to.
+        sleep: Waits some seconds.
+
+    Attributes:
+        interruptions: How often a query had to be asked again.
+        waited_s: How long that took in all.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        link: Link,
+        patience_s: float,
+        on_open: Callable[[Any], None] = lambda greeting: None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.interruptions = 0
+        self.waited_s = 0.0
+        self._name = name
+        self._link = link
+        self._patience_s = patience_s
+        self._on_open = on_open
+        self._sleep = sleep
+        self._is_open = False
+        self._given_up = False
+
+    def connect(self) -> None:
+        """Connect, unless it is connected.
+
+        Raises:
+            ServerError: See :meth:`ask`.
+        """
+        self._patiently(lambda: None)
+
+    def ask(self, request: Any, read: Callable[[Any], Answer]) -> Answer:
+        """Ask, and read the reply.
+
+        Args:
+            request: What the link sends.
+            read: Turns the reply into an answer; a ``ServerError`` that it raises counts as a bad answer.
+
+        Raises:
+            ServerError: The server was given up; says how often and how long it was tried, and why it failed
+                the last time.
+        """
+        return self._patiently(lambda: read(self._link.ask(request)))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._is_open = False
+        self._link.close()
+
+    def _patiently(self, act: Callable[[], Answer]) -> Answer:
+        began = time.monotonic()
+        pause, tries, bad = FIRST_PAUSE_S, 0, 0
+        while True:
+            tries += 1
+            try:
+                if not self._is_open:
+                    self._on_open(self._link.open())
+                    self._is_open = True
+                answer = act()
+            except ServerError as error:
+                self.close()
+                bad += not isinstance(error, Unreachable)
+                took = time.monotonic() - began
+                if self._given_up or bad == MOST_BAD_ANSWERS or took + pause > self._patience_s:
+                    self._given_up = True
+                    raise ServerError(
+                        f"{self._name}: {error}. It was tried {tries} time(s) in {took:.1f} s and given up. "
+                        "Look at the server's own output. The pair counts as not measured, and "
+                        "--libero-max-resume plays it again."
+                    ) from error
+                LOG.warning("%s: %s; trying again in %.2f s", self._name, error, pause)
+                self._sleep(pause)
+                pause = min(2 * pause, LONGEST_PAUSE_S)
+            except BaseException:
+                self.close()  # a reply on its way must not answer the next query
+                raise
+            else:
+                self._given_up = False
+                if tries > 1:
+                    self.interruptions += 1
+                    self.waited_s += time.monotonic() - began
+                return answer

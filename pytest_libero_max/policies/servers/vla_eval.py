@@ -1,0 +1,142 @@
+"""The protocol of vla-eval's model servers: WebSocket, numbered msgpack messages, chunks kept by the server.
+
+The server answers one action for each observation and keeps the rest of the chunk, or, where it has no
+``chunk_size``, returns the chunk. So that a query gets its Q actions either way, it begins an episode, which
+empties the buffer, and shows the same observation until it has them. A server that remembers more than its
+buffer between the steps of an episode cannot be asked like this.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.servers.address import Address
+from pytest_libero_max.policies.servers.codecs import VLA_EVAL, pack, shortened, unpack
+from pytest_libero_max.policies.servers.websocket import Socket
+
+PROTOCOL_VERSION = 1
+
+
+class VlaEvalLink:
+    """A connection to a model server of vla-eval.
+
+    Args:
+        address: Where it is.
+        count: Q, the actions that one query needs.
+    """
+
+    def __init__(self, address: Address, count: int) -> None:
+        self._socket = Socket(address)
+        self._count = count
+        self._seq = 0
+
+    def open(self) -> Any:
+        """Connect and greet; what the server's greeting says."""
+        self._socket.open()
+        greeting = {"harness_version": "pytest-libero-max", "protocol_version": PROTOCOL_VERSION}
+        seq = self._send("hello", {**greeting, "benchmark": "libero-max"})
+        payload = self._read("hello", seq)
+        version = payload.get("protocol_version")
+        if version != PROTOCOL_VERSION:
+            raise ServerError(
+                f"the server speaks version {version!r} of the protocol, but this side speaks version "
+                f"{PROTOCOL_VERSION}"
+            )
+        return payload
+
+    def ask(self, request: Any) -> Any:
+        """Send ``{"task": ..., "observation": ...}``; ``{"actions": (n, 7)}`` with n >= Q."""
+        self._send("episode_start", {"task": request["task"]})
+        rows: list[Any] = []
+        while len(rows) < self._count:
+            seq = self._send("observation", request["observation"])
+            actions = self._read("action", seq).get("actions")
+            if not isinstance(actions, np.ndarray) or actions.ndim not in (1, 2):
+                seen = getattr(actions, "shape", type(actions).__name__)
+                raise ServerError(
+                    f"the reply's 'actions' are {seen}, but must be an array of one or two axes"
+                )
+            if actions.ndim == 2:
+                if rows:
+                    raise ServerError("the server returned single actions first, and then a chunk")
+                return {"actions": actions}
+            if rows and actions.shape != rows[0].shape:
+                raise ServerError(f"actions of shapes {rows[0].shape} and {actions.shape} in one chunk")
+            rows.append(actions)
+        return {"actions": np.stack(rows)}
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _send(self, kind: str, payload: dict[str, Any]) -> int:
+        self._seq += 1
+        message = {"type": kind, "payload": payload, "seq": self._seq, "timestamp": time.time()}
+        self._socket.send(pack(message, VLA_EVAL))
+        return self._seq
+
+    def _read(self, kind: str, seq: int) -> dict[Any, Any]:
+        message = unpack(self._socket.receive(), VLA_EVAL)
+        if not isinstance(message, dict) or not isinstance(message.get("payload"), dict):
+            raise ServerError("a message is no map with a map as 'payload'")
+        payload: dict[Any, Any] = message["payload"]
+        if message.get("type") == "error":
+            raise ServerError(f"the server reports an error: {shortened(str(payload.get('error')))}")
+        if message.get("type") != kind or message.get("seq") != seq:
+            raise ServerError(
+                f"a message of type {shortened(str(message.get('type')))} with seq {message.get('seq')!r} "
+                f"came, but {kind!r} with seq {seq} was expected"
+            )
+        return payload
+
+
+def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
+    """The request as the server's greeting asks for it.
+
+    The wrist image and the state are left out where they are not asked for; the state keeps the sign of the
+    quaternion where the server says ``quat_no_antipodal``.
+
+    Args:
+        layout: The request of the profile: ``task``, and ``observation`` with all that may be asked for.
+        greeting: What the server says about itself.
+
+    Raises:
+        ServerError: The greeting is damaged.
+        AdapterError: The server's actions cannot be played: poses in the world, or another gripper.
+    """
+    parameters = greeting.get("observation_params") or {}
+    formats = greeting.get("action_spec") or {}
+    if not isinstance(parameters, dict) or not isinstance(formats, dict):
+        raise ServerError("the greeting's 'observation_params' and 'action_spec' must be maps")
+    _require_playable(parameters, formats)
+    observation = dict(layout["observation"])
+    if not parameters.get("send_wrist_image"):
+        observation["images"] = {key: image for key, image in observation["images"].items() if key != "wrist"}
+    if not parameters.get("send_state"):
+        observation = {key: value for key, value in observation.items() if key[-6:] != "states"}
+    elif parameters.get("quat_no_antipodal"):
+        observation["states"] = "$state_no_antipodal"
+    return {**layout, "observation": observation}
+
+
+def _require_playable(parameters: dict[Any, Any], formats: dict[Any, Any]) -> None:
+    names = ("position", "gripper")
+    position, gripper = (
+        formats[name].get("format") if isinstance(formats.get(name), dict) else None for name in names
+    )
+    if parameters.get("absolute_action") or position == "absolute_xyz":
+        raise AdapterError(
+            "The server's actions are poses in the world (absolute_action). Worlds take movements relative "
+            "to "
+            "where the hand is, so these actions cannot be played exactly yet."
+        )
+    if gripper not in (None, "raw", "binary_close_positive"):
+        raise AdapterError(
+            f"The server's gripper has the format {gripper!r}, but LIBERO's is 'binary_close_positive': +1 "
+            "closes. Start the server so that it converts it, as vla-eval's own configuration for LIBERO "
+            "does."
+        )

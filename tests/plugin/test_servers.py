@@ -1,0 +1,121 @@
+"""Pairs of a policy behind a server: played through its address, also when the server goes and comes back."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.policies.servers import fakes
+
+Run = Callable[..., pytest.RunResult]
+Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
+
+
+@pytest.fixture
+def blind(pytester: pytest.Pytester) -> str:
+    """The option for a profile without images, which take their time."""
+    pytester.path.joinpath("blind.toml").write_text(
+        'extends = "pi05_libero"\n[request]\n"observation/state" = "$state"\nprompt = "$instruction"\n'
+    )
+    return "--libero-max-profile=blind.toml"
+
+
+def reach(request: Any) -> Any:
+    """Moves to where the box begins, as the adapter of the other tests does."""
+    action = np.zeros(7)
+    action[:3] = np.clip((np.array([0.1, -0.1, 0.5]) - request["observation/state"][:3]) / 0.05, -1, 1)
+    return {"actions": np.tile(action, (10, 1))}
+
+
+def test_a_served_policy_plays_pairs_by_its_address(run: Run, results: Results, blind: str) -> None:
+    with fakes.openpi(reach) as port:
+        result = run(blind, "-k", "distractor_burst", policy=f"openpi://127.0.0.1:{port}")
+    result.assert_outcomes(passed=2)
+    pairs, report = results()
+    assert {pair["policy"]["name"] for pair in pairs} == {"pi05-libero"}
+    assert {pair["policy"]["revision"][:13] for pair in pairs} == {"profile blind"}
+    assert all(pair["policy"]["horizon"] == 10 for pair in pairs)
+    assert report["provenance"]["policy"]["reference"].startswith("openpi://127.0.0.1")
+
+
+def test_a_server_that_is_killed_and_started_again_costs_no_pair(
+    run: Run, results: Results, blind: str
+) -> None:
+    asked: list[Any] = []
+    stop = threading.Event()
+
+    def handle(request: Any) -> Any:
+        asked.append(request)
+        if len(asked) == 30:
+            stop.set()
+        return reach(request)
+
+    with ExitStack() as servers:
+        first = ExitStack()
+        port = first.enter_context(fakes.openpi(handle))
+
+        def restart() -> None:
+            stop.wait(60)
+            first.close()
+            time.sleep(0.3)
+            servers.enter_context(fakes.openpi(handle, port=port))
+
+        thread = threading.Thread(target=restart)
+        thread.start()
+        result = run(blind, "-k", "distractor_burst", policy=f"openpi://127.0.0.1:{port}")
+        thread.join()
+    pairs, _ = results()
+    result.assert_outcomes(passed=2)
+    assert not [pair for pair in pairs if "kind" in pair]
+    result.stdout.fnmatch_lines(["*: interrupted server 1."])
+
+
+def test_a_server_that_stays_away_is_an_error_of_its_pairs_and_no_failure(
+    run: Run, results: Results, blind: str
+) -> None:
+    asked: list[Any] = []
+
+    def handle(request: Any) -> Any:
+        asked.append(request)
+        return reach(request) if len(asked) < 4 else None
+
+    with fakes.openpi(handle) as port:
+        result = run(
+            blind,
+            "-k",
+            "distractor_burst",
+            policy=f"openpi://127.0.0.1:{port}?patience=0.3",
+        )
+    result.assert_outcomes(errors=2)
+    assert result.ret == 11
+    pairs, _ = results()
+    assert {pair["kind"] for pair in pairs} == {"ServerError"}
+    result.stdout.fnmatch_lines(["*ServerError: policy server openpi://127.0.0.1:*given up*"])
+
+
+def test_a_server_that_is_not_there_stops_the_run_after_one_error(run: Run) -> None:
+    result = run("--libero-max-profile=pi05_libero", policy="openpi://127.0.0.1:9?patience=0.1")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*the policy cannot be played*"])
+
+
+@pytest.mark.parametrize(
+    ("policy", "arguments", "message"),
+    [
+        ("openpi://gpu:8000", [], "*Add --libero-max-profile=NAME; for openpi:// there are *pi05_libero*"),
+        ("tcp://gpu:10086", [], "*speaks with pickles*none is ever read*"),
+        ("adapter.py", ["--libero-max-profile=pi05_libero"], "*Leave --libero-max-profile out*"),
+    ],
+)
+def test_a_bad_address_or_profile_stops_the_run_before_it_begins(
+    run: Run, policy: str, arguments: list[str], message: str
+) -> None:
+    result = run(*arguments, policy=policy)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"ERROR: {message}"])

@@ -1,0 +1,308 @@
+"""Every profile against a fake server that looks at all it is sent: keys, types, orientation, state."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.profile import load_profile, profile_names
+from pytest_libero_max.policies.servers.codecs import JSON_NUMPY, MSGPACK_NUMPY
+from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.worlds.tiny.world import TinyWorld
+from tests.policies.servers import fakes
+
+AXIS_ANGLE = np.array([0.8, 0.36, 0.48]) * 2 * np.arccos(-0.6)
+"""Of the fake's quaternion (0.64, 0.288, 0.384, -0.6), its sign kept: more than pi."""
+
+SHORT = -np.array([0.8, 0.36, 0.48]) * 2 * np.arccos(0.6)
+"""The same rotation by the antipodal rule."""
+
+POSITION, FINGERS = [0.1, 0.2, 0.9], [0.04, -0.03]
+
+CLOSING = np.array([[0.5, 0, 0, 0, 0, 0, 1.0]])
+"""Moves along x and closes the gripper, in LIBERO's convention."""
+
+
+def is_turned(image: Any, channel: int, side: int) -> bool:
+    """Whether an image is uint8 of that side, with its square in the last corner alone."""
+    near, far = side // 16, side - side // 16
+    return bool(
+        image.dtype == np.uint8
+        and image.shape == (side, side, 3)
+        and image[far, far, channel] > 240
+        and image[far, far].sum() < 300
+        and max(image[near, near].max(), image[near, far].max(), image[far, near].max()) < 16
+    )
+
+
+def is_state(state: Any, rotation: Any = AXIS_ANGLE, shape: tuple[int, ...] = (8,)) -> bool:
+    return bool(state.shape == shape) and np.allclose(
+        state.ravel(), [*POSITION, *rotation, *FINGERS], atol=1e-6
+    )
+
+
+def check_pi05(request: Any) -> None:
+    assert set(request) == {"observation/image", "observation/wrist_image", "observation/state", "prompt"}
+    assert is_turned(request["observation/image"], 0, 224)
+    assert is_turned(request["observation/wrist_image"], 1, 224)
+    assert is_state(request["observation/state"])
+    assert request["observation/state"].dtype == np.float64
+    assert request["prompt"] == "put the Box on the plate"
+
+
+def check_oft(request: Any) -> None:
+    path, body = request
+    assert path == "/act"
+    assert set(body) == {"full_image", "wrist_image", "state", "instruction"}
+    assert is_turned(JSON_NUMPY.decode(body["full_image"]), 0, 224)
+    assert is_turned(JSON_NUMPY.decode(body["wrist_image"]), 1, 224)
+    assert is_state(JSON_NUMPY.decode(body["state"]))
+    assert body["instruction"] == "put the box on the plate"
+
+
+def check_dm05(request: Any) -> None:
+    path, body = request
+    assert path == "/v1/infer"
+    assert set(body) == {"observation", "sampling"}
+    assert body["sampling"] == {"seed": 1234}
+    seen = body["observation"]
+    assert set(seen) == {"prompt", "state", "images"}
+    assert seen["prompt"] == "put the Box on the plate"
+    assert is_state(np.array(seen["state"]))
+    for key, channel in (("1", 0), ("2", 1)):
+        file = np.frombuffer(base64.b64decode(seen["images"][key]), np.uint8)
+        decoded = cv2.imdecode(file, cv2.IMREAD_COLOR)
+        assert decoded is not None
+        assert is_turned(decoded[:, :, ::-1], channel, 256)
+
+
+def check_vla_jepa(request: Any) -> None:
+    assert set(request) == {"type", "payload"}
+    assert request["type"] == "infer"
+    payload = request["payload"]
+    ((scene, wrist),) = payload["batch_images"]
+    assert is_turned(scene, 0, 224)
+    assert is_turned(wrist, 1, 224)
+    assert payload["instructions"] == ["put the Box on the plate"]
+    assert is_state(payload["state"][0], shape=(1, 8))
+    assert payload["unnorm_key"] == "franka"
+
+
+def check_starvla(request: Any) -> None:
+    (example,) = request["payload"]["examples"]
+    assert set(example) == {"image", "lang", "state"}
+    assert is_turned(example["image"][0], 0, 224)
+    assert is_turned(example["image"][1], 1, 224)
+    assert is_state(example["state"], shape=(1, 8))
+
+
+def check_dit4dit(request: Any) -> None:
+    assert "payload" not in request
+    (example,) = request["examples"]
+    (both,) = example["image"]
+    assert both.shape == (224, 448, 3)
+    assert is_turned(both[:, :224], 0, 224)
+    assert is_turned(both[:, 224:], 1, 224)
+    state = example["state"]
+    assert state.dtype == np.float32
+    assert state.shape == (1, 16)
+    values = np.array([*POSITION, *AXIS_ANGLE, *FINGERS])
+    assert np.allclose(state[0, 0::2], np.sin(values), atol=1e-5)
+    assert np.allclose(state[0, 1::2], np.cos(values), atol=1e-5)
+
+
+def check_gr00t(request: Any) -> None:
+    assert request["options"] is None
+    seen = request["observation"]
+    words = "annotation.human.action.task_description"
+    flat = words in seen
+    if not flat:
+        seen = {
+            f"{kind}.{key}": value for kind in ("video", "state") for key, value in seen[kind].items()
+        } | {words: seen["language"][words][0]}
+    assert len(seen) == 10
+    assert seen[words] == ["put the Box on the plate"]
+    for key, channel in (("video.image", 0), ("video.wrist_image", 1)):
+        assert seen[key].shape == (1, 1, 256, 256, 3)
+        assert is_turned(seen[key][0, 0], channel, 256)
+    values = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), [*POSITION, *AXIS_ANGLE], strict=True))
+    for name, value in values.items():
+        assert seen[f"state.{name}"].shape == (1, 1, 1)
+        assert seen[f"state.{name}"].dtype == np.float32
+        assert np.isclose(seen[f"state.{name}"].item(), value, atol=1e-5)
+    assert seen["state.gripper"].dtype == np.float32
+    assert np.allclose(seen["state.gripper"], [[FINGERS]])
+
+
+def check_vla_eval(request: Any) -> None:
+    assert set(request) == {"images", "task_description", "states", "controller_states"}
+    assert is_turned(request["images"]["agentview"], 0, 256)
+    assert is_turned(request["images"]["wrist"], 1, 256)
+    assert is_state(request["states"], SHORT)
+    assert request["controller_states"].shape == (8,)
+    assert not is_state(request["controller_states"], SHORT)
+    assert request["task_description"] == "put the Box on the plate"
+
+
+def opening_first(chunk: int) -> Any:
+    """Actions whose gripper is 0 for closed and 1 for open."""
+    actions = np.repeat(CLOSING, chunk, axis=0)
+    actions[:, 6] = 0.0
+    return actions
+
+
+def closing(chunk: int) -> Any:
+    return np.repeat(CLOSING, chunk, axis=0)
+
+
+def in_parts(chunk: int, prefix: str) -> Any:
+    names = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
+    columns = zip(names, opening_first(chunk).T, strict=True)
+    return {prefix + name: column.reshape(1, chunk, 1).astype(np.float32) for name, column in columns}
+
+
+Look = Callable[[Any], None]
+
+
+@contextmanager
+def serve(name: str, look: Look) -> Iterator[str]:
+    """A fake server of the profile's protocol, which says CLOSING as its policy would; its address."""
+    profile = load_profile(name)
+    chunk = profile.get("policy", "horizon")
+    chunk = 8 if chunk == "?" else chunk
+
+    def answer(value: Any) -> Callable[[Any], Any]:
+        def handle(request: Any) -> Any:
+            look(request)
+            return value
+
+        return handle
+
+    def gr00t(request: Any) -> Any:
+        if request["endpoint"] == "ping":
+            return {"status": "ok", "message": "here"}
+        assert request["endpoint"] == "get_action"
+        look(request["data"])
+        return [in_parts(chunk, "" if name.endswith("nested") else "action."), {}]
+
+    def vla_eval(request: Any) -> Any:
+        if "episode_start" not in request:
+            look(request)
+        return closing(chunk)
+
+    normalised = np.concatenate([np.repeat(CLOSING, chunk, axis=0), np.zeros((chunk, 1))], axis=1)
+    normalised[:, 6] = -1.0  # below a half: flag 0, closed
+    data = {"normalized_actions": normalised[None, :, : 8 if name == "dit4dit" else 7]}
+    if name == "starvla":
+        data = {"actions": opening_first(chunk)[None]}
+    if profile.protocol == "openpi":
+        with fakes.openpi(answer({"actions": closing(chunk), "policy_timing": {"infer_ms": 1.0}})) as port:
+            yield f"openpi://127.0.0.1:{port}"
+    elif profile.protocol == "starvla":
+        reply = {"status": "ok", "ok": True, "type": "inference_result", "data": data}
+        with fakes.openpi(answer(reply), {"env": "simpler_env"}) as port:
+            yield f"starvla://127.0.0.1:{port}"
+    elif profile.protocol == "http":
+        actions = opening_first(chunk) if name == "openvla_oft" else closing(chunk)
+        rows = [JSON_NUMPY.encode(row) for row in actions]
+        with fakes.http(answer(rows if name == "openvla_oft" else {"actions": actions.tolist()})) as port:
+            yield f"http://127.0.0.1:{port}"
+    elif profile.protocol == "gr00t":
+        with fakes.zeromq(gr00t, MSGPACK_NUMPY) as port:
+            yield f"gr00t://127.0.0.1:{port}"
+    else:
+        wants = {"observation_params": {"send_wrist_image": True, "send_state": True}}
+        with fakes.vla_eval(vla_eval, chunk, wants) as port:
+            yield f"vla-eval://127.0.0.1:{port}"
+
+
+def playable(name: str, folder: Path) -> str:
+    """The profile, with statistics of which 1 means 1 where it needs some."""
+    if "actions.statistics" not in load_profile(name).unknown():
+        return name
+    bounds = {"action": {"min": [-1] * 7, "max": [1] * 7, "mask": [True] * 6 + [False]}}
+    (folder / "dataset_statistics.json").write_text(json.dumps({"franka": bounds}))
+    path = folder / f"{name}_here.toml"
+    path.write_text(f'extends = "{name}"\n[actions]\nstatistics = "dataset_statistics.json"\n')
+    return str(path)
+
+
+CHECKS: dict[str, Look] = {
+    "pi05_libero": check_pi05,
+    "openvla_oft": check_oft,
+    "dm05": check_dm05,
+    "vla_jepa": check_vla_jepa,
+    "starvla": check_starvla,
+    "dit4dit": check_dit4dit,
+    "gr00t_n17": check_gr00t,
+    "gr00t_n17_nested": check_gr00t,
+    "vla_eval": check_vla_eval,
+    "vla_eval_pi05": check_vla_eval,
+}
+REFUSED = ("xvla", "vla_eval_xvla")
+TABLES_THAT_DIFFER = {"policy", "native", "sources"}
+"""Of the profiles that extend ``vla_eval``: they ask the same."""
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[TinyWorld]:
+    world = TinyWorld()
+    yield world
+    world.close()
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_the_server_is_sent_what_its_policy_expects_and_its_actions_do_what_it_means(
+    name: str, tmp_path: Path, world: TinyWorld
+) -> None:
+    seen: list[Any] = []
+    with serve(name, seen.append) as address:
+        policy = load_served(address, playable(name, tmp_path), *_missing(name))
+        policy.reset(fakes.EPISODE)
+        actions = policy.predict(fakes.observation(), fakes.query())
+        policy.client.close()
+    CHECKS[name](seen[0])
+    assert len(seen) == 1
+    assert policy.spec.query_interval <= len(actions) <= policy.spec.horizon
+    assert np.allclose(actions, CLOSING, atol=1e-6)
+    # What the actions mean: the hand moves along x and the fingers close.
+    world.reset(0)
+    for _ in range(8):
+        world.step((0, 0, 0, 0, 0, 0, -1))
+    before = world.observe(())
+    for action in np.resize(actions, (8, 7)):
+        world.step(action)
+    after = world.observe(())
+    assert after["robot0_eef_pos"][0] - before["robot0_eef_pos"][0] > 0.02
+    assert np.ptp(after["robot0_gripper_qpos"]) < 0.5 * np.ptp(before["robot0_gripper_qpos"])
+
+
+def _missing(name: str) -> tuple[int | None, int | None]:
+    """H and Q where the profile leaves them to the user."""
+    unknown = load_profile(name).unknown()
+    return (8 if "policy.horizon" in unknown else None, 4 if "policy.query_interval" in unknown else None)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_policy_whose_actions_are_poses_is_refused_with_the_reason(name: str) -> None:
+    scheme = {"http": "http", "vla-eval": "vla-eval"}[load_profile(name).protocol]
+    with pytest.raises(AdapterError, match="poses in the world"):
+        load_served(f"{scheme}://127.0.0.1:1", name)
+
+
+def test_every_other_profile_asks_as_a_tested_one() -> None:
+    generic = load_profile("vla_eval").tables
+    for name in set(profile_names()) - CHECKS.keys() - set(REFUSED):
+        tables = load_profile(name).tables
+        assert {key: tables[key] for key in tables.keys() - TABLES_THAT_DIFFER} == {
+            key: generic[key] for key in generic.keys() - TABLES_THAT_DIFFER
+        }

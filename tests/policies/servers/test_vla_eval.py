@@ -1,0 +1,134 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.servers import link
+from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
+from tests.policies.servers import fakes
+from tests.policies.servers.test_profiles_on_the_wire import AXIS_ANGLE, SHORT, is_state
+
+CHUNK = np.arange(70.0).reshape(10, 7) / 100
+
+
+def connect(port: int, profile: str = "vla_eval_pi05") -> ServedPolicy:
+    policy = load_served(f"vla-eval://127.0.0.1:{port}?patience=1", profile)
+    policy.reset(fakes.EPISODE)
+    return policy
+
+
+class Model:
+    """Returns a chunk that counts its calls in the first column."""
+
+    def __init__(self) -> None:
+        self.seen: list[Any] = []
+        self.episodes: list[Any] = []
+
+    def __call__(self, request: Any) -> Any:
+        if "episode_start" in request:
+            self.episodes.append(request["episode_start"])
+            return None
+        self.seen.append(request)
+        actions = CHUNK.copy()
+        actions[:, 0] = len(self.seen)
+        return actions
+
+
+@pytest.mark.parametrize(("buffered", "count"), [(8, 5), (10, 5), (None, 10)])
+def test_one_query_is_one_call_of_the_model_with_the_server_keeping_the_chunk_or_not(
+    buffered: int | None, count: int
+) -> None:
+    model = Model()
+    with fakes.vla_eval(model, buffered) as port:
+        policy = connect(port)
+        first = policy.predict(fakes.observation(), fakes.query(0))
+        second = policy.predict(fakes.observation(), fakes.query(1))
+        policy.client.close()
+    assert first.shape == (count, 7)
+    assert (first[:, 0] == 1).all()
+    assert (second[:, 0] == 2).all()
+    assert np.allclose(first[:, 1:6], CHUNK[:count, 1:6])
+    assert model.episodes[0]["task"] == {
+        "name": "put the Box on the plate",
+        "suite": "libero_spatial",
+        "task_id": 3,
+    }
+    assert len(model.episodes) == 2
+
+
+@pytest.mark.parametrize(
+    ("wants", "keys", "cameras"),
+    [
+        ({}, {"images", "task_description"}, ("agentview",)),
+        ({"send_wrist_image": True}, {"images", "task_description"}, ("agentview", "robot0_eye_in_hand")),
+        (
+            {"send_state": True},
+            {"images", "task_description", "states", "controller_states"},
+            ("agentview",),
+        ),
+    ],
+)
+def test_the_server_gets_what_it_asks_for_and_nothing_else_is_rendered(
+    wants: dict[str, Any], keys: set[str], cameras: tuple[str, ...]
+) -> None:
+    model = Model()
+    with fakes.vla_eval(model, None, {"observation_params": wants}) as port:
+        policy = connect(port)
+        policy.predict(fakes.observation(), fakes.query())
+        policy.client.close()
+    assert model.seen[0].keys() == keys
+    assert policy.spec.cameras == cameras
+    assert ("wrist" in model.seen[0]["images"]) == ("robot0_eye_in_hand" in cameras)
+
+
+@pytest.mark.parametrize(("kept", "rotation"), [(True, AXIS_ANGLE), (False, SHORT)])
+def test_the_sign_of_the_quaternion_is_kept_where_the_server_asks_for_that(kept: bool, rotation: Any) -> None:
+    model = Model()
+    wants = {"send_state": True, "quat_no_antipodal": kept}
+    with fakes.vla_eval(model, None, {"observation_params": wants}) as port:
+        policy = connect(port)
+        policy.predict(fakes.observation(), fakes.query())
+        policy.client.close()
+    assert is_state(model.seen[0]["states"], rotation)
+
+
+@pytest.mark.parametrize(
+    ("greeting", "message"),
+    [
+        ({"observation_params": {"absolute_action": True}}, "poses in the world"),
+        ({"action_spec": {"position": {"format": "absolute_xyz"}}}, "poses in the world"),
+        ({"action_spec": {"gripper": {"format": "continuous_01"}}}, "format 'continuous_01'"),
+    ],
+)
+def test_actions_that_cannot_be_played_are_refused_when_the_server_greets(
+    greeting: dict[str, Any], message: str
+) -> None:
+    with fakes.vla_eval(Model(), None, greeting) as port, pytest.raises(AdapterError, match=message):
+        connect(port)
+
+
+@pytest.mark.parametrize(
+    ("greeting", "message"),
+    [
+        ({"protocol_version": 2}, "speaks version 2"),
+        ({"observation_params": [1]}, "must be maps"),
+    ],
+)
+def test_a_greeting_that_is_not_understood_is_an_error_of_the_server(
+    greeting: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link, "FIRST_PAUSE_S", 0.01)
+    with fakes.vla_eval(Model(), None, greeting) as port, pytest.raises(ServerError, match=message):
+        connect(port)
+
+
+def test_an_error_of_the_model_is_told_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "FIRST_PAUSE_S", 0.01)
+    with fakes.vla_eval(lambda request: "observation_failed: KeyError: 'wrist'") as port:
+        policy = connect(port)
+        with pytest.raises(ServerError, match="observation_failed: KeyError: 'wrist'"):
+            policy.predict(fakes.observation(), fakes.query())
+        policy.client.close()
