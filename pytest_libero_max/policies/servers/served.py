@@ -119,6 +119,16 @@ class Request:
         filled: dict[str, Any] = _fill(layout, values)
         return filled
 
+    def arrays(self, observation: Observation, layout: Any = None) -> dict[str, NDArray[Any]]:
+        """Those inputs of a request that are arrays, by name.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        named = dict.fromkeys(_named(self._layout if layout is None else layout))
+        values = {name: self._value(name, observation) for name in named if name in self._inputs}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
     def _sources(self, name: str) -> set[str]:
         item = self._inputs.get(name)
         if item is None:
@@ -293,6 +303,14 @@ class ServedPolicy:
         return self.client.ask(
             request, lambda reply: self._reply.read(reply, spec.query_interval, spec.horizon)
         )
+
+    def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
+        """The arrays of the request, by the names that the profile gives them, for a look at them.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        return self._request.arrays(observation, self._layout)
 
     def _greeted(self, greeting: Any) -> None:
         _require_chunk(greeting, self.spec)

@@ -1,0 +1,83 @@
+"""The command on one policy: check."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.errors import AdapterError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_commands(commands: Commands) -> None:
+    """Add ``check`` to the parser."""
+    check = commands.add_parser(
+        "check", help="Ask a policy a few queries and name the usual mistakes; exit status 1 if one is found"
+    )
+    check.add_argument("policy", metavar="POLICY", help="As for pytest --libero-max-policy")
+    check.add_argument("--profile", metavar="NAME|PATH", help="As for pytest --libero-max-profile")
+    check.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H")
+    check.add_argument("--query-interval", type=int, metavar="ACTIONS", help="Override Q")
+    check.add_argument(
+        "--substrate", default="embedded", metavar="NAME", help="What is shown (default: %(default)s)"
+    )
+    check.add_argument(
+        "--picture",
+        type=Path,
+        default=Path("libero-max-check.png"),
+        metavar="FILE",
+        help="Where the images that the model is shown are written (default: %(default)s)",
+    )
+    check.set_defaults(run=_check)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.policies.check import check_cameras
+    from pytest_libero_max.policies.examination import (
+        examine,
+        made_up,
+        model_inputs,
+        picture_sheet,
+    )
+    from pytest_libero_max.policies.loading import load_policy
+    from pytest_libero_max.policies.pieces.images import png_file
+    from pytest_libero_max.sources import open_substrate
+    from pytest_libero_max.worlds.kind import SubstrateOptions
+
+    policy = load_policy(
+        options.policy,
+        horizon=options.horizon,
+        query_interval=options.query_interval,
+        profile=options.profile,
+    )
+    if policy.spec.privileged:
+        raise AdapterError(
+            f"policy {policy.spec.name!r} reads the simulator (privileged), and check shows observations "
+            "alone. "
+            "Play a few pairs with it: pytest --libero-max-policy=... --libero-max-limit=4."
+        )
+    substrate = open_substrate(options.substrate, SubstrateOptions())
+    try:
+        world = substrate.world(load_track("smoke").cases[0])
+        check_cameras(policy, world)
+        shown = made_up(policy, world)
+    finally:
+        substrate.close()
+    spec = policy.spec
+    print(f"{spec.name} (H={spec.horizon} Q={spec.query_interval}): {', '.join(spec.cameras) or 'no images'}")
+    findings = examine(policy, shown)
+    for finding in findings:
+        print(finding)
+    told, who = model_inputs(policy, shown.observations[0], shown.query(0)), "the model"
+    if told is None:
+        told, who = dict(shown.observations[0]), "the policy, as the world delivers it,"
+    if any(array.ndim >= 3 for array in told.values()):
+        options.picture.write_bytes(png_file(picture_sheet(told)))
+        print(f"Look at {options.picture}: what {who} is shown.")
+    wrong = [finding for finding in findings if finding.level == "wrong"]
+    print(f"{len(wrong)} wrong, {sum(finding.level == 'note' for finding in findings)} to look at")
+    return 1 if wrong else 0

@@ -1,0 +1,630 @@
+"""Examining a policy before anything is measured: a few queries that find the usual mistakes of adapters.
+
+Nothing is played. The policy is shown made-up and recorded observations, always as the pair runner would show
+them, and what it does is compared with what it declares. What a model is *shown* can only be compared where
+the policy offers ``model_inputs(observation, query)``, a mapping of what it hands to the model; policies
+behind servers do.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import AdapterError, LiberoMaxError
+from pytest_libero_max.policies.check import ask, copy_memory, remembers, restore_memory, start
+from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
+from pytest_libero_max.policies.pieces import states
+from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
+
+Actions = NDArray[np.float64]
+Level = Literal["ok", "note", "wrong"]
+"""``wrong`` breaks the contract or is never meant; ``note`` may be meant, and is worth a look."""
+
+FAR_BEYOND = 3.0
+"""Components larger than this are no movements within [-1, 1] that overshoot, but other units."""
+
+QUERIES = 4
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        level: How bad it is.
+        subject: What was looked at, for example ``seed``; stable.
+        observed: What was seen.
+        expected: What should have been seen; empty where it was.
+        mistake: The likely mistake and its cure; empty where there is none.
+    """
+
+    level: Level
+    subject: str
+    observed: str
+    expected: str = ""
+    mistake: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.level:<6}{self.subject}: {self.observed}"
+        if self.expected:
+            text += f"; expected: {self.expected}"
+        return f"{text}. {self.mistake}" if self.mistake else text
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the policy is examined with.
+
+    Attributes:
+        episode: Of all queries.
+        observations: At least :data:`QUERIES` that differ in everything, as a world gives them.
+    """
+
+    episode: Episode
+    observations: tuple[Observation, ...]
+
+    def query(self, index: int) -> Query:
+        """The query in which ``observations[index]`` is shown."""
+        return Query(index, 5 * index, self.episode.instruction, query_seed(self.episode.seed, index))
+
+
+def examine(policy: Policy, shown: Shown) -> list[Finding]:
+    """Look at a policy from all sides; stops at the first query that cannot be answered.
+
+    Args:
+        policy: A checked policy that reads no simulator.
+        shown: What to show it.
+    """
+    findings: list[Finding] = []
+    try:
+        for look in (_answers, _repeats, _forgets, _writes, _looks, _carries, _follows_h, _inputs):
+            findings += look(policy, shown)
+    except LiberoMaxError as error:
+        findings.append(
+            Finding(
+                "wrong",
+                "query",
+                str(error),
+                "an answer to every query",
+                "Repair this first, and check again.",
+            )
+        )
+    return findings
+
+
+def made_up(policy: Policy, world: Any, seed: int = 195) -> Shown:
+    """Observations of a world at rest and moved a little, for :func:`examine`.
+
+    Args:
+        policy: Whose cameras and image size.
+        world: A world; it is reset and stepped.
+        seed: The policy seed.
+    """
+    spec = policy.spec
+    world.reset(0)
+    observations = []
+    for move in ((0.3, 0, 0), (0, 0.5, 0), (-0.4, 0, 0.3), (0, -0.5, -0.3)):
+        for _ in range(4):
+            world.step((*move, 0.0, 0.0, 0.0, -1.0))
+        observations.append(world.observe(spec.cameras, spec.image_size))
+    episode = Episode("libero_spatial", 0, world.language, seed, 220)
+    return Shown(episode, tuple(observations))
+
+
+def _ask(policy: Policy, shown: Shown, index: int, **changed: Any) -> Actions:
+    """The answer to query ``index``, from a copy of the observation."""
+    observation = {key: np.array(value) for key, value in shown.observations[index].items()}
+    observation.update(changed.pop("observation", {}))
+    return ask(policy, observation, replace(shown.query(index), **changed))
+
+
+def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    """Times, ranges, lengths and the gripper, over the first queries of an episode."""
+    spec = policy.spec
+    start(policy, shown.episode)
+    seconds, answers = [], []
+    for index in range(QUERIES):
+        began = time.perf_counter()
+        answers.append(_ask(policy, shown, index))
+        seconds.append(time.perf_counter() - began)
+    later = float(np.median(seconds[1:]))
+    per_episode = shown.episode.max_steps / spec.query_interval
+    yield Finding(
+        "ok",
+        "latency",
+        f"first query {seconds[0]:.3f} s, later ones {later:.3f} s: about {2 * per_episode * later:.0f} s of "
+        f"policy for a pair of 2 x {shown.episode.max_steps} steps",
+    )
+    lengths = sorted({len(answer) for answer in answers})
+    if len(lengths) > 1:
+        yield Finding(
+            "note",
+            "length",
+            f"answers of {', '.join(map(str, lengths))} actions",
+            "the same number from every query",
+            "The chunk drifts: a queue inside the adapter may hand out what is left of it.",
+        )
+    elif lengths[0] != spec.horizon:
+        yield Finding(
+            "note",
+            "horizon",
+            f"every query returns {lengths[0]} actions",
+            f"horizon={spec.horizon}, as declared",
+            "Declare the H that the model really returns.",
+        )
+    else:
+        yield Finding(
+            "ok", "horizon", f"every query returns H={spec.horizon} actions; Q={spec.query_interval}"
+        )
+    everything = np.concatenate(answers)
+    yield _range(everything)
+    yield _gripper(
+        everything[:, 6], np.concatenate([answer[: spec.query_interval] for answer in answers])[:, 6]
+    )
+
+
+def _range(actions: Actions) -> Finding:
+    beyond = np.abs(actions) > 1.0
+    largest, share = float(np.abs(actions).max()), float(beyond.mean())
+    if largest > FAR_BEYOND:
+        return Finding(
+            "wrong",
+            "range",
+            f"components up to {largest:.3g}",
+            "movements within [-1, 1]",
+            "These are other units: un-normalise the actions, or do not un-normalise them twice.",
+        )
+    if not actions[:, :6].any():
+        return Finding(
+            "note",
+            "range",
+            "no movement at all",
+            "movements",
+            "A policy that holds still, or one that got zeros.",
+        )
+    if share > 0.05:
+        return Finding(
+            "note",
+            "range",
+            f"{share:.0%} of the components are beyond 1 and will be clipped",
+            "few",
+            "Look at the un-normalisation.",
+        )
+    return Finding("ok", "range", f"components up to {largest:.3g}, {share:.0%} of them clipped")
+
+
+def _gripper(values: NDArray[Any], first: NDArray[Any]) -> Finding:
+    if (
+        ((values >= 0.0) & (values <= 1.0)).all()
+        and len(set(np.round(values, 6))) <= 2
+        and (values == 0.0).any()
+    ):
+        return Finding(
+            "wrong",
+            "gripper",
+            "0 or 1",
+            "-1 opens, +1 closes",
+            "It is a flag: write 1 - 2 * (g > 0.5) where 1 means open.",
+        )
+    if ((values >= 0.0) & (values <= 1.0)).all() and not (values == 1.0).all():
+        return Finding(
+            "wrong",
+            "gripper",
+            f"from {values.min():.2g} to {values.max():.2g}",
+            "-1 opens, +1 closes",
+            "It is a probability or an opening from 0 to 1: write -sign(2 g - 1) where 1 means open.",
+        )
+    if (first > 0.0).mean() > 0.9:
+        return Finding(
+            "note",
+            "gripper",
+            "closes at once, far from any object",
+            "open (-1) at the beginning of an episode",
+            "The sign may be the wrong way round: LIBERO's gripper closes at +1.",
+        )
+    return Finding("ok", "gripper", "open at the beginning of the episode, as far as it was asked")
+
+
+def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    start(policy, shown.episode)
+    first = _ask(policy, shown, 0)
+    start(policy, shown.episode)
+    again = _ask(policy, shown, 0)
+    start(policy, shown.episode)
+    other = _ask(policy, shown, 0, seed=shown.query(0).seed ^ 0x5A5A)
+    same = first.tobytes() == again.tobytes()
+    if not same and policy.spec.repeatable:
+        yield Finding(
+            "wrong",
+            "seed",
+            "the same first query of an episode got two different answers",
+            "the same bytes",
+            "It draws from something else than query.seed, or reset() leaves something behind. A server "
+            "that cannot "
+            "be seeded declares repeatable=False.",
+        )
+    elif not same:
+        yield Finding(
+            "note",
+            "seed",
+            "the same query got two different answers, and repeatable=False says so",
+            mistake="Measure how often Base flips by itself: --libero-max-noise-floor=16.",
+        )
+    elif first.tobytes() == other.tobytes():
+        yield Finding("ok", "seed", "deterministic: the same answer with another seed as well")
+    else:
+        yield Finding("ok", "seed", "the same query gets the same answer, another seed another one")
+    if same and not policy.spec.repeatable:
+        yield Finding(
+            "note",
+            "repeatable",
+            "declared False, but the answer repeated itself",
+            mistake="If the server is deterministic, repeatable=True lets every pair check it.",
+        )
+
+
+def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    """What is left of an episode after reset, and what an answer depends on beside the observation."""
+    if not policy.spec.repeatable:
+        return
+    start(policy, shown.episode)
+    fresh = _ask(policy, shown, 0)
+    for index in range(1, QUERIES):
+        _ask(policy, shown, index)
+    start(policy, shown.episode)
+    if _ask(policy, shown, 0).tobytes() != fresh.tobytes():
+        yield Finding(
+            "wrong",
+            "reset",
+            "the first answer of an episode depends on the episode before",
+            "a new episode forgets everything",
+            "Let reset() empty queues, histories and generators.",
+        )
+    after = _ask(policy, shown, 1)
+    start(policy, shown.episode)
+    alone = _ask(policy, shown, 1)
+    if after.tobytes() == alone.tobytes():
+        yield Finding("ok", "memory", "an answer depends on its own observation and query alone")
+    elif remembers(policy):
+        yield Finding("ok", "memory", "answers depend on earlier queries, and snapshot() is offered")
+    else:
+        yield Finding(
+            "wrong",
+            "memory",
+            "an answer depends on the queries before it",
+            "no memory, or snapshot() and restore(memory)",
+            "A queue, a history or a generator lives on between queries: empty it, or offer both methods.",
+        )
+
+
+def _writes(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    start(policy, shown.episode)
+    observation = marked_observation(shown.observations[0])
+    before = {key: value.copy() for key, value in observation.items()}
+    ask(policy, observation, shown.query(0))
+    written = [
+        key
+        for key, value in before.items()
+        if key not in observation or not np.array_equal(value, observation[key])
+    ]
+    if written:
+        yield Finding(
+            "wrong",
+            "observation",
+            f"{', '.join(written)} was written to",
+            "an observation that stays as it is",
+            "Give a copy to helpers that write into their argument, as robosuite's quat2axisangle does.",
+        )
+
+
+def _looks(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    """Whether the answer depends on what the policy is shown."""
+    if not policy.spec.repeatable:
+        return
+    start(policy, shown.episode)
+    first = _ask(policy, shown, 0)
+    images = {key: value for key, value in shown.observations[2].items() if key.endswith("_image")}
+    rest = {key: value for key, value in shown.observations[2].items() if key not in images}
+    changes: list[tuple[str, dict[str, Any]]] = [
+        ("the state", {"observation": rest}),
+        ("the instruction", {"instruction": "turn off the light and close the door"}),
+    ]
+    changes += [(key, {"observation": {key: 255 - images[key]}}) for key in images]
+    ignored = []
+    for name, change in changes:
+        start(policy, shown.episode)
+        if _ask(policy, shown, 0, **change).tobytes() == first.tobytes():
+            ignored.append(name)
+    if len(ignored) == len(changes):
+        yield Finding(
+            "wrong",
+            "observation",
+            "the answer stays the same whatever is shown",
+            "an answer to the observation",
+            "An old chunk is returned, or the model is not asked.",
+        )
+    elif ignored:
+        yield Finding(
+            "note",
+            "observation",
+            f"the answer does not depend on {', '.join(ignored)}",
+            mistake="If the model reads it, it does not arrive there.",
+        )
+    else:
+        yield Finding("ok", "observation", "the answer depends on every image, the state and the instruction")
+
+
+def _carries(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    if not remembers(policy) or not policy.spec.repeatable:
+        return
+    start(policy, shown.episode)
+    _ask(policy, shown, 0)
+    memory = copy_memory(policy)
+    first = _ask(policy, shown, 1)
+    _ask(policy, shown, 2)
+    for _ in range(2):
+        restore_memory(policy, memory)
+        if _ask(policy, shown, 1).tobytes() != first.tobytes():
+            yield Finding(
+                "wrong",
+                "snapshot",
+                "after restore(), the same query got another answer",
+                "the memory that snapshot() copied",
+                "Let snapshot() copy all that answers depend on (copy.deepcopy), and restore() copy from it.",
+            )
+            return
+    yield Finding("ok", "snapshot", "restore() brings back what snapshot() copied")
+
+
+def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    """Whether a smaller H gives the first actions of the chunk."""
+    spec = policy.spec
+    if spec.horizon == spec.query_interval or not spec.repeatable:
+        return
+    start(policy, shown.episode)
+    whole = _ask(policy, shown, 0)
+    try:
+        policy.spec = replace(spec, horizon=spec.query_interval)
+    except AttributeError:
+        return
+    try:
+        start(policy, shown.episode)
+        part = _ask(policy, shown, 0)
+    except LiberoMaxError:
+        yield Finding(
+            "note",
+            "horizon",
+            f"--libero-max-horizon={spec.query_interval} is not followed",
+            mistake="Return actions[: self.spec.horizon].",
+        )
+        return
+    finally:
+        policy.spec = spec
+    count = len(part)
+    if part.tobytes() == whole[:count].tobytes():
+        yield Finding("ok", "prefix", "a smaller H gives the first actions of the chunk")
+    elif part.tobytes() == whole[-count:].tobytes():
+        yield Finding(
+            "wrong",
+            "prefix",
+            "a smaller H gives the last actions of the chunk",
+            "the first ones",
+            "A deque with maxlen keeps its last entries: cut the chunk with [:n] before.",
+        )
+
+
+# What the model is shown.
+
+_TURNS: Mapping[str, Callable[[Image], Image]] = {
+    "as delivered, bottom row first": lambda image: image,
+    "rotated by 180 degrees": lambda image: image[::-1, ::-1],
+    "flipped upside down ([::-1])": lambda image: image[::-1],
+    "mirrored left to right ([:, ::-1])": lambda image: image[:, ::-1],
+    "transposed": lambda image: image.transpose(1, 0, 2),
+}
+USUAL = "rotated by 180 degrees"
+
+
+def model_inputs(policy: Policy, observation: Observation, query: Query) -> dict[str, NDArray[Any]] | None:
+    """The arrays that a policy hands to its model, by name; None where it does not tell."""
+    tell = getattr(policy, "model_inputs", None)
+    if tell is None:
+        return None
+    try:
+        told = dict(tell(observation, query))
+    except Exception as error:  # an adapter may raise anything
+        raise AdapterError(
+            f"policy {policy.spec.name!r} raised {type(error).__name__} in model_inputs: {error}. Repair "
+            "the adapter."
+        ) from error
+    return {str(key): np.asarray(value) for key, value in told.items()}
+
+
+def as_image(array: NDArray[Any]) -> Image | None:
+    """(H, W, 3) uint8 of an image in any usual form; None of anything else."""
+    while array.ndim > 3 and array.shape[0] == 1:
+        array = array[0]
+    if array.ndim != 3 or array.dtype.kind not in "fu":
+        return None
+    if array.shape[2] != 3 and array.shape[0] == 3:
+        array = np.moveaxis(array, 0, 2)
+    if array.shape[2] != 3 or min(array.shape[:2]) < 8:
+        return None
+    if array.dtype.kind == "f":
+        low = -1.0 if array.min() < -1e-3 else 0.0
+        array = (array - low) / (1.0 - low) * 255.0
+    pixels: Image = np.clip(np.rint(array), 0, 255).astype(np.uint8)
+    return pixels
+
+
+def marked_observation(observation: Observation) -> dict[str, NDArray[Any]]:
+    """An observation with marked images, another for each camera, and a quaternion with w < 0."""
+    marked = {key: np.array(value) for key, value in observation.items()}
+    for number, camera in enumerate(CAMERAS):
+        key = f"{camera}_image"
+        if key in marked:
+            height, width = marked[key].shape[:2]
+            rows, columns = np.indices((height, width)) // max(1, height // 8)
+            image = np.zeros((height, width, 3))
+            image[:, :, number] = 20 + 25 * rows
+            image[:, :, 2] = 15 * columns
+            image[: height // 4, : width // 4] = (250, 40, 90) if number else (200, 120, 10)
+            marked[key] = np.clip(image, 0, 255).astype(np.uint8)
+    marked["robot0_eef_quat"] = np.array([0.64, 0.288, 0.384, -0.6])
+    return marked
+
+
+def _inputs(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    observation, query = marked_observation(shown.observations[0]), shown.query(0)
+    start(policy, shown.episode)
+    told = model_inputs(policy, observation, query)
+    if told is None:
+        yield Finding(
+            "note",
+            "inputs",
+            "the policy does not tell what its model is shown",
+            mistake="Offer model_inputs(observation, query), a mapping of names to the arrays that predict "
+            "hands to the model: then orientation, colours, cameras and the state are compared as well.",
+        )
+        return
+    names = iter(CAMERAS)
+    for name, array in told.items():
+        image = as_image(array)
+        if image is not None:
+            for part, half in _halves(name, image):
+                yield from _one_image(part, half, observation, next(names, None))
+        elif array.dtype.kind == "f":
+            yield from _one_state(name, array.ravel(), observation)
+
+
+def _halves(name: str, image: Image) -> list[tuple[str, Image]]:
+    """An image twice as wide as high is two, side by side."""
+    height, width = image.shape[:2]
+    if width != 2 * height:
+        return [(name, image)]
+    return [(f"{name}, left", image[:, :height]), (f"{name}, right", image[:, height:])]
+
+
+def _one_image(name: str, image: Image, observation: Observation, meant: str | None) -> Iterator[Finding]:
+    from pytest_libero_max.policies.pieces.images import resize_area
+
+    side = 32
+    small = resize_area(image, side).astype(float)
+    best: tuple[float, str, str, bool] = (np.inf, "", "", False)
+    for camera in CAMERAS:
+        source = observation.get(f"{camera}_image")
+        if source is None:
+            continue
+        for turn, apply in _TURNS.items():
+            turned = resize_area(np.ascontiguousarray(apply(source)), side).astype(float)
+            for reversed_colours in (False, True):
+                seen = turned[:, :, ::-1] if reversed_colours else turned
+                distance = float(np.abs(seen - small).mean())
+                best = min(best, (distance, camera, turn, reversed_colours))
+    distance, camera, turn, reversed_colours = best
+    where = f"input {name!r}"
+    if distance > 12.0:
+        yield Finding(
+            "note", where, "is like no camera's image in any orientation", mistake="Look at the picture."
+        )
+        return
+    if reversed_colours:
+        yield Finding(
+            "wrong",
+            where,
+            "has blue and red exchanged",
+            "RGB, as the world delivers it",
+            "OpenCV reads and writes BGR: turn the channels with [:, :, ::-1].",
+        )
+    expected_camera = _camera_named(name) or meant
+    if expected_camera is not None and camera != expected_camera:
+        yield Finding(
+            "wrong",
+            where,
+            f"is the image of {camera}",
+            f"that of {expected_camera}, by its name or place",
+            "The two cameras may be exchanged.",
+        )
+    if turn != USUAL:
+        yield Finding(
+            "note",
+            where,
+            f"is {turn}",
+            f"{USUAL}, unless the model was trained otherwise",
+            "The two differ by a mirror image, and a model does not tell.",
+        )
+    elif not reversed_colours:
+        yield Finding("ok", where, f"{camera}, {turn}")
+
+
+def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
+    """The images among what a model is shown, side by side with their names, each 256 pixels high.
+
+    Args:
+        told: Arrays by name; whatever is no image is left out.
+
+    Raises:
+        AdapterError: There is no image.
+    """
+    from PIL import Image as pillow
+    from PIL import ImageDraw
+
+    images = [(name, image) for name, array in told.items() if (image := as_image(array)) is not None]
+    if not images:
+        raise AdapterError("There is no image among what the model is shown.")
+    side, margin = 256, 20
+    widths = [max(side, round(side * image.shape[1] / image.shape[0])) for _, image in images]
+    sheet = pillow.new("RGB", (sum(widths), side + margin), "white")
+    pen, left = ImageDraw.Draw(sheet), 0
+    for (name, image), width in zip(images, widths, strict=True):
+        sheet.paste(pillow.fromarray(np.ascontiguousarray(image)).resize((width, side)), (left, margin))
+        pen.text((left + 4, 4), name, fill="black")
+        left += width
+    return np.asarray(sheet)
+
+
+def _camera_named(name: str) -> str | None:
+    """The camera that the name of an input speaks of."""
+    lower = name.lower()
+    if any(word in lower for word in ("wrist", "hand")):
+        return CAMERAS[1]
+    return CAMERAS[0] if any(word in lower for word in ("agent", "full", "base", "front", "scene")) else None
+
+
+def _one_state(name: str, values: NDArray[Any], observation: Observation) -> Iterator[Finding]:
+    q = observation["robot0_eef_quat"]
+    rules = {
+        "kept": states.axis_angle(q),
+        "antipodal": states.axis_angle_antipodal(q),
+        "w first": states.axis_angle(np.roll(q, 1)),
+        "w first, antipodal": states.axis_angle_antipodal(np.roll(q, 1)),
+        "taken for w, x, y, z": states.axis_angle(np.roll(q, -1)),
+    }
+    windows = [values[i : i + 3] for i in range(len(values) - 2)]
+    found = [
+        rule for rule, vector in rules.items() if any(np.allclose(w, vector, atol=1e-4) for w in windows)
+    ]
+    where = f"input {name!r}"
+    if "kept" in found:
+        yield Finding("ok", where, "orientation as axis times angle, the sign of the quaternion kept")
+    elif "antipodal" in found:
+        yield Finding(
+            "note",
+            where,
+            "orientation as axis times angle of at most pi (antipodal rule)",
+            "the sign kept, as robosuite has it, unless the model was trained otherwise",
+        )
+    elif found:
+        yield Finding(
+            "wrong",
+            where,
+            "orientation from a quaternion read in the wrong order",
+            "x, y, z, w",
+            "robot0_eef_quat has w last.",
+        )

@@ -1,0 +1,334 @@
+"""A gallery of broken adapters: the examination must name the mistake of each, and none of sound ones."""
+
+from __future__ import annotations
+
+import copy
+import re
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.policies.examination import Finding, Shown, as_image, examine, made_up, picture_sheet
+from pytest_libero_max.policies.pieces.images import resize_area, rotate_180
+from pytest_libero_max.policies.pieces.states import axis_angle, axis_angle_antipodal
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.tiny.world import TinyWorld
+
+SPEC = PolicySpec("sound", horizon=8, query_interval=4, image_size=32)
+
+
+class Sound:
+    """Answers from everything that it is shown; draws from the seed of the query."""
+
+    def __init__(self) -> None:
+        self.spec = SPEC
+
+    def reset(self, episode: Episode) -> None:
+        pass
+
+    def image(self, image: Any) -> Any:
+        return rotate_180(image)
+
+    def rotation(self, quaternion: Any) -> Any:
+        return axis_angle(quaternion)
+
+    def model_inputs(self, observation: Observation, query: Query) -> dict[str, Any]:
+        return {
+            "image": self.image(observation["agentview_image"]),
+            "wrist_image": self.image(observation["robot0_eye_in_hand_image"]),
+            "state": np.concatenate(
+                [
+                    observation["robot0_eef_pos"],
+                    self.rotation(observation["robot0_eef_quat"]),
+                    observation["robot0_gripper_qpos"],
+                ]
+            ),
+        }
+
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        told = self.model_inputs(observation, query)
+        number = zlib.crc32(query.instruction.encode())
+        for value in told.values():
+            number = zlib.crc32(np.ascontiguousarray(value).tobytes(), number)
+        actions = np.random.default_rng([number, query.seed]).uniform(-0.8, 0.8, (8, 7))
+        actions[:, 6] = -1.0
+        return actions
+
+    def predict(self, observation: Observation, query: Query) -> Any:
+        return self.chunk(observation, query)[: self.spec.horizon]
+
+
+class Flipped(Sound):
+    def image(self, image: Any) -> Any:
+        return image[::-1]
+
+
+class Mirrored(Sound):
+    def image(self, image: Any) -> Any:
+        return image[:, ::-1]
+
+
+class AsDelivered(Sound):
+    def image(self, image: Any) -> Any:
+        return image
+
+
+class Bgr(Sound):
+    def image(self, image: Any) -> Any:
+        return rotate_180(image)[:, :, ::-1]
+
+
+class Exchanged(Sound):
+    def model_inputs(self, observation: Observation, query: Query) -> dict[str, Any]:
+        told = super().model_inputs(observation, query)
+        return {**told, "image": told["wrist_image"], "wrist_image": told["image"]}
+
+
+class Antipodal(Sound):
+    def rotation(self, quaternion: Any) -> Any:
+        return axis_angle_antipodal(quaternion)
+
+
+class WFirst(Sound):
+    def rotation(self, quaternion: Any) -> Any:
+        return axis_angle(np.roll(quaternion, -1))
+
+
+class Writing(Sound):
+    def rotation(self, quaternion: Any) -> Any:
+        quaternion[3] = abs(quaternion[3])
+        quaternion[:3] *= 0.5
+        return axis_angle(quaternion)
+
+
+class Stale(Sound):
+    def __init__(self) -> None:
+        super().__init__()
+        self.kept: Any = None
+
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        if self.kept is None:
+            self.kept = super().chunk(observation, query)
+        return self.kept
+
+
+class OwnGenerator(Sound):
+    def __init__(self) -> None:
+        super().__init__()
+        self.generator = np.random.default_rng(0)
+
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        return super().chunk(observation, query) * [*self.generator.uniform(0.5, 1.0, 6), 1.0]
+
+
+class Leaking(Sound):
+    """Counts its queries over all episodes, and moves less at every seventh."""
+
+    asked = 0
+
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        self.asked += 1
+        actions = super().chunk(observation, query)
+        return actions * 0.5 if self.asked % 7 == 0 else actions
+
+
+class Remembering(Sound):
+    def reset(self, episode: Episode) -> None:
+        self.last = np.zeros((8, 7))
+
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        self.last = 0.5 * (self.last + super().chunk(observation, query))
+        return self.last
+
+
+class Copied(Remembering):
+    """Sound: it remembers, and says so."""
+
+    def snapshot(self) -> Any:
+        return copy.deepcopy(self.last)
+
+    def restore(self, memory: Any) -> None:
+        self.last = copy.deepcopy(memory)
+
+
+class Aliased(Copied):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        self.last[:] = 0.5 * (self.last + Sound.chunk(self, observation, query))
+        return self.last.copy()
+
+    def snapshot(self) -> Any:
+        return self.last
+
+    def restore(self, memory: Any) -> None:
+        self.last = memory
+
+
+class Drifting(Sound):
+    def predict(self, observation: Observation, query: Query) -> Any:
+        return self.chunk(observation, query)[: 8 - query.index]
+
+
+class ShortChunk(Sound):
+    def predict(self, observation: Observation, query: Query) -> Any:
+        return self.chunk(observation, query)[:6][: self.spec.horizon]
+
+
+class Suffix(Sound):
+    def predict(self, observation: Observation, query: Query) -> Any:
+        return self.chunk(observation, query)[-self.spec.horizon :]
+
+
+class Unnormalised(Sound):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        return super().chunk(observation, query) * ([40.0] * 6 + [1.0])
+
+
+class ClosingFirst(Sound):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        return super().chunk(observation, query) * ([1.0] * 6 + [-1.0])
+
+
+class Flag(Sound):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        actions = super().chunk(observation, query)
+        actions[:, 6] = 0.0
+        return actions
+
+
+class Opening(Sound):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        actions = super().chunk(observation, query)
+        actions[:, 6] = np.linspace(0.6, 0.95, 8)
+        return actions
+
+
+class Deaf(Sound):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        return super().chunk(observation, Query(query.index, query.step, "", query.seed))
+
+
+class Broken(Sound):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        raise KeyError("agentview")
+
+
+class NotFinite(Sound):
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        return super().chunk(observation, query) / [*[1.0] * 3, 0.0, *[1.0] * 3]
+
+
+GALLERY: list[tuple[type[Sound], str, str, str]] = [
+    (Flipped, "note", "input 'image'", r"is flipped upside down \(\[::-1\]\)"),
+    (Mirrored, "note", "input 'image'", "is mirrored left to right"),
+    (AsDelivered, "note", "input 'wrist_image'", "is as delivered, bottom row first"),
+    (Bgr, "wrong", "input 'image'", "has blue and red exchanged"),
+    (Exchanged, "wrong", "input 'wrist_image'", "is the image of agentview"),
+    (Antipodal, "note", "input 'state'", "antipodal rule"),
+    (WFirst, "wrong", "input 'state'", "read in the wrong order"),
+    (Writing, "wrong", "observation", "robot0_eef_quat was written to"),
+    (Stale, "wrong", "observation", "stays the same whatever is shown"),
+    (OwnGenerator, "wrong", "seed", "two different answers"),
+    (Leaking, "wrong", "reset|memory|seed", "depends on|two different"),
+    (Remembering, "wrong", "memory", "depends on the queries before it"),
+    (Aliased, "wrong", "snapshot", "after restore"),
+    (Drifting, "note", "length", "5, 6, 7, 8 actions"),
+    (ShortChunk, "note", "horizon", "returns 6 actions"),
+    (Suffix, "wrong", "prefix", "the last actions of the chunk"),
+    (Unnormalised, "wrong", "range", "components up to"),
+    (ClosingFirst, "note", "gripper", "closes at once"),
+    (Flag, "wrong", "gripper", "0 or 1"),
+    (Opening, "wrong", "gripper", "from 0.6 to 0.95"),
+    (Deaf, "note", "observation", "does not depend on the instruction"),
+    (Broken, "wrong", "query", "KeyError"),
+    (NotFinite, "wrong", "query", "must be finite"),
+]
+
+
+@pytest.fixture(scope="module")
+def shown() -> Iterator[Shown]:
+    world = TinyWorld()
+    yield made_up(Sound(), world)
+    world.close()
+
+
+def bad(findings: list[Finding]) -> list[Finding]:
+    return [finding for finding in findings if finding.level != "ok"]
+
+
+@pytest.mark.parametrize("policy", [Sound, Copied])
+def test_a_sound_adapter_is_clean(policy: type[Sound], shown: Shown) -> None:
+    findings = examine(policy(), shown)
+    assert not bad(findings), "\n".join(map(str, findings))
+    assert {"latency", "horizon", "range", "gripper", "seed", "memory", "observation"} <= {
+        finding.subject for finding in findings
+    }
+
+
+@pytest.mark.filterwarnings("ignore:divide by zero")
+@pytest.mark.parametrize(
+    ("policy", "level", "subject", "observed"), GALLERY, ids=[entry[0].__name__ for entry in GALLERY]
+)
+def test_a_broken_adapter_is_named(
+    policy: type[Sound], level: str, subject: str, observed: str, shown: Shown
+) -> None:
+    findings = bad(examine(policy(), shown))
+    named = [
+        finding
+        for finding in findings
+        if finding.level == level
+        and re.fullmatch(subject, finding.subject)
+        and re.search(observed, finding.observed)
+    ]
+    assert named, "\n".join(map(str, findings))
+    assert all(finding.mistake or finding.expected for finding in named)
+
+
+def test_a_policy_without_seeds_is_not_blamed_for_what_it_declares(shown: Shown) -> None:
+    policy = OwnGenerator()
+    policy.spec = PolicySpec("server", 8, 4, image_size=32, repeatable=False)
+    found = bad(examine(policy, shown))
+    assert [finding.level for finding in found] == ["note"]
+    assert "repeatable=False says so" in found[0].observed
+
+
+def test_a_policy_that_tells_nothing_is_asked_to(shown: Shown) -> None:
+    class Silent(Sound):
+        model_inputs = None  # type: ignore[assignment]
+
+        def chunk(self, observation: Observation, query: Query) -> Any:
+            actions = np.random.default_rng(
+                [zlib.crc32(b"".join(np.asarray(v).tobytes() for v in observation.values())), query.seed]
+            ).uniform(-0.8, 0.8, (8, 7))
+            actions[:, 6] = -1.0
+            return actions * (0.5 + 0.5 * (len(query.instruction) % 7) / 7)
+
+    assert [finding.subject for finding in bad(examine(Silent(), shown))] == ["inputs"]
+
+
+def test_images_are_found_in_every_usual_form() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (16, 16, 3), dtype=np.uint8)
+    forms: list[Any] = [
+        image,
+        image[None, None],
+        np.moveaxis(image, 2, 0),
+        image.astype(np.float32) / 255,
+        np.moveaxis(image.astype(np.float32) / 127.5 - 1, 2, 0)[None],
+    ]
+    for form in forms:
+        found = as_image(form)
+        assert found is not None
+        assert np.abs(found.astype(int) - image).max() <= 1
+    others: list[Any] = [np.zeros(8), np.zeros((10, 7)), np.zeros((16, 16, 3), dtype=bool)]
+    for other in others:
+        assert as_image(other) is None
+
+
+def test_the_sheet_has_every_image_at_the_same_height() -> None:
+    image = np.full((32, 32, 3), 200, dtype=np.uint8)
+    sheet = picture_sheet({"image": image, "both": np.concatenate([image, image], 1), "state": np.zeros(8)})
+    assert sheet.shape == (276, 256 + 512, 3)
+    assert resize_area(sheet[100:116, 300:316], 2).tolist() == np.full((2, 2, 3), 200).tolist()

@@ -1,0 +1,69 @@
+"""libero-max check, through its command line, on the tiny substrate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pytest_libero_max.cli import main
+from tests.policies.servers import fakes
+
+TEMPLATE = Path(__file__).parents[1] / "fixtures" / "policies" / "vla.py"
+
+
+def test_of_the_template_only_the_stand_in_for_a_model_is_wrong_and_its_pictures_are_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "seen.png"
+    assert main(["check", str(TEMPLATE), "--substrate=tiny", f"--picture={picture}"]) == 1
+    out = capsys.readouterr().out
+    assert "wrong observation: the answer stays the same whatever is shown" in out
+    assert "input 'wrist_image': robot0_eye_in_hand, rotated by 180 degrees" in out
+    assert "my-vla (H=16 Q=8): agentview, robot0_eye_in_hand" in out
+    assert "1 wrong, 0 to look at" in out
+    sheet = cv2.imread(str(picture))
+    assert sheet is not None
+    assert sheet.shape == (276, 512, 3)
+
+
+def test_a_served_policy_is_checked_by_what_it_is_sent(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    actions = np.random.default_rng(0).uniform(-0.5, 0.5, (10, 7))
+    actions[:, 6] = -1.0
+    with fakes.openpi(lambda request: {"actions": actions + 1e-3 * request["observation/state"][0]}) as port:
+        status = main(
+            [
+                "check",
+                f"openpi://127.0.0.1:{port}",
+                "--profile=pi05_libero",
+                "--substrate=tiny",
+                f"--picture={tmp_path / 'seen.png'}",
+            ]
+        )
+    out = capsys.readouterr().out
+    assert status == 0
+    assert "input 'image': agentview, rotated by 180 degrees" in out
+    assert "input 'wrist': robot0_eye_in_hand, rotated by 180 degrees" in out
+    assert "input 'state': orientation as axis times angle, the sign of the quaternion kept" in out
+
+
+def test_a_mistake_is_exit_status_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    adapter = tmp_path / "adapter.py"
+    adapter.write_text(
+        "import numpy as np\nfrom pytest_libero_max import PolicySpec\n"
+        "class policy:\n"
+        "    spec = PolicySpec('wrong', 4, 4, cameras=())\n"
+        "    def reset(self, episode): pass\n"
+        "    def predict(self, observation, query): return 30 * np.ones((4, 7))\n"
+    )
+    assert main(["check", str(adapter), "--substrate=tiny"]) == 1
+    assert "wrong range: components up to 30; expected: movements within [-1, 1]" in capsys.readouterr().out
+
+
+def test_a_privileged_policy_is_not_for_check(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "expert", "--substrate=tiny"]) == 1
+    assert "reads the simulator (privileged)" in capsys.readouterr().err
