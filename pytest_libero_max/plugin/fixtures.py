@@ -113,6 +113,8 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
     phase: list[str] = ["setup"]
     try:
         record = _play(request, libero_max_case, phase.append)
+    except _Unsupported as unsupported:
+        pytest.skip(str(unsupported))
     except BaseException as error:
         from pytest_libero_max.policies.check import ends_the_session
 
@@ -133,6 +135,10 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
     return record
 
 
+class _Unsupported(Exception):
+    """The policy declares that it does not support the suite of the case."""
+
+
 def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], None]) -> PairRecord:
     from pytest_libero_max.events.schedules import arms_of
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
@@ -144,6 +150,9 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
     # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
     on_phase(POLICY_PHASE)
     policy = request.getfixturevalue("libero_max_policy")
+    if not policy.spec.supports(case.suite):
+        suites = ", ".join(policy.spec.suites or ())
+        raise _Unsupported(f"unsupported: policy {policy.spec.name!r} declares the suites {suites}")
     on_phase("setup")
     substrate = request.getfixturevalue("libero_max_substrate")
     world = request.getfixturevalue("libero_max_world")

@@ -10,7 +10,8 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, Observation, World
 
 Arm = Literal["base", "dynamic"]
@@ -32,6 +33,8 @@ class PolicySpec:
             check off.
         revision: What tells these weights from others of the same name, for example a checkpoint's commit or
             digest. Kept with every result.
+        suites: The LIBERO suites it can play, or None for all. Pairs of other suites are unsupported: they
+            are skipped, and neither played nor failed.
 
     Raises:
         AdapterError: A value breaks its rule.
@@ -45,6 +48,7 @@ class PolicySpec:
     privileged: bool = False
     repeatable: bool = True
     revision: str | None = None
+    suites: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -56,6 +60,8 @@ class PolicySpec:
                 f"revision={self.revision!r} of policy {self.name!r}, but must be None or a string that is "
                 "not empty."
             )
+        if self.suites is not None:
+            object.__setattr__(self, "suites", self._known_suites())
         if self.query_interval > self.horizon:
             raise AdapterError(
                 f"query_interval={self.query_interval} > horizon={self.horizon} of policy {self.name!r}: "
@@ -67,6 +73,23 @@ class PolicySpec:
                 f"cameras={self.cameras!r} of policy {self.name!r}, but must be a tuple of names."
             )
         object.__setattr__(self, "cameras", tuple(self.cameras))
+
+    def supports(self, suite: str) -> bool:
+        """Whether the policy can play the pairs of a suite."""
+        return self.suites is None or suite in self.suites
+
+    def _known_suites(self) -> tuple[str, ...]:
+        if isinstance(self.suites, str) or not self.suites:
+            raise AdapterError(
+                f"suites={self.suites!r} of policy {self.name!r}, but must be None or a tuple of names."
+            )
+        for suite in self.suites:
+            if suite not in SUITE_BUDGETS:
+                raise AdapterError(
+                    f"suites={self.suites!r} of policy {self.name!r} names the unknown suite {suite!r}. "
+                    f"{did_you_mean(str(suite), SUITE_BUDGETS)}"
+                )
+        return tuple(sorted({*self.suites}))
 
     def _count(self, field: str) -> int:
         """A field as a plain int, so that NumPy's integers can be written as JSON."""
@@ -82,7 +105,10 @@ class PolicySpec:
         return count
 
     def to_dict(self) -> dict[str, Any]:
-        return {**asdict(self), "cameras": list(self.cameras)}
+        """The fields as JSON types. ``suites`` is there only where the policy declares some."""
+        values = {**asdict(self), "cameras": list(self.cameras)}
+        suites = values.pop("suites")
+        return values if suites is None else {**values, "suites": list(suites)}
 
 
 @dataclass(frozen=True)

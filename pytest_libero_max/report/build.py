@@ -13,7 +13,7 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.outcomes_file import columns_of
-from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.statistics_json import (
     change_json,
@@ -69,7 +69,8 @@ def build_report(
 
     Rates over the planned pairs are in ``headline`` and are withheld (None, with the reason) while a pair
     is missing or invalid. Everything else is over the played pairs, and each block says how many were
-    planned and played. ``policy`` is the spec the pairs were played with, None where no pair was.
+    planned and played. Pairs of suites that the policy declares unsupported are not among the planned ones.
+    ``policy`` is the spec the pairs were played with, None where no pair was.
 
     Args:
         records: Measured pairs in any order.
@@ -88,18 +89,29 @@ def build_report(
     played = _by_case(records, {pair.case_id: pair for pair in planned})
     failed = {error.case_id: error for error in errors if error.case_id not in played}
     _require_planned(failed, {pair.case_id: pair for pair in planned})
+    policy = next(iter(played.values())).policy if played else None
+    unsupported = {
+        pair.case_id: pair.suite
+        for pair in unsupported_pairs(planned, policy)
+        if pair.case_id not in played and pair.case_id not in failed
+    }
+    planned = [pair for pair in planned if pair.case_id not in unsupported]
     measured = [pair for pair in planned if pair.case_id in played]
     columns = columns_of([played[pair.case_id] for pair in measured], [pair.task for pair in measured])
     overall = measure(columns)
     selection = _selection(provenance)
-    counts = _counts(planned, played, failed, selection["missing_shards"] if selection else [])
+    counts = {
+        **_counts(planned, played, failed, selection["missing_shards"] if selection else []),
+        "unsupported": len(unsupported),
+        "unsupported_suites": sorted({*unsupported.values()}),
+    }
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     return {
         "schema_version": REPORT_VERSION,
         "pairs": counts,
         "selection": selection,
         "headline": _headline(counts, overall),
-        "policy": played[measured[0].case_id].policy if measured else None,
+        "policy": policy,
         "substrate": substrate_json(provenance["substrate"]["name"]),
         "caveats": caveats_of(played[pair.case_id] for pair in measured),
         "overall": result_json(overall, len(planned)),

@@ -17,7 +17,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.build import group_order, substrate_json
 from pytest_libero_max.report.outcomes_file import RunOutcomes, read_outcomes
-from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.statistics_json import (
     change_contrast_json,
@@ -54,15 +54,24 @@ class CommonCases:
         planned: The common cases, by case id.
         pairs: For each run, its outcomes in that order.
         left_out: For each run, its planned cases that are not compared.
+        unsupported: For each run, how many of its planned cases its policy does not support.
     """
 
     planned: tuple[PlannedPair, ...]
     pairs: Mapping[str, Pairs]
     left_out: Mapping[str, tuple[str, ...]]
+    unsupported: Mapping[str, int]
+
+    @property
+    def partial(self) -> bool:
+        """Whether some policy does not support all cases."""
+        return any(self.unsupported.values())
 
 
 def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> CommonCases:
     """Line up the cases that every run has measured.
+
+    Cases that a policy declares unsupported are left out of all runs.
 
     Args:
         runs: Runs by the name they get in the comparison.
@@ -99,9 +108,14 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         name: tuple(sorted({pair.case_id for pair in run.run.planned} - compared))
         for name, run in outcomes.items()
     }
+    unsupported = {
+        name: {pair.case_id for pair in unsupported_pairs(run.run.planned, run.policy)}
+        for name, run in outcomes.items()
+    }
+    by_some = set().union(*unsupported.values())
     if not common:
         raise ReportError("The runs have no measured case in common; there is nothing to compare.")
-    if not restrict and any(left_out.values()):
+    if not restrict and any(set(cases) - by_some for cases in left_out.values()):
         counts = ", ".join(f"{len(cases)} of {name!r}" for name, cases in left_out.items())
         raise ReportError(
             f"The runs do not share all cases: left out would be {counts}. Play the missing pairs, or "
@@ -114,6 +128,7 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             for name, run in outcomes.items()
         },
         left_out=left_out,
+        unsupported={name: len(cases) for name, cases in unsupported.items()},
     )
 
 
@@ -144,7 +159,12 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         for name, groups in by_event.items()
     }
     agreement = profile_agreement(changes)
-    ranked = ranks({name: result.outcomes.dynamic.value for name, result in results.items()})
+    ranked = ranks(
+        {
+            name: None if common.unsupported[name] else result.outcomes.dynamic.value
+            for name, result in results.items()
+        }
+    )
     base = {name: columns.base for name, columns in pairs.items()}
     dynamic = {name: columns.dynamic for name, columns in pairs.items()}
     differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
@@ -174,6 +194,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             "common": len(common.planned),
             "restricted": any(common.left_out.values()),
             "left_out": {name: list(cases) for name, cases in common.left_out.items()},
+            "unsupported": dict(common.unsupported),
         },
         "substrate": substrate_json(next(iter(outcomes.values())).run.provenance["substrate"]["name"]),
         "differences": list(_differences(outcomes)),

@@ -43,12 +43,15 @@ def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
     if pairs["restricted"]:
         left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs["left_out"].items())
         lines = [f"RESTRICTED to {pairs['common']} common cases; left out: {left_out}"]
+    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs["unsupported"].items() if count)
+    if unsupported:
+        lines.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
     lines += substrate_lines(comparison["substrate"])
     lines += _difference_lines(comparison["differences"])
     lines += ["", _run_row("rank", "run", "Base", "Dynamic", "change [95%]", "95% by task", "lost")]
     lines += [
         _run_row(
-            f"{run['rank']:g}",
+            "--" if run["rank"] is None else f"{run['rank']:g}",
             run["name"],
             percent(run["base_success"]["value"]),
             percent(run["dynamic_success"]["value"]),
@@ -56,7 +59,7 @@ def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
             interval_text(run["paired_change"]["by_task"], signed=True),
             count_text(run["conditional_regression"]),
         )
-        for run in sorted(runs, key=lambda run: run["rank"])
+        for run in sorted(runs, key=lambda run: run["rank"] or len(runs) + 1)
     ]
     for title, key in (
         ("Dynamic success", "contrasts"),

@@ -87,6 +87,8 @@ def _against(stored: StoredRun, other: Path) -> Json | str:
         common = common_cases({"baseline": baseline, "now": stored})
     except ReportError as error:
         return str(error)
+    if common.partial:
+        return f"it is a comparison on the {len(common.planned)} pairs that both policies support"
     outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
     (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
     return contrast_json(contrast)

@@ -48,11 +48,11 @@ OPERATORS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
 _QUANTITIES = {column.gate or column.key: column for column in COLUMNS if column.gate is not None}
 """Quantities of a row of the report, by the name that gates use."""
 
-COUNTS = ("planned", "played", "invalid", "missing")
-"""Counts of pairs; decidable in an incomplete run. ``invalid`` and ``missing`` are of the whole run only."""
+COUNTS = ("planned", "played", "invalid", "missing", "unsupported")
+"""Counts of pairs; decidable in an incomplete run. Those after the second are of the whole run only."""
 
 WHOLE_TRACK = "whole_track"
-"""1 where the run planned every case of its track or manifest, else 0."""
+"""1 where the run planned every case of its track or manifest and its policy supports all, else 0."""
 
 VERSUS: Mapping[str, tuple[str, Scale]] = {
     "regressions_vs": ("first_only", COUNT),
@@ -313,7 +313,7 @@ def _whole_track(report: Json) -> tuple[float | None, str]:
     selection = report.get("selection")
     if selection is None:
         return None, "the run does not say what part of its track it is"
-    return int(selection["whole"]), ""
+    return int(selection["whole"] and not report["pairs"]["unsupported"]), ""
 
 
 def _versus(gate: Gate, report: Json, contrasts: Mapping[str, Json | str]) -> tuple[float | None, str]:

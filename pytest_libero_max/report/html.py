@@ -25,6 +25,7 @@ from pytest_libero_max.report.summary import (
     noise_text,
     selection_text,
     title_text,
+    unsupported_text,
 )
 
 _STYLE = """
@@ -58,6 +59,9 @@ def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str
     body.append(f"<p>{pairs['played']} of {pairs['planned']} planned pairs played</p>")
     if not pairs["complete"]:
         body.append(_note(f"{incomplete_text(pairs)} All rates are over the played pairs.", "alarm"))
+    partial = unsupported_text(pairs)
+    if partial is not None:
+        body.append(_note(partial, "alarm"))
     if report["substrate"]["note"]:
         body.append(_note(report["substrate"]["note"]))
     body += [_note(caveat_text(caveat)) for caveat in report["caveats"]]

@@ -20,6 +20,7 @@ from pytest_libero_max.report.summary import (
     incomplete_text,
     noise_text,
     title_text,
+    unsupported_text,
 )
 
 
@@ -29,6 +30,9 @@ def markdown(report: Json) -> str:
     lines = [f"# {title_text(report)}", ""]
     if not pairs["complete"]:
         lines += [f"**{incomplete_text(pairs)}** All rates below are over the played pairs.", ""]
+    partial = unsupported_text(pairs)
+    if partial is not None:
+        lines += [f"**{partial}**", ""]
     if report["substrate"]["note"]:
         lines += [report["substrate"]["note"], ""]
     if report["caveats"]:

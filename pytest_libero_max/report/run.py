@@ -76,6 +76,17 @@ class PlannedPair:
         )
 
 
+def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> list[PlannedPair]:
+    """The planned pairs whose suite a policy declares that it does not support.
+
+    Args:
+        planned: Planned pairs.
+        policy: The policy's spec as played, None where no pair was.
+    """
+    suites = None if policy is None else policy.get("suites")
+    return [] if suites is None else [pair for pair in planned if pair.suite not in suites]
+
+
 @dataclass(frozen=True)
 class Run:
     """A run before its first pair.

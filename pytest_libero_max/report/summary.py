@@ -33,6 +33,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     pairs, overall = report["pairs"], report["overall"]
     lines = [] if pairs["complete"] else [incomplete_text(pairs)]
     lines += _header(report)
+    lines += wrap(unsupported_text(pairs) or "", 100)
     lines += substrate_lines(report["substrate"])
     lines.append("")
     if pairs["played"] == 0:
@@ -148,7 +149,20 @@ def _header(report: Json) -> list[str]:
 
 def title_text(report: Json) -> str:
     """What was measured: policy with H and Q, substrate, and which part of which case set."""
-    return f"{_policy(report)} on {report['substrate']['name']}, {selection_text(report)}"
+    count = report["pairs"]["unsupported"]
+    unsupported = f", {count} of them unsupported" if count else ""
+    return f"{_policy(report)} on {report['substrate']['name']}, {selection_text(report)}{unsupported}"
+
+
+def unsupported_text(pairs: Json) -> str | None:
+    """What unsupported pairs mean; None where there are none."""
+    if not pairs["unsupported"]:
+        return None
+    return (
+        f"PARTIAL: {pairs['unsupported']} pairs of {', '.join(pairs['unsupported_suites'])} are unavailable, "
+        "because the policy declares that it does not support these suites. They are neither played nor "
+        "failed. Results over the other pairs are not ranked with those of whole runs."
+    )
 
 
 def selection_text(report: Json) -> str:

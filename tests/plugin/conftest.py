@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -54,11 +55,13 @@ policy = Reacher
 
 
 def tiny_manifest(
-    inits: tuple[int, ...] = (0,), events: tuple[str, ...] = BENCHMARK_EVENTS
+    inits: tuple[int, ...] = (0,),
+    events: tuple[str, ...] = BENCHMARK_EVENTS,
+    suites: tuple[str, ...] = ("libero_spatial",),
 ) -> dict[str, Any]:
     records = []
-    for init in inits:
-        identity = Identity("libero", "libero_spatial", 0, init)
+    for suite, init in product(suites, inits):
+        identity = Identity("libero", suite, 0, init)
         for name in events:
             for variant in (0, 1):
                 records.append(

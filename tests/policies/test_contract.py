@@ -38,3 +38,18 @@ def test_a_revision_is_part_of_the_spec() -> None:
 def test_a_revision_is_text(value: Any) -> None:
     with pytest.raises(AdapterError, match=r"^revision=.* must be None or a string that is not empty\."):
         PolicySpec("p", revision=value)
+
+
+def test_a_policy_supports_all_suites_or_those_it_names() -> None:
+    assert "suites" not in PolicySpec("p").to_dict()
+    assert PolicySpec("p").supports("libero_10")
+    spec = PolicySpec("p", suites=("libero_object", "libero_goal"))
+    assert spec.to_dict()["suites"] == ["libero_goal", "libero_object"]
+    assert spec.supports("libero_goal")
+    assert not spec.supports("libero_10")
+
+
+@pytest.mark.parametrize("value", ["libero_goal", (), ("goal",), (3,)])
+def test_the_suites_of_a_policy_are_names_of_suites(value: Any) -> None:
+    with pytest.raises(AdapterError, match=r"^suites=.* of policy 'p'"):
+        PolicySpec("p", suites=value)

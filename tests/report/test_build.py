@@ -34,6 +34,8 @@ def test_a_complete_run_counts_every_pair_once() -> None:
         "complete": True,
         "invalid_pairs": [],
         "missing_shards": [],
+        "unsupported": 0,
+        "unsupported_suites": [],
         "missing_pairs": [],
     }
     assert report["overall"]["outcomes"] == {

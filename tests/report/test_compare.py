@@ -38,6 +38,7 @@ def test_a_comparison_finds_the_flips_and_ranks_the_runs() -> None:
         "common": 32,
         "restricted": False,
         "left_out": {"old": [], "new": []},
+        "unsupported": {"old": 0, "new": 0},
     }
     assert [(row["name"], row["rank"]) for row in comparison["runs"]] == [("old", 1.0), ("new", 2.0)]
     (contrast,) = comparison["contrasts"]
