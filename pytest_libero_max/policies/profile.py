@@ -35,6 +35,7 @@ SECTIONS: Mapping[str, tuple[str, ...]] = {
         "path",
         "codec",
         "dialect",
+        "declared_by_server",
     ),
     "inputs": (),
     "instruction": ("steps",),

@@ -112,6 +112,9 @@ class Request:
             "step": query.step,
             "suite": episode.suite,
             "task_index": episode.task_index,
+            "episode_instruction": episode.instruction,
+            "policy_seed": episode.seed,
+            "max_steps": episode.max_steps,
         }
         layout = self._layout if layout is None else layout
         for name in set(_named(layout)) - values.keys():
@@ -152,7 +155,17 @@ class Request:
         return value if item.shape is None else value.reshape(item.shape)
 
 
-_QUERY_VALUES = ("instruction", "seed", "index", "step", "suite", "task_index")
+_QUERY_VALUES = (
+    "instruction",
+    "seed",
+    "index",
+    "step",
+    "suite",
+    "task_index",
+    "episode_instruction",
+    "policy_seed",
+    "max_steps",
+)
 
 
 class Reply:
@@ -251,6 +264,10 @@ class Reply:
         return unnormalise(actions, self._statistics)
 
 
+Adapt = Callable[[Any, PolicySpec], tuple[Any, PolicySpec]]
+"""From what a server says about itself, and the spec so far, to the layout of its requests and the spec."""
+
+
 class ServedPolicy:
     """A policy behind a server, as the pair runner knows policies.
 
@@ -259,7 +276,7 @@ class ServedPolicy:
         request: Makes requests.
         reply: Reads replies.
         connect: Makes the client; told whom to tell what the server says about itself.
-        adapt: Makes the layout of the request, of what the server said; None: that of the profile.
+        adapt: Makes the layout of the request and the spec, of what the server said; None: as they are.
 
     Attributes:
         greeting: What the server says about itself.
@@ -272,7 +289,7 @@ class ServedPolicy:
         request: Request,
         reply: Reply,
         connect: Callable[[Callable[[Any], None]], Client],
-        adapt: Callable[[Any], Any] | None = None,
+        adapt: Adapt | None = None,
     ) -> None:
         self.spec = spec
         self.greeting: Any = None
@@ -314,12 +331,14 @@ class ServedPolicy:
 
     def _greeted(self, greeting: Any) -> None:
         _require_chunk(greeting, self.spec)
-        layout = None if self._adapt is None else self._adapt(greeting)
-        if self.greeting is None and layout is not None:
-            self._layout = layout
-            self.spec = replace(self.spec, cameras=self._request.cameras_of(layout))
-        elif layout != self._layout:
-            raise ServerError("the server wants other observations than it did before; is it the same one?")
+        if self._adapt is not None:
+            layout, spec = self._adapt(greeting, self.spec)
+            if self.greeting is None:
+                self._layout, self.spec = layout, spec
+            elif (layout, spec) != (self._layout, self.spec):
+                raise ServerError(
+                    "the server declares or wants something else than before; is it the same one?"
+                )
         self.greeting = {} if greeting is None else greeting
 
 
@@ -355,14 +374,18 @@ def load_served(
     request, reply = Request(profile), Reply(profile)
     spec = PolicySpec(
         name=profile.get("policy", "name"),
-        horizon=profile.get("policy", "horizon") if horizon is None else horizon,
-        query_interval=profile.get("policy", "query_interval") if query_interval is None else query_interval,
+        horizon=profile.get("policy", "horizon", query_interval or 1) if horizon is None else horizon,
+        query_interval=profile.get("policy", "query_interval", 1)
+        if query_interval is None
+        else query_interval,
         cameras=request.cameras,
         image_size=profile.get("policy", "image_size", 256),
         repeatable=profile.get("policy", "repeatable", False),
         revision=profile.get("policy", "revision") or f"profile {profile.name} {profile.digest[:12]}",
     )
     link, adapt = _link(address, profile, spec, request)
+    if profile.get("policy", "declared_by_server", False):
+        adapt = _as_declared(profile, request, horizon, query_interval)
     policy = ServedPolicy(
         spec,
         request,
@@ -372,6 +395,28 @@ def load_served(
     )
     policy.client.connect()
     return policy
+
+
+def _as_declared(
+    profile: Profile, request: Request, horizon: int | None, query_interval: int | None
+) -> Adapt:
+    """Takes the spec from the server, and sends the images that it asks for."""
+    from pytest_libero_max.policies.servers.host import declared_spec
+
+    layout = profile.tables["request"]
+
+    def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+        declared = declared_spec(greeting)
+        declared = replace(
+            declared,
+            horizon=declared.horizon if horizon is None else horizon,
+            query_interval=declared.query_interval if query_interval is None else query_interval,
+        )
+        unseen = {f"{camera}_image" for camera in request.cameras if camera not in declared.cameras}
+        seen = {key: value for key, value in layout["observation"].items() if key not in unseen}
+        return {**layout, "observation": seen}, declared
+
+    return adapt
 
 
 def require_profile(text: str, profile_text: str | None) -> Profile:
@@ -401,7 +446,7 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
 
 def _link(
     address: Address, profile: Profile, spec: PolicySpec, request: Request
-) -> tuple[Link, Callable[[Any], Any] | None]:
+) -> tuple[Link, Adapt | None]:
     """The connection in the protocol of the address, and what the server's greeting changes."""
     match address.protocol:
         case "openpi":
@@ -415,8 +460,11 @@ def _link(
         case "vla-eval":
             from pytest_libero_max.policies.servers.vla_eval import VlaEvalLink, wanted
 
-            layout = profile.tables.get("request", {})
-            return VlaEvalLink(address, spec.query_interval), lambda greeting: wanted(layout, greeting)
+            def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+                layout = wanted(profile.tables.get("request", {}), greeting)
+                return layout, replace(spec, cameras=request.cameras_of(layout))
+
+            return VlaEvalLink(address, spec.query_interval), adapt
         case "http":
             from pytest_libero_max.policies.servers.http_act import CODECS, HttpLink
 

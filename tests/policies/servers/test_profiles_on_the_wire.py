@@ -249,6 +249,8 @@ CHECKS: dict[str, Look] = {
     "vla_eval_pi05": check_vla_eval,
 }
 REFUSED = ("xvla", "vla_eval_xvla")
+ELSEWHERE = ("served",)
+"""Tested in ``test_host.py``, with its real server."""
 TABLES_THAT_DIFFER = {"policy", "native", "sources"}
 """Of the profiles that extend ``vla_eval``: they ask the same."""
 
@@ -301,7 +303,7 @@ def test_a_policy_whose_actions_are_poses_is_refused_with_the_reason(name: str) 
 
 def test_every_other_profile_asks_as_a_tested_one() -> None:
     generic = load_profile("vla_eval").tables
-    for name in set(profile_names()) - CHECKS.keys() - set(REFUSED):
+    for name in set(profile_names()) - CHECKS.keys() - {*REFUSED, *ELSEWHERE}:
         tables = load_profile(name).tables
         assert {key: tables[key] for key in tables.keys() - TABLES_THAT_DIFFER} == {
             key: generic[key] for key in generic.keys() - TABLES_THAT_DIFFER
