@@ -18,6 +18,9 @@ MOST_PAIRS = 1_000_000
 _STEP = 1e-5
 """Resolution of a minimum detectable change."""
 
+_NEGLIGIBLE = 1e-15
+"""Where any discordant pair is less likely than this, a rejection is too, and the power counts as 0."""
+
 
 def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
     """Probability that the exact two-sided McNemar test rejects, before any pair is played.
@@ -38,8 +41,8 @@ def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
     _check(loss, gain)
     if pairs < 1:
         raise OptionError(f"pairs={pairs!r}, but a test needs at least one pair.")
-    discordant = loss + gain
-    if discordant == 0:
+    discordant = min(1.0, loss + gain)
+    if pairs * discordant < _NEGLIGIBLE:  # also where the binomial probabilities could not be computed
         return 0.0
     spread = 12 * np.sqrt(pairs * discordant * (1 - discordant)) + 12
     first = max(0, int(pairs * discordant - spread))

@@ -1,10 +1,11 @@
 from __future__ import annotations
 
+import sys
 from math import comb
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max.errors import OptionError
@@ -49,9 +50,16 @@ def test_power_is_what_simulation_finds() -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(1, 3000), st.floats(0, 0.5), st.floats(0, 0.5))
+@example(4, 0.0, sys.float_info.min)
+@example(1, 0.0, 5e-324)
+@example(3000, 0.5, 0.5)
 def test_without_a_change_the_level_is_kept(pairs: int, loss: float, gain: float) -> None:
     assert power(pairs, loss, loss) <= 0.05 + 1e-9
     assert power(pairs, loss, gain) == pytest.approx(power(pairs, gain, loss), abs=1e-9)
+
+
+def test_probabilities_may_sum_to_one_but_for_rounding() -> None:
+    assert power(10, 0.5, 0.5 + 5e-13) == pytest.approx(power(10, 0.5, 0.5))
 
 
 @pytest.mark.parametrize(("pairs", "target"), [(32, 0.8), (100, 0.8), (800, 0.9), (8000, 0.9)])
