@@ -15,3 +15,8 @@ def test_statistics_know_neither_pytest_nor_a_simulator() -> None:
         "assert not heavy, heavy\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_report_does_not_wait_for_scipy_stats() -> None:
+    code = "import sys, pytest_libero_max.report.files; assert 'scipy.stats' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
