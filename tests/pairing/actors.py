@@ -17,7 +17,9 @@ from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
-BUDGET = 220
+BUDGET = 50
+"""Policy steps of an episode here: everything that these tests want to see happens before."""
+
 CHANGES = {
     "camera_shift": ShiftCamera("agentview", (0.1, 0.0, 0.0), 5.0, 0.0),
     "sensor_noise_onset": SetSensorCorruption(24.0, 0.08, 7),
@@ -26,9 +28,22 @@ CHANGES = {
 DOWN = (0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
 
 
-def make_case(event: str = "camera_shift", distance_m: float = 0.18, **changes: Any) -> Case:
-    """A case of the tiny world: ``box_1`` is the trigger entity, the budget is 220 steps."""
-    case = Case(
+class ShortCase(Case):
+    """A case with a budget of 50 steps."""
+
+    @property
+    def budget(self) -> int:
+        return BUDGET
+
+
+def shorten(case: Case) -> ShortCase:
+    """The same case with less budget."""
+    return ShortCase(**{field.name: getattr(case, field.name) for field in fields(case)})
+
+
+def make_case(event: str = "camera_shift", distance_m: float = 0.18, **changes: Any) -> ShortCase:
+    """A case of the tiny world: ``box_1`` is the trigger entity, the budget is 50 steps."""
+    case = ShortCase(
         case_id=f"case-{event}",
         suite="libero_spatial",
         task_index=0,
@@ -42,19 +57,6 @@ def make_case(event: str = "camera_shift", distance_m: float = 0.18, **changes: 
         record={"case_id": f"case-{event}"},
     )
     return replace(case, **changes)
-
-
-class ShortCase(Case):
-    """A case with a budget of 50 steps, where nothing happens later anyway."""
-
-    @property
-    def budget(self) -> int:
-        return 50
-
-
-def shorten(case: Case) -> ShortCase:
-    """The same case with less budget."""
-    return ShortCase(**{field.name: getattr(case, field.name) for field in fields(case)})
 
 
 class Approaching:

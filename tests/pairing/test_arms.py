@@ -21,7 +21,7 @@ from pytest_libero_max.policies.contract import Episode
 from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
-from .actors import BUDGET, Approaching, make_case, shorten
+from .actors import BUDGET, Approaching, make_case
 
 BOTH = (PairSettings("fork"), PairSettings("replay"))
 
@@ -117,7 +117,7 @@ def five_arms(distance_m: float, lasting: int, change: Any = NUDGE) -> tuple[Arm
 def test_every_arm_equals_the_same_arm_played_alone_and_shared_parts_are_executed_once(
     how: PairSettings, world: Counting, policy: Any, distance_m: float, lasting: int
 ) -> None:
-    case = shorten(make_case())
+    case = make_case()
     arms = five_arms(distance_m, lasting)
     world.played = 0
     together = measure_pair(case, world, policy, how, arms=arms)
@@ -195,7 +195,7 @@ def test_a_change_at_the_start_is_there_before_the_policy_begins(world: Counting
 
 
 def test_an_entry_that_all_arms_have_happens_where_they_are(world: Counting) -> None:
-    first = Entry(BudgetFraction(0.05), NUDGE)
+    first = Entry(BudgetFraction(0.22), NUDGE)
     later = Entry(StepsAfter(4), NUDGE.scaled(0.5))
     arms = (Arm("once", (first,)), Arm("twice", (first, later)))
     world.played = 0

@@ -79,11 +79,11 @@ class HalfCopied(Counting):
 
 
 class LateHalf(HalfCopied):
-    """What it forgets to carry matters after thirty queries only, long after the event."""
+    """What it forgets to carry matters after nine queries only, well after the event."""
 
     def predict(self, observation: Any, query: Query) -> Any:
         chunk = super().predict(observation, query) / self.memory["slow"][-1]
-        return chunk * (0.5 if len(self.memory["slow"]) > 30 else 1.0)
+        return chunk * (0.5 if len(self.memory["slow"]) > 9 else 1.0)
 
 
 class Live(Counting):
@@ -132,7 +132,7 @@ def test_a_sound_memory_is_what_it_was_before_it_was_asked_again(world: TinyWorl
 class Hidden(Approaching):
     """Has a memory that nobody can copy, and that matters after ``late`` queries only."""
 
-    late = 30
+    late = 9
 
     def __init__(self) -> None:
         super().__init__(wait=9, horizon=4, interval=3)
@@ -146,7 +146,7 @@ class Hidden(Approaching):
         return super().predict(observation, query) * (0.5 if self.answered > self.late else 1.0)
 
 
-@pytest.mark.parametrize("late", [0, 2, 30, 70])
+@pytest.mark.parametrize("late", [0, 2, 9, 15])
 def test_a_hidden_memory_gives_no_other_record_in_fork_than_in_replay(world: TinyWorld, late: int) -> None:
     policy = Hidden()
     policy.late = late

@@ -11,14 +11,14 @@ from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
-from .actors import make_case, shorten
+from .actors import make_case
 
 
 @pytest.mark.parametrize("event", ["camera_shift", "sensor_noise_onset"])
 def test_fork_and_replay_measure_the_same_pair_with_images_at_every_query(event: str) -> None:
     case = make_case(event, distance_m=0.35, suite="libero_object")
     trigger = replace(case.event.trigger, entity="alphabet_soup_1")
-    case = shorten(replace(case, event=replace(case.event, trigger=trigger)))
+    case = replace(case, event=replace(case.event, trigger=trigger))
     policy = load_policy("random")
     policy.spec = replace(policy.spec, image_size=64)
     substrate = EmbeddedSubstrate()

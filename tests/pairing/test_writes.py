@@ -14,7 +14,7 @@ from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
-from .actors import Approaching, make_case, shorten
+from .actors import Approaching, make_case
 
 Write = Callable[[World], None]
 
@@ -67,7 +67,7 @@ def pose(world: World) -> None:
 
 def played(world: World, mode: str = "fork") -> str:
     settings = PairSettings(mode)  # type: ignore[arg-type]
-    record = play_pair(shorten(make_case()), world, Approaching(privileged=True), settings).to_dict()
+    record = play_pair(make_case(), world, Approaching(privileged=True), settings).to_dict()
     return json.dumps({**record, "timings": None}, sort_keys=True)
 
 
@@ -91,7 +91,7 @@ def test_a_write_is_found_and_named_and_the_next_pair_is_what_it_was(
     world = TinyWorld()
     baseline = played(world, mode)
     with pytest.raises(AdapterError, match=named):
-        play_pair(shorten(make_case()), world, Writing(write), PairSettings(mode))  # type: ignore[arg-type]
+        play_pair(make_case(), world, Writing(write), PairSettings(mode))  # type: ignore[arg-type]
     assert played(world, mode) == baseline
     world.close()
 
@@ -103,7 +103,7 @@ def test_a_write_is_named_where_another_error_comes_first() -> None:
     world = TinyWorld()
     baseline = played(world)
     with pytest.raises(AdapterError, match=r"wrote opt\.gravity"):
-        play_pair(shorten(make_case()), world, Writing(destroy))
+        play_pair(make_case(), world, Writing(destroy))
     assert played(world) == baseline
     world.close()
 
@@ -115,6 +115,6 @@ def test_an_interrupt_leaves_the_scene_as_it_was_built() -> None:
 
     world = TinyWorld()
     with pytest.raises(KeyboardInterrupt):
-        play_pair(shorten(make_case()), world, Writing(interrupt))
+        play_pair(make_case(), world, Writing(interrupt))
     assert world.model.opt.gravity[2] == pytest.approx(-9.81)
     world.close()
