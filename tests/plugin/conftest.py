@@ -4,10 +4,11 @@ import json
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, resolve_event
@@ -15,6 +16,7 @@ from pytest_libero_max.pairing import runner, trace
 from pytest_libero_max.report import files
 from pytest_libero_max.sources.metadata import InitialPlacement, Relation, TaskMetadata
 from pytest_libero_max.worlds import tiny
+from tests.short_episodes import short_episodes
 
 # An in-process run forgets what it imported, and NumPy cannot be imported twice: import it all here first.
 IMPORTED_ONCE = (files, runner, tiny, trace)
@@ -54,6 +56,10 @@ policy = Reacher
 """Moves to where the box begins, so that every event fires, and stays there."""
 
 
+BUDGET = 30
+"""Policy steps of an episode here; the events fire at the third."""
+
+
 def tiny_manifest(
     inits: tuple[int, ...] = (0,),
     events: tuple[str, ...] = BENCHMARK_EVENTS,
@@ -76,7 +82,16 @@ def tiny_manifest(
 
 
 @pytest.fixture
-def run(pytester: pytest.Pytester) -> Callable[..., pytest.RunResult]:
+def short_sessions(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Episodes of ``BUDGET`` steps in all sessions that pytester starts, in this process or another."""
+    for suite in SUITE_BUDGETS:  # what a session in this process changes is put back afterwards
+        monkeypatch.setitem(cast("dict[str, int]", SUITE_BUDGETS), suite, BUDGET)
+    pytester.syspathinsert()
+    monkeypatch.setenv("PYTEST_ADDOPTS", " ".join(short_episodes(pytester, BUDGET)))
+
+
+@pytest.fixture
+def run(pytester: pytest.Pytester, short_sessions: None) -> Callable[..., pytest.RunResult]:
     """Runs pytest on the tiny substrate: the sixteen event variants, an adapter that reaches all of them."""
     pytester.makepyfile(adapter=REACHER)
     pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest()))

@@ -31,7 +31,9 @@ Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
 
 
 @pytest.fixture
-def installed(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
+def installed(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, short_sessions: None
+) -> pytest.Pytester:
     """A folder with the example package installed, an adapter, and a manifest with its event."""
     place = pytester.mkdir("site")
     project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]

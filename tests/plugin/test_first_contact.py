@@ -174,10 +174,9 @@ def test_an_interrupted_run_says_how_to_go_on(run: Run, pytester: pytest.Pyteste
 
 
 INTERRUPTS = """
-    seeds = set()
-
     def reset(self, episode):
-        self.seeds.add(episode.seed)
-        if len(self.seeds) == 2:
+        from pathlib import Path
+
+        if len(Path("libero-max-results", "pairs.jsonl").read_text().splitlines()) == 2:  # the plan, a pair
             raise KeyboardInterrupt
 """

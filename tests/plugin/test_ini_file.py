@@ -26,7 +26,7 @@ libero_max_gate =
 
 
 @pytest.fixture
-def project(pytester: pytest.Pytester) -> pytest.Pytester:
+def project(pytester: pytest.Pytester, short_sessions: None) -> pytest.Pytester:
     """A project with an adapter, a manifest, a test of its own, and everything else in its ini file."""
     pytester.makeini(INI)
     pytester.makepyfile(adapter=REACHER)

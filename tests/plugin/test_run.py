@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.plugin.pairs import test_pair as play_item
+from tests.plugin.conftest import BUDGET
 from tests.report.made_up import plan, record_of
 
 Run = Callable[..., pytest.RunResult]
@@ -65,7 +66,7 @@ def test_junit_carries_the_outcome_of_every_pair(
 def test_progress_is_a_letter_and_verbose_progress_a_sentence(run: Run) -> None:
     run().stdout.fnmatch_lines(["*NNNNNNNNNNNNNNNN*"])
     run("-v", "-k", "target_relocation-v0").stdout.fnmatch_lines(
-        ["*target_relocation-v0] NEITHER (Base fails after 220, event at step *, * stale action*"]
+        [f"*target_relocation-v0] NEITHER (Base fails after {BUDGET}, event at step *, * stale action*"]
     )
 
 

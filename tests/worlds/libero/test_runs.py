@@ -11,9 +11,13 @@ import pytest
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.sources import catalogue
 from pytest_libero_max.worlds.libero.installation import Installation
+from tests.short_episodes import short_episodes
 from tests.worlds.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.worlds.libero.data import DATA, needs_package
 from tests.worlds.libero.made_up import case_of, manifest_of, pro_case
+
+BUDGET = 80
+"""Policy steps of an episode here; the events fire before."""
 
 POLICY = Path(__file__).with_name("reach.py")
 
@@ -28,6 +32,7 @@ def play(
         f"--libero-max-output={output}",
         "-p",
         "no:cacheprovider",
+        *short_episodes(pytester, BUDGET),
         *arguments,
     )
     path = pytester.path / output / "pairs.jsonl"
