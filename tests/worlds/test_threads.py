@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.short_episodes import short_episodes
+
 LOADED = (
     "import json\n"
     "from pytest_libero_max.worlds.threads import fingerprint, loaded_blas, use_one_blas_thread\n"
@@ -75,5 +77,5 @@ def test_a_conftest_that_imports_numpy_first_does_not_change_the_threads(
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     pytester.makeconftest(CONFTEST)
     flags = ("--libero-max-policy=noop", "--libero-max-substrate=tiny", "--libero-max-limit=1", "-s")
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", *flags)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", *short_episodes(pytester, 20), *flags)
     result.stdout.fnmatch_lines(["*threads [[]1[]]*"])
