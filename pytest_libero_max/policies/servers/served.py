@@ -381,6 +381,7 @@ def load_served(
         cameras=request.cameras,
         image_size=profile.get("policy", "image_size", 256),
         repeatable=profile.get("policy", "repeatable", False),
+        suites=profile.get("policy", "suites"),
         revision=profile.get("policy", "revision") or f"profile {profile.name} {profile.digest[:12]}",
     )
     link, adapt = _link(address, profile, spec, request)

@@ -78,6 +78,13 @@ def test_h_and_q_of_the_server_may_be_overridden() -> None:
         shorter.client.close()
 
 
+def test_the_suites_of_an_adapter_are_declared_through_the_server() -> None:
+    some = Sound()
+    some.spec = PolicySpec("some", 8, 4, suites=("libero_goal",))
+    with served(some) as policy:
+        assert policy.spec.suites == ("libero_goal",)
+
+
 def test_many_clients_get_their_own_answers() -> None:
     results: dict[int, bytes] = {}
 
