@@ -54,6 +54,7 @@ def test_a_server_that_is_killed_and_started_again_costs_no_pair(
         asked.append(request)
         if len(asked) == 4:
             stop.set()
+            time.sleep(0.2)  # this request has no answer any more
         return reach(request)
 
     with ExitStack() as servers:
