@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -9,9 +10,16 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.policies.loading import forget_adapter
 from tests.policies.servers import fakes
 
 TEMPLATE = Path(__file__).parents[1] / "fixtures" / "policies" / "vla.py"
+
+
+@pytest.fixture(autouse=True)
+def _adapters_are_forgotten() -> Iterator[None]:
+    yield
+    forget_adapter()
 
 
 def test_of_the_template_only_the_stand_in_for_a_model_is_wrong_and_its_pictures_are_kept(

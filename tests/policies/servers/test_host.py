@@ -17,12 +17,19 @@ from hypothesis import strategies as st
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.loading import forget_adapter
 from pytest_libero_max.policies.servers import host, link
 from pytest_libero_max.policies.servers.codecs import OPENPI, pack, unpack
 from pytest_libero_max.policies.servers.host import Host, declared_spec, serving
 from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
 from tests.policies.servers import fakes
 from tests.policies.test_examination import Copied, Sound
+
+
+@pytest.fixture(autouse=True)
+def _adapters_are_forgotten() -> Iterator[None]:
+    yield
+    forget_adapter()
 
 
 @contextmanager
