@@ -11,6 +11,7 @@ import binascii
 import io
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +26,8 @@ MOST_BYTES = 64 * 2**20
 
 _KINDS = "biuf"
 _MOST_DIMENSIONS = 8
+_DTYPE = re.compile(r"[<>|=]?[a-z?]{1,10}[0-9]{0,3}")
+"""NumPy's names of plain types. Others are expressions, which it would parse."""
 
 AnyArray = NDArray[Any]
 
@@ -146,7 +149,7 @@ def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
         ServerError: They contradict each other, or the type is not one of plain numbers.
     """
     try:
-        kind = np.dtype(dtype) if isinstance(dtype, str) else None
+        kind = np.dtype(dtype) if isinstance(dtype, str) and _DTYPE.fullmatch(dtype) else None
     except (TypeError, ValueError):
         kind = None
     if kind is None or kind.kind not in _KINDS or kind.subdtype is not None:
