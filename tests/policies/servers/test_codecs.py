@@ -144,6 +144,7 @@ def test_a_map_that_only_looks_like_an_array_is_refused_and_nothing_is_unpickled
         '{"__numpy__": "AAAA", "dtype": "<f8", "shape": [1]}',
         '{"__numpy__": 4, "dtype": "<f8", "shape": [1]}',
         '{"__numpy__": "AAAA", "dtype": "|O", "shape": [1]}',
+        '{"__numpy__": "AAAA", "dtype": ",", "shape": [1]}',
         "[" * 100_000,
     ],
 )
