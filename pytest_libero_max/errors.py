@@ -63,6 +63,14 @@ class ReportError(LiberoMaxError):
     """Results cannot be read, written or aggregated."""
 
 
+class DiskError(ReportError):
+    """A result cannot be written: the disk is full, or the folder is gone or protected."""
+
+
+class OtherRunError(ReportError):
+    """A result is of another run than the one it would belong to: something differs that changes results."""
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A sentence or two that name the closest known word and, as far as they are few, the others.
 

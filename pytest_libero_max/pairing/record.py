@@ -14,6 +14,16 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
+from pytest_libero_max.pairing.fields import check_fields
+from pytest_libero_max.pairing.record_checks import (
+    ARM_FIELDS,
+    ERROR_FIELDS,
+    FIRING_FIELDS,
+    PAIR_FIELDS,
+    require_consistent_arm,
+    require_consistent_pair,
+)
+from pytest_libero_max.pairing.version_1 import from_version_1
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.rollout import RolloutResult
@@ -143,16 +153,18 @@ class ArmRecord:
         """Read what :meth:`to_dict` wrote.
 
         Raises:
-            ReportError: A field is missing or unknown.
+            ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one.
         """
-        require_fields(cls, values, "arm")
-        firings = values["firings"]
-        for firing in firings:
-            require_fields(FiringRecord, firing, "firing")
+        check_fields(values, ARM_FIELDS, "arm")
+        firings = tuple(
+            FiringRecord(**check_fields(firing, FIRING_FIELDS, "firing")) for firing in values["firings"]
+        )
         lists = {
             name: None if values[name] is None else tuple(values[name]) for name in ("schedule", "contacts")
         }
-        return cls(**{**values, **lists, "firings": tuple(FiringRecord(**firing) for firing in firings)})
+        arm = cls(**{**values, **lists, "firings": firings})
+        require_consistent_arm(arm)
+        return arm
 
 
 @dataclass(frozen=True)
@@ -389,15 +401,25 @@ class PairRecord:
         """Read what :meth:`to_dict` wrote, now or as version 1.
 
         Raises:
-            ReportError: A field is missing or unknown, or the schema version is not one of
-                :data:`READABLE_VERSIONS`.
+            ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one;
+                or the schema version is not one of :data:`READABLE_VERSIONS`.
         """
         require_version(values, "pair record")
         if values["schema_version"] == 1:
-            values = _from_version_1(values)
-        require_fields(cls, values, "pair record")
-        arms = {name: ArmRecord.from_dict(arm) for name, arm in values["arms"].items()}
-        return cls(**{**values, "arms": arms})
+            values = {**from_version_1(values), "schema_version": RECORD_VERSION}
+        check_fields(values, PAIR_FIELDS, "pair record")
+        arms: dict[str, ArmRecord] = {}
+        for name, arm in values["arms"].items():
+            try:
+                arms[name] = ArmRecord.from_dict(arm)
+            except ReportError as error:
+                raise ReportError(f"arm {name!r} of {values['item_id']!r}: {error}") from None
+        record = cls(**{**values, "arms": arms})
+        try:
+            require_consistent_pair(record)
+        except ReportError as error:
+            raise ReportError(f"{record.item_id!r}: {error}") from None
+        return record
 
 
 def require_version(values: Json, what: str) -> None:
@@ -415,68 +437,6 @@ def require_version(values: Json, what: str) -> None:
         )
 
 
-_VERSION_1 = {
-    *("base_success", "dynamic_success", "base_steps", "dynamic_steps", "trigger_step", "trigger_distance_m"),
-    *("min_distance_m", "response_step", "stale_actions", "base_queries", "dynamic_queries", "prefix_digest"),
-    *("base_digest", "dynamic_digest", "evidence", "base_repeat", "contacts"),
-}
-"""The fields of version 1 that version 2 keeps in its arms."""
-
-
-def _from_version_1(values: Json) -> Json:
-    """A record of version 1 as version 2 would spell it."""
-    missing = sorted(_VERSION_1 - values.keys())
-    if missing:
-        raise ReportError(f"Pair record {values.get('case_id')!r} lacks {', '.join(missing)}.")
-    rest = {name: value for name, value in values.items() if name not in _VERSION_1}
-    base: Json = {
-        "schedule": [],
-        "repetition": 0,
-        "success": values["base_success"],
-        "steps": values["base_steps"],
-        "queries": values["base_queries"],
-        "firings": [],
-        "response_step": None,
-        "stale_actions": None,
-        "min_distance_m": values["min_distance_m"],
-        "clipped_components": None,
-        "contacts": values["contacts"]["base"],
-        "proof": values["base_digest"],
-        "shares": None,
-    }
-    dynamic = {**base, "schedule": None, "shares": BASE}
-    if values["trigger_step"] is not None:
-        # Of every answer Q actions are executed, so the steps tell how many queries there were.
-        before = -(-values["trigger_step"] // values["policy"]["query_interval"])
-        firing = {
-            "step": values["trigger_step"],
-            "queries": before,
-            "distance_m": values["trigger_distance_m"],
-            "prefix_proof": values["prefix_digest"],
-            "evidence": values["evidence"],
-        }
-        dynamic |= {
-            "success": values["dynamic_success"],
-            "steps": values["dynamic_steps"],
-            "queries": before + values["dynamic_queries"],
-            "firings": [firing],
-            "response_step": values["response_step"],
-            "stale_actions": values["stale_actions"],
-            "min_distance_m": None,
-            "contacts": values["contacts"]["dynamic"],
-            "proof": values["dynamic_digest"],
-            "shares": None,
-        }
-    arms = {BASE: base, DYNAMIC: dynamic}
-    repeat = values["base_repeat"]
-    if repeat is not None:
-        again = {**base, "repetition": 1, "success": repeat["success"]}
-        if not repeat["identical"]:
-            again |= dict.fromkeys(("steps", "queries", "min_distance_m", "contacts", "proof"))
-        arms[BASE_AGAIN] = again
-    return {**rest, "arms": arms, "schema_version": RECORD_VERSION}
-
-
 _Value = TypeVar("_Value")
 
 
@@ -484,26 +444,6 @@ def _held(value: _Value | None) -> _Value:
     """A value that a record of this arm holds, whatever version wrote it."""
     assert value is not None
     return value
-
-
-def require_fields(cls: type[Any], values: Json, what: str) -> None:
-    """Check that a stored object has exactly the fields of its dataclass.
-
-    Args:
-        cls: The dataclass.
-        values: The object as read.
-        what: How to name it in an error.
-
-    Raises:
-        ReportError: A field is missing or unknown.
-    """
-    known = {item.name for item in fields(cls)}
-    for key in values:
-        if key not in known:
-            raise ReportError(f"A {what} has the unknown field {key!r}. {did_you_mean(key, known)}")
-    missing = sorted(known - values.keys())
-    if missing:
-        raise ReportError(f"{what.capitalize()} {values.get('case_id')!r} lacks {', '.join(missing)}.")
 
 
 @dataclass(frozen=True)
@@ -516,8 +456,8 @@ class PairError:
         case_digest: SHA-256 of the case.
         kind: Name of the exception class.
         message: What the exception said.
-        phase: ``setup``, the name of the arm that was being played, ``crash``, or ``policy`` where no pair at
-            all can be played with the policy.
+        phase: ``setup``, the name of the arm that was being played, ``crash``, ``record`` where what was
+            played makes no valid record, or ``policy`` where no pair at all can be played with the policy.
     """
 
     case_id: str
@@ -541,13 +481,10 @@ class PairError:
         """Read what :meth:`to_dict` wrote.
 
         Raises:
-            ReportError: It has other fields or another schema version.
+            ReportError: It has other fields or another schema version, or a value that cannot be.
         """
         require_version(values, "pair error")
-        known = {item.name for item in fields(cls)}
-        if values.keys() != known:
-            raise ReportError(f"A pair error has the fields {sorted(values)}, but must have {sorted(known)}.")
-        return cls(**{**values, "schema_version": RECORD_VERSION})
+        return cls(**{**check_fields(values, ERROR_FIELDS, "pair error"), "schema_version": RECORD_VERSION})
 
 
 def is_error(values: Json) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,33 @@ _LISTED_NODES = 3
 ITEM_PREFIX = f"{PSEUDO_PATH}::test_pair["
 
 
+class PairItem(pytest.Function):
+    """The test of a pair. Its node id is that of its case, whatever others do to names and parameters."""
+
+    @property
+    def case(self) -> Case:
+        """What it plays."""
+        case = self.callspec.params[CASE_FIXTURE]
+        assert isinstance(case, Case)
+        return case
+
+    @property
+    def nodeid(self) -> str:
+        return f"{ITEM_PREFIX}{self.case.item_id}]"
+
+    @property
+    def id(self) -> Any:
+        """The same in parts; pytest has it since 9.2."""
+        return type(super().id).parse(self.nodeid)
+
+
 class PairModule(pytest.Module):
     """The module of the pairs, under a node id that is the same on every machine."""
+
+    def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
+        for item in super().collect():
+            item.__class__ = PairItem  # pytest makes the items of a function itself
+            yield item
 
 
 def settings_of(config: pytest.Config) -> Settings:
@@ -235,6 +261,11 @@ def case_of(item_node_id: str) -> str | None:
     if not item_node_id.startswith(ITEM_PREFIX):
         return None
     return item_node_id[len(ITEM_PREFIX) :].split("]", 1)[0]
+
+
+def case_of_item(item: pytest.Item) -> str | None:
+    """Item id of the case that an item plays, or None for any other test."""
+    return item.case.item_id if isinstance(item, PairItem) else None
 
 
 def _marks(case: Case) -> list[Any]:

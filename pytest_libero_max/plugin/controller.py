@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
-from pytest_libero_max.errors import LiberoMaxError, SimulatorError
-from pytest_libero_max.pairing.record import PairError, PairRecord, result_from_dict
+from pytest_libero_max.errors import (
+    DiskError,
+    LiberoMaxError,
+    OtherRunError,
+    ReportError,
+    SimulatorError,
+)
+from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
 from pytest_libero_max.plugin.collection import (
     asked_for,
     case_of,
@@ -24,17 +31,24 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
-from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, POLICY_PHASE, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
+from pytest_libero_max.report.in_progress import require_free
 from pytest_libero_max.report.junit import suite_properties
 from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.sections import with_sections
-from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_pairs, require_writable
+from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_to_resume, require_writable
 from pytest_libero_max.worlds.registry import describe_substrate
 from pytest_libero_max.worlds.rendering import gl
+
+RECORD_PHASE = "record"
+"""Phase of a pair error: the pair was played, and its record is none."""
+
+_FEW = 3
+_NO_PAIRS: Json = {"played": 0, "planned": 0, "missing": 0, "invalid": 0, "complete": False}
 
 
 class RunController:
@@ -58,7 +72,10 @@ class RunController:
         self.report: Json | None = None
         self.measured: tuple[str, ...] = ()
         self._lines: list[str] = []
-        self._reported: set[str] = set()
+        self._measured_now: dict[str, bool] = {}  # by item id; False for an error
+        self._again: list[str] = []
+        self._notes: list[str] = []
+        self._stop_status: int | None = None
         self._hook_raised = False
         self._broken_policy: str | None = None
         try:
@@ -75,6 +92,7 @@ class RunController:
             return
         try:
             require_writable(self.settings.output)
+            require_free(self.settings.output)
             self._require_usable_gates()
             self.measured = self._measured_before()
         except LiberoMaxError as error:
@@ -88,10 +106,8 @@ class RunController:
             require_usable(self.settings.gate, pairs, self.settings.output, self.config.invocation_params.dir)
 
     def _measured_before(self) -> tuple[str, ...]:
-        path = self.settings.output / PAIRS_NAME
-        if not self.settings.resume or not path.exists():
-            return ()
-        return tuple(record.item_id for record in read_pairs(path).records)
+        stored = read_to_resume(self.settings.output) if self.settings.resume else None
+        return () if stored is None else tuple(record.item_id for record in stored.records)
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, manifest_of(self.config)
@@ -125,7 +141,16 @@ class RunController:
         self._plan(ids)
 
     def _plan(self, node_ids: Iterable[str]) -> None:
-        chosen = {*map(case_of, node_ids), *self.measured}
+        tests = Counter(name for name in map(case_of, node_ids) if name is not None)
+        for name, count in tests.items():
+            if count > 1:
+                pytest.exit(
+                    f"{name} has {count} tests, but a pair is measured once. A fixture with parameters that "
+                    "every test uses, or an option like --count, multiplies the tests: keep it away from the "
+                    "pairs.",
+                    returncode=pytest.ExitCode.USAGE_ERROR,
+                )
+        chosen = {*tests, *self.measured}
         planned = [case for name, case in self.cases.items() if name in chosen]
         if not planned or self.store is not None or only_lists(self.config):
             return
@@ -137,13 +162,17 @@ class RunController:
         )
         self._tell_junit(selection)
         run = Run.of(planned, self._provenance(selection))
-        if not self.settings.resume:
-            self.store = PairStore(self.settings.output, run)
-            return
+        resume = self.settings.resume
         try:
-            self.store, _ = PairStore.resume(self.settings.output, run)
+            if resume:
+                store, _ = PairStore.resume(self.settings.output, run)
+            else:
+                store = PairStore(self.settings.output, run)
+            store.begin()
         except LiberoMaxError as error:
-            pytest.exit(f"--libero-max-resume: {error}", returncode=pytest.ExitCode.USAGE_ERROR)
+            prefix = "--libero-max-resume: " if resume else ""
+            pytest.exit(f"{prefix}{error}", returncode=pytest.ExitCode.USAGE_ERROR)
+        self.store = store
 
     def _tell_junit(self, selection: Selection) -> None:
         """Name the selection in the properties of the JUnit file's suite, where one is written."""
@@ -173,18 +202,47 @@ class RunController:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        name = case_of(report.nodeid)
-        if name is None or self.store is None or name in self._reported:
+        result = getattr(report, RESULT_ATTRIBUTE, None)
+        name = case_of(report.nodeid) if result is None else result["item_id"]
+        if name not in self.cases or self.store is None or self._stop_status is not None:
             return
+        if name in self._measured_now:
+            # The teardown of a pair, or one that another plugin plays again: a record counts, after an error.
+            if self._measured_now[name] or result is None or is_error(result):
+                return
+            self._again.append(name)
         pair = _pair_of(report, self.cases[name])
+        if pair is None:
+            return
         if isinstance(pair, PairError) and pair.phase == POLICY_PHASE:
             if self._broken_policy == pair.message:  # another worker found the same
                 report.longrepr = f"As above: {pair.message}"
             self._broken_policy = pair.message
-        if pair is not None:
-            self._reported.add(name)
+        pair = self._stored(pair, self.cases[name])
+        self._measured_now[name] = isinstance(pair, PairRecord)
+        note = getattr(report, NOTE_ATTRIBUTE, None)
+        if note is not None:
+            self._notes.append(note)
+        self._tell(pair)
+
+    def _stored(self, pair: PairRecord | PairError, case: Case) -> PairRecord | PairError:
+        """Store a pair, or why it is none. What concerns all later pairs as well stops the session."""
+        assert self.store is not None
+        try:
             self.store.append(pair)
-            self._tell(pair)
+        except DiskError as error:
+            self._stop(str(error), INCOMPLETE)
+        except OtherRunError as error:
+            self._stop(str(error), pytest.ExitCode.USAGE_ERROR)
+        except ReportError as error:
+            pair = PairError.of(case, error, RECORD_PHASE)
+            self.store.append(pair)
+        return pair
+
+    def _stop(self, message: str, status: int) -> NoReturn:
+        self._stop_status = status
+        self._lines.append(message)
+        pytest.exit(message)  # with a status of its own, pytest would leave out the summary
 
     def _tell(self, pair: PairRecord | PairError) -> None:
         """Tell conftest files of a stored pair; the first time that one of them raises is said at the end."""
@@ -197,26 +255,55 @@ class RunController:
 
     # What is said at the end.
 
-    @pytest.hookimpl(trylast=True)
-    def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        if self.store is None:
-            self._fail_gates_without_pairs(session)
-            return
+    @pytest.hookimpl(wrapper=True, trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> Generator[None, None, None]:
+        try:
+            yield
+        finally:  # whatever another plugin's hook has raised
+            if self.store is None:
+                self._fail_gates_without_pairs(session)
+            else:
+                self._finish(session, self.store)
+
+    def _finish(self, session: pytest.Session, store: PairStore) -> None:
+        """End the run, write its reports and decide its gates. What fails is said, and hides nothing else."""
+        problems: list[str] = []
+        failed_gates = 0
+        try:
+            store.close()
+        except ReportError as error:
+            problems.append(str(error))
+        try:
+            failed_gates = self._report(problems.append)
+        except Exception as error:  # whatever it is, the pairs are measured
+            text = str(error) if isinstance(error, LiberoMaxError) else repr(error)
+            problems.append(f"There is no report: {text}")
+        if self._again:
+            self._lines.append(
+                f"Measured when played again after an error: {len(self._again)} ({_few(self._again)})."
+            )
+        self._lines += _few_lines(self._notes)
+        self._lines += problems
+        self._lines += self._set_status(session, failed_gates, bool(problems))
+
+    def _report(self, on_problem: Callable[[str], None]) -> int:
+        """Compute the report, write it, decide the gates and say all that; returns how many gates fail."""
         from pytest_libero_max.report.files import write_reports
         from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
         from pytest_libero_max.report.summary import summary_lines
 
-        self.store.close()
         folder, here = self.settings.output, self.config.invocation_params.dir
-        self.report, written = write_reports(folder, self._add_sections)
-        verdicts = decide(self.settings.gate, folder, here)
-        failed = [verdict for verdict in verdicts if not verdict.passed]
+        self.report, written = write_reports(folder, self._add_sections, on_problem)
         self._lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
+        verdicts = decide(self.settings.gate, folder, here)
         self._lines += gate_lines(verdicts)
         if os.environ.get("GITHUB_ACTIONS") == "true":
             self._lines += github_annotations(verdicts)
-            _append_step_summary(folder / "report.md", gate_lines(verdicts))
-        self._lines += self._set_status(session, len(failed))
+            try:
+                _append_step_summary(folder / "report.md", gate_lines(verdicts))
+            except OSError as error:
+                self._lines.append(f"The step summary was not written: {error}")
+        return sum(not verdict.passed for verdict in verdicts)
 
     def _add_sections(self, report: Json) -> Json:
         """Let conftest files add sections to the report, and nothing else."""
@@ -237,15 +324,18 @@ class RunController:
             session.exitstatus = GATE_FAILED
             self._lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
 
-    def _set_status(self, session: pytest.Session, failed_gates: int) -> list[str]:
+    def _set_status(self, session: pytest.Session, failed_gates: int, problems: bool) -> list[str]:
         """Turn pytest's status into ours where the run itself has more to say; never anything into OK."""
-        assert self.report is not None
+        if self._stop_status is not None:
+            session.exitstatus = self._stop_status
+            return [f"Exit status {self._stop_status:d}. Then continue with --libero-max-resume."]
+        pairs = _NO_PAIRS if self.report is None else self.report["pairs"]
         status = session.exitstatus
-        pairs = self.report["pairs"]
         if status == pytest.ExitCode.NO_TESTS_COLLECTED and self.measured:
             session.exitstatus = status = pytest.ExitCode.OK  # everything was measured before
-        if status == pytest.ExitCode.INTERRUPTED and self._broken_policy is not None:
-            status = pytest.ExitCode.TESTS_FAILED  # a worker stopped, which xdist takes for an interruption
+        if status == pytest.ExitCode.INTERRUPTED and (self._broken_policy is not None or session.shouldfail):
+            # A worker stopped, or -x stopped the workers, which xdist takes for an interruption.
+            session.exitstatus = status = pytest.ExitCode.TESTS_FAILED
         if status == pytest.ExitCode.INTERRUPTED and pairs["missing"]:
             return [
                 f"Interrupted: {pairs['played']} of {pairs['planned']} pairs are measured and kept. Give the "
@@ -253,6 +343,12 @@ class RunController:
             ]
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return []
+        if problems:
+            session.exitstatus = INCOMPLETE
+            return [
+                f"Exit status {INCOMPLETE}: not everything could be written. What was measured is in "
+                f"{PAIRS_NAME}; libero-max report makes the reports from it."
+            ]
         if not pairs["complete"]:
             session.exitstatus = INCOMPLETE
             return [
@@ -283,12 +379,26 @@ def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | 
     """What a report says of its pair, if it is the one that says it."""
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is not None:
-        return result_from_dict(result)
+        try:
+            return result_from_dict(result)
+        except ReportError as error:
+            return PairError.of(case, error, RECORD_PHASE)
     if not report.failed:
         return None
     # The item ended without a word: its worker died, or somebody's hook failed it.
     text = str(report.longrepr).strip().splitlines()
     return PairError.of(case, SimulatorError(text[-1] if text else "no message"), "crash")
+
+
+def _few(names: Sequence[str]) -> str:
+    more = f", and {len(names) - _FEW} more" if len(names) > _FEW else ""
+    return ", ".join(names[:_FEW]) + more
+
+
+def _few_lines(notes: Sequence[str]) -> list[str]:
+    """The first of what went wrong beside the pairs, and how many more there are."""
+    more = f" ({len(notes) - 1} more like this)" if len(notes) > 1 else ""
+    return [f"Beside the pairs, which are measured: {note}{more}" for note in notes[:1]]
 
 
 def _append_step_summary(markdown: Path, gates: list[str]) -> None:

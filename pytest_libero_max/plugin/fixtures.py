@@ -19,7 +19,7 @@ from pytest_libero_max.errors import AdapterError, LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
-from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.report.junit import properties
 
 if TYPE_CHECKING:
@@ -172,7 +172,10 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
         arms_of(case, repeat_base=case.item_id in noise_cases_of(request.config)),
     )
     if settings.traces == "all" or settings.traces == pair.record.outcome:
-        write_trace(settings.output / "traces", pair)
+        try:
+            write_trace(settings.output / "traces", pair)
+        except (OSError, ValueError) as error:  # the pair is measured all the same
+            request.node.stash[NOTE] = f"no trace of {case.item_id}: {error}"
     return pair.record
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord, is_error
 from pytest_libero_max.plugin import collection, options
 from pytest_libero_max.plugin.fixtures import (
@@ -19,7 +20,7 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_substrate,
     libero_max_world,
 )
-from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, RESULT, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE, NOTE_ATTRIBUTE, RESULT, RESULT_ATTRIBUTE
 
 __all__ = [
     "libero_max_inject",
@@ -64,6 +65,11 @@ def _no_dist_chosen(config: pytest.Config) -> bool:
 def pytest_configure(config: pytest.Config) -> None:
     collection.aim(config)
     in_use = collection.is_run(config)
+    if not in_use and config.getoption("libero_max_gate"):
+        raise pytest.UsageError(
+            "--libero-max-gate is given, but no pair is played: a gate that nothing decides would pass. Name "
+            "a policy with --libero-max-policy."
+        )
     collection.register_markers(config, in_use=in_use)
     if in_use:
         from pytest_libero_max.worlds.threads import use_one_blas_thread
@@ -87,8 +93,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leave out the pairs that a resumed run has measured."""
     measured = set(_measured(config))
     if measured:
-        done = [item for item in items if collection.case_of(item.nodeid) in measured]
-        items[:] = [item for item in items if collection.case_of(item.nodeid) not in measured]
+        done = [item for item in items if collection.case_of_item(item) in measured]
+        items[:] = [item for item in items if collection.case_of_item(item) not in measured]
         config.hook.pytest_deselected(items=done)
 
 
@@ -117,6 +123,8 @@ def pytest_runtest_makereport(
     result = item.stash.get(RESULT, None)
     if result is not None and call.when == ("setup" if is_error(result) else "call"):
         setattr(report, RESULT_ATTRIBUTE, result)
+        setattr(report, NOTE_ATTRIBUTE, item.stash.get(NOTE, None))
+        del item.stash[RESULT]  # another plugin may play the item again
     return report
 
 
@@ -126,4 +134,7 @@ def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
         return None
     from pytest_libero_max.plugin.outcome_letters import status
 
-    return status(PairRecord.from_dict(result))
+    try:
+        return status(PairRecord.from_dict(result))
+    except ReportError:
+        return None  # the controller stores why

@@ -32,5 +32,11 @@ POLICY_PHASE = "policy"
 RESULT_ATTRIBUTE = "libero_max"
 """The attribute of a test report that carries the same to the controller."""
 
+NOTE = pytest.StashKey[str]()
+"""On an item: what went wrong beside its pair, which is measured all the same."""
+
+NOTE_ATTRIBUTE = "libero_max_note"
+"""The attribute of a test report that carries the same to the controller."""
+
 MEASURED_INPUT = "libero_max_measured"
 """In a worker's input: the item ids that a resumed run has measured."""

@@ -14,9 +14,10 @@ from pytest_libero_max.report.build import REPORT_VERSION, build_report
 from pytest_libero_max.report.compare import replay_command
 from pytest_libero_max.report.figures import FIGURES
 from pytest_libero_max.report.html import html
+from pytest_libero_max.report.in_progress import require_ended
 from pytest_libero_max.report.markdown import markdown
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
-from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, read_pairs
+from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, read_pairs
 
 REPORT_NAME = "report.json"
 MARKDOWN_NAME = "report.md"
@@ -32,12 +33,17 @@ def report_of(stored: StoredRun) -> Json:
     return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
 
 
-def write_reports(folder: Path, amend: Callable[[Json], Json] | None = None) -> tuple[Json, list[Path]]:
+def write_reports(
+    folder: Path,
+    amend: Callable[[Json], Json] | None = None,
+    on_problem: Callable[[str], object] | None = None,
+) -> tuple[Json, list[Path]]:
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
     Args:
         folder: The folder of the run.
         amend: Returns the report with sections of the user's own.
+        on_problem: Told of each file that cannot be made or written. None: the first one is an error.
 
     Returns:
         The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.
@@ -53,15 +59,23 @@ def write_reports(folder: Path, amend: Callable[[Json], Json] | None = None) -> 
     if amend is not None:
         report = amend(report)
     regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
-    files = {
-        REPORT_NAME: report_json(report),
-        MARKDOWN_NAME: markdown(report),
-        HTML_NAME: html(report, regressions, replay_command(stored)),
+    files: dict[str, Callable[[], str]] = {
+        REPORT_NAME: lambda: report_json(report),
+        MARKDOWN_NAME: lambda: markdown(report),
+        HTML_NAME: lambda: html(report, regressions, replay_command(stored)),
+        OUTCOMES_NAME: lambda: outcomes_json(RunOutcomes.of(stored), digest),
     }
+    written = [folder / PAIRS_NAME]
     for name, text in files.items():
-        write_text(folder / name, text)
-    write_text(folder / OUTCOMES_NAME, outcomes_json(RunOutcomes.of(stored), digest))
-    return report, [folder / name for name in (PAIRS_NAME, *files)]
+        try:
+            write_text(folder / name, text())
+        except Exception as error:
+            if on_problem is None:
+                raise
+            on_problem(str(error) if isinstance(error, ReportError) else f"No {name}: {error!r}")
+        else:
+            written.append(folder / name)
+    return report, [path for path in written if path.name != OUTCOMES_NAME]
 
 
 def write_figures(report: Json, folder: Path) -> list[Path]:
@@ -100,12 +114,17 @@ def read_report(path: Path) -> Json:
     """
     if path.is_dir():
         path = path / REPORT_NAME
+    require_ended(path.parent)
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
+        content = path.read_bytes()
     except (OSError, ValueError) as error:
         raise ReportError(
             f"Cannot read {path}: {error}. Give a report.json or the folder of a run."
         ) from error
+    try:
+        report = decode_json(content, "Compute it again from its pairs.jsonl.")
+    except ReportError as error:
+        raise ReportError(f"{path}: {error}") from error
     version = report.get("schema_version") if isinstance(report, dict) else None
     if version != REPORT_VERSION:
         raise ReportError(
@@ -121,7 +140,7 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         ReportError: It cannot be written.
     """
-    write_bytes(path, text.encode())
+    write_bytes(path, text.encode(errors="backslashreplace"))  # a name may hold what UTF-8 does not know
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -131,4 +150,5 @@ def write_bytes(path: Path, content: bytes) -> None:
         partial.write_bytes(content)
         os.replace(partial, path)
     except OSError as error:
+        partial.unlink(missing_ok=True)
         raise ReportError(f"Cannot write {path}: {error}. Give a folder you can write to.") from error

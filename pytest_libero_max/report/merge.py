@@ -9,11 +9,9 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection, merged_selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.agreement import require_same_play, run_differences
 from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
-
-_MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
-"""What makes pieces one measurement."""
 
 _MAY_DIFFER: Json = {"platform": {}, "gl_backend": None, "git": None, "command": []}
 """What pieces of one measurement may differ in, and what is said then."""
@@ -29,8 +27,9 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
         runs: Runs by a name for messages, for example their path.
 
     Raises:
-        ReportError: Fewer than two runs; they differ in policy, substrate, case set, protocol or versions;
-            they are shards of different divisions; or a pair was measured in two of them.
+        ReportError: Fewer than two runs; they differ in policy, substrate, case set, protocol or versions, or
+            in something else that changes results; they are shards of different divisions; or a pair was
+            measured in two of them.
     """
     if len(runs) < 2:
         raise ReportError(f"{len(runs)} run given, but merging takes two or more.")
@@ -39,13 +38,12 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     records: dict[str, tuple[str, PairRecord]] = {}
     errors: dict[str, PairError] = {}
     for name, run in runs.items():
-        for key in _MUST_AGREE:
-            here, there = run.run.provenance.get(key), first.run.provenance.get(key)
-            if here != there:
-                raise ReportError(
-                    f"{name!r} has {key}={here!r}, but {first_name!r} has {there!r}: they are not pieces of "
-                    "one measurement. Compare them instead."
-                )
+        different = run_differences(run.run, first.run)
+        if different:
+            raise ReportError(
+                f"{name!r} and {first_name!r} are not pieces of one measurement: {'; '.join(different)}. "
+                "Compare them instead."
+            )
         for pair in run.run.planned:
             if planned.setdefault(pair.case_id, pair) != pair:
                 raise ReportError(
@@ -57,6 +55,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
                     f"case_id={record.case_id!r} was measured in {records[record.case_id][0]!r} and in "
                     f"{name!r}; a case counts once. Leave one of the runs out."
                 )
+            require_same_play(next(iter(records.values()))[1] if records else record, record)
             records[record.case_id] = name, record
         for error in run.errors:
             known = errors.setdefault(error.case_id, error)
@@ -78,10 +77,10 @@ def merge_folders(paths: list[Path], output: Path) -> StoredRun:
     """
     merged = merge_runs({str(path): read_pairs(path) for path in paths})
     store = PairStore(output, merged.run)
-    for record in merged.records:
-        store.append(record)
-    for error in merged.errors:
-        store.append(error)
+    store.begin()
+    pairs: list[PairRecord | PairError] = [*merged.records, *merged.errors]
+    for pair in pairs:
+        store.append(pair)
     store.close()
     return merged
 

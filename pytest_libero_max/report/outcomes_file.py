@@ -1,7 +1,8 @@
 """``outcomes.json``: what a comparison needs of a run, so that it need not read every record.
 
-The file is written beside ``pairs.jsonl`` with the reports and holds its digest. Where the digest is another,
-or the file is missing or damaged, the outcomes are read from the records: the file saves time, nothing else.
+The file is written beside ``pairs.jsonl`` with the reports and holds its digest; its first line is its own.
+Where one of the two is another, or the file is missing, the outcomes are read from the records: the file
+saves time, nothing else.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.in_progress import require_ended
 from pytest_libero_max.report.run import PlannedPair, Run, planned_pair
-from pytest_libero_max.report.store import StoredRun, pairs_file, read_pairs
+from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.paired import Labels, Pairs
 
 OUTCOMES_NAME = "outcomes.json"
@@ -95,7 +97,12 @@ def outcomes_json(outcomes: RunOutcomes, digest: str) -> str:
         "source": _coded(pairs.source),
         "task": _coded(pairs.task),
     }
-    return json.dumps(values, separators=(",", ":"), allow_nan=False) + "\n"
+    text = json.dumps(values, separators=(",", ":"), allow_nan=False)
+    return f"{_digest(text.encode())}\n{text}\n"
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
 def _coded(labels: Labels) -> Json:
@@ -114,11 +121,15 @@ def read_outcomes(path: Path) -> RunOutcomes:
         ReportError: See :func:`~pytest_libero_max.report.store.read_pairs`.
     """
     pairs_path = pairs_file(path)
+    if pairs_path.name == PAIRS_NAME:
+        require_ended(pairs_path.parent)
     try:
-        kept = json.loads((pairs_path.parent / OUTCOMES_NAME).read_bytes())
-        if kept["schema_version"] == OUTCOMES_VERSION and kept["pairs_digest"] == file_digest(pairs_path):
-            return _from_file(kept, _run_of(pairs_path))
-    except (OSError, ValueError, KeyError, IndexError, TypeError, ReportError):
+        digest, _, text = (pairs_path.parent / OUTCOMES_NAME).read_bytes().rstrip(b"\n").partition(b"\n")
+        if digest.decode() == _digest(text):  # whole, and as this package wrote it
+            kept = json.loads(text)
+            if kept["schema_version"] == OUTCOMES_VERSION and kept["pairs_digest"] == file_digest(pairs_path):
+                return _from_file(kept, _run_of(pairs_path))
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, ReportError):
         pass  # the records say all of it, and what is wrong with them
     return RunOutcomes.of(read_pairs(pairs_path))
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json, slug
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.record import RECORD_VERSION, require_fields, require_version
+from pytest_libero_max.pairing.fields import COUNT, OBJECT, POSITIVE, TEXT, Rule, check_fields, listed, shown
+from pytest_libero_max.pairing.record import RECORD_VERSION, require_version
+from pytest_libero_max.pairing.record_checks import IDENTITY
 
 _UNKNOWN = "?"
 """The number of a task that is not known."""
@@ -122,14 +125,15 @@ class Run:
         """Read what :meth:`to_dict` wrote.
 
         Raises:
-            ReportError: It has another form or another schema version.
+            ReportError: It has another form or another schema version, or lacks what reports read of it.
         """
         require_version(values, "run")
-        if values.keys() != {"schema_version", "provenance", "planned"}:
-            raise ReportError(
-                f"A run has the fields {sorted(values)}, but must have planned, provenance, schema_version."
-            )
-        return cls(tuple(planned_pair(entry) for entry in values["planned"]), values["provenance"])
+        check_fields(values, _RUN, "run")
+        for name, part in _PROVENANCE.items():
+            _check_part(values["provenance"], name, part)
+        if "selection" in values["provenance"]:
+            Selection.from_dict(values["provenance"]["selection"])
+        return cls(tuple(map(planned_pair, values["planned"])), values["provenance"])
 
 
 def _task_number(case: Case) -> str:
@@ -148,8 +152,30 @@ def planned_pair(values: Json) -> PlannedPair:
     """A planned pair as stored. Its task was not always written.
 
     Raises:
-        ReportError: Another field is missing or unknown.
+        ReportError: Another field is missing or unknown, or a value is none that it can hold.
     """
     values = {"task": f"{values.get('suite')}/{_UNKNOWN}", **values}
-    require_fields(PlannedPair, values, "planned pair")
-    return PlannedPair(**values)
+    return PlannedPair(**check_fields(values, _PLANNED, "planned pair"))
+
+
+def _check_part(provenance: Json, name: str, rules: Mapping[str, Rule]) -> None:
+    """Check the fields of a part of the provenance that reports read; it may have more."""
+    part = provenance.get(name)
+    if type(part) is not dict:
+        raise ReportError(f"provenance.{name}={shown(part)} of a run, but must be an object.")
+    for key, rule in rules.items():
+        if not rule.holds(part.get(key)):
+            raise ReportError(f"provenance.{name}.{key}={shown(part.get(key))}, but must be {rule.words}.")
+
+
+_PLANNED = {**IDENTITY, "task": TEXT}
+_RUN = {"schema_version": COUNT, "provenance": OBJECT, "planned": listed("objects", OBJECT.holds)}
+_PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
+    "versions": {},
+    "platform": {},
+    "substrate": {"name": TEXT},
+    "case_set": {"name": TEXT, "digest": TEXT},
+    "policy": {"reference": TEXT, "horizon": POSITIVE.or_null, "query_interval": POSITIVE.or_null},
+    "protocol": {"noise_floor": POSITIVE.or_null},
+}
+"""What reports read of the provenance."""

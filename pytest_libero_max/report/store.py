@@ -11,17 +11,24 @@ import json
 import os
 from dataclasses import dataclass
 from io import FileIO
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line, read_content
-from pytest_libero_max.errors import OptionError, ReportError
+from pytest_libero_max.benchmark.documents import Json, cut_torn_line, read_content
+from pytest_libero_max.errors import DiskError, OptionError, ReportError
+from pytest_libero_max.pairing.fields import shown
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.agreement import Agreement, run_differences
+from pytest_libero_max.report.in_progress import Mark, require_ended, require_free
 from pytest_libero_max.report.run import Run
 
 PAIRS_NAME = "pairs.jsonl"
 PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
 """The same file in a published run; it is read, never written to."""
+
+COMPUTED_NAMES = ("report.json", "report.md", "report.html", "outcomes.json")
+"""What is computed from the pairs and lies beside them."""
 
 
 @dataclass(frozen=True)
@@ -48,26 +55,31 @@ class StoredRun:
 
 
 class PairStore:
-    """Appends pairs to ``pairs.jsonl``; opens it with the first one.
+    """Appends pairs to ``pairs.jsonl``.
 
-    The file of an earlier run is set aside as ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written
-    over.
+    The run begins with the first pair, or with :meth:`begin`, and ends with :meth:`close`. In between the
+    folder is marked as one whose run is in progress. The file of an earlier run is set aside as
+    ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written over; the reports of that run are removed.
 
     Args:
         folder: Output folder; made if missing.
         run: What the first line says.
 
     Raises:
-        OptionError: The folder cannot be written to. Found here, before anything is played.
+        OptionError: The folder cannot be written to, or another run is in progress in it. Found here, before
+            anything is played.
     """
 
     def __init__(self, folder: Path, run: Run) -> None:
         self.path = folder / PAIRS_NAME
         self._run = run
         self._file: FileIO | None = None
+        self._mark: Mark | None = None
+        self._agreement = Agreement(run)
         self._append_to_existing = False
         self._broken = False
         require_writable(folder)
+        require_free(folder)
 
     @classmethod
     def resume(cls, folder: Path, run: Run) -> tuple[PairStore, StoredRun | None]:
@@ -79,80 +91,134 @@ class PairStore:
             The store and what it already holds, None for a new run.
 
         Raises:
-            ReportError: The folder holds a run of other cases or of another policy.
-            OptionError: The folder cannot be written to.
+            ReportError: The folder holds a run of other cases, or of another policy, or one that was played
+                with something else that changes results; names every difference.
+            OptionError: The folder cannot be written to, or another run is in progress in it.
         """
         store = cls(folder, run)
-        if not store.path.exists() or b"\n" not in store.path.read_bytes():
+        stored = read_to_resume(folder)
+        if stored is None:
             return store, None
-        stored = read_pairs(store.path)
         _require_same_run(stored.run, run, store.path)
+        for record in stored.records:
+            store._agreement.add(record, str(store.path))
         if stored.torn:
             cut_torn_line(store.path)
         store._append_to_existing = True
         return store, stored
 
+    def begin(self) -> None:
+        """Mark the folder, set aside what an earlier run left there, and write the first line.
+
+        Raises:
+            OptionError: Another run is in progress in the folder.
+            DiskError: The folder cannot be written to any more.
+        """
+        if self._mark is None:
+            self._mark = Mark(self.path.parent)
+        try:
+            if self._append_to_existing:
+                self._file = self.path.open("a+b", buffering=0)
+                return
+            if self.path.exists():
+                _set_aside(self.path)
+                for name in COMPUTED_NAMES:
+                    (self.path.parent / name).unlink(missing_ok=True)
+            self._file = self.path.open("w+b", buffering=0)
+        except OSError as error:
+            raise DiskError(f"Cannot write {self.path}: {error}. Give a folder you can write to.") from error
+        self._write("run", self._run.to_dict())
+
     def append(self, pair: PairRecord | PairError) -> None:
         """Write one pair and wait until the disk has it.
 
         Raises:
-            ReportError: The file cannot be written any more, or the pair holds what JSON does not know.
+            DiskError: The file cannot be written any more.
+            OtherRunError: The pair was played with something else than the run's other pairs.
+            ReportError: The pair is not one of the run's, was measured before, or holds what JSON does not
+                know.
         """
-        kind = "pair" if isinstance(pair, PairRecord) else "error"
-        self._write(kind, pair.to_dict())
+        line = _line("pair" if isinstance(pair, PairRecord) else "error", pair.to_dict())
+        self._agreement.add(pair, "now")
+        self._write_line(line)
 
     def close(self) -> None:
-        """Finish the file; a run without a pair still gets its first line."""
-        if self._file is None:
-            self._open()
-        assert self._file is not None
-        self._file.close()
-        self._file = None
-        self._append_to_existing = True
+        """End the run; one without a pair still gets its first line.
 
-    def _open(self) -> None:
+        Raises:
+            DiskError: The file cannot be written any more.
+        """
         try:
-            if self._append_to_existing:
-                self._file = self.path.open("ab", buffering=0)
-                return
-            _set_aside(self.path)
-            self._file = self.path.open("wb", buffering=0)
+            if self._file is None:
+                self.begin()
+            elif self._is_gone():
+                self._write_again()
         except OSError as error:
-            raise ReportError(
-                f"Cannot write {self.path}: {error}. Give a folder you can write to."
-            ) from error
-        self._write("run", self._run.to_dict())
+            raise DiskError(f"Cannot write {self.path}: {error}.") from error
+        finally:
+            if self._file is not None:
+                self._file.close()
+            if self._mark is not None:
+                self._mark.remove()
+            self._file = self._mark = None
+            self._append_to_existing = True
 
     def _write(self, kind: str, values: Json) -> None:
+        self._write_line(_line(kind, values))
+
+    def _write_line(self, line: bytes) -> None:
         if self._file is None:
-            self._open()
+            self.begin()
         assert self._file is not None
-        try:
-            line = json.dumps({"line": kind, **values}, separators=(",", ":"), allow_nan=False) + "\n"
-        except (TypeError, ValueError) as error:
-            raise ReportError(
-                f"case_id={values.get('case_id')!r} holds a value JSON does not know ({error}); what leaves "
-                "a worker are finite numbers, text, lists and objects."
-            ) from error
         if self._broken:
-            raise ReportError(
+            raise DiskError(
                 f"Cannot write {self.path}: an earlier write failed, and a line behind it could not be read. "
                 "Make room and resume."
             )
-        data = line.encode()
         try:
-            if self._file.write(data) != len(data):
+            if self._is_gone():
+                self._write_again()
+            if self._file.write(line) != len(line):
                 raise OSError("only a part of the line was written")
             os.fsync(self._file.fileno())
         except OSError as error:
             self._broken = True
-            raise ReportError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
+            raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
+
+    def _is_gone(self) -> bool:
+        """Whether somebody has removed the file, which lives on as long as it is open."""
+        assert self._file is not None
+        return os.fstat(self._file.fileno()).st_nlink == 0
+
+    def _write_again(self) -> None:
+        assert self._file is not None
+        self._file.seek(0)
+        content = self._file.read()
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        again = self.path.open("w+b", buffering=0)
+        again.write(content)
+        self._file.close()
+        self._file = again
+
+
+def _line(kind: str, values: Json) -> bytes:
+    try:
+        text = json.dumps({"line": kind, **values}, separators=(",", ":"), allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ReportError(
+            f"case_id={values.get('case_id')!r} holds a value JSON does not know ({error}); what leaves "
+            "a worker are finite numbers, text, lists and objects."
+        ) from error
+    return text.encode() + b"\n"
 
 
 def _set_aside(path: Path) -> None:
-    if path.exists():
-        numbers = (int(name.stem.partition(".")[2]) for name in path.parent.glob("pairs.[0-9]*.jsonl"))
-        path.replace(path.with_name(f"pairs.{max(numbers, default=0) + 1}.jsonl"))
+    numbers = [
+        int(number)
+        for name in path.parent.glob("pairs.[0-9]*.jsonl")
+        if (number := name.stem.partition(".")[2]).isdecimal()
+    ]
+    path.replace(path.with_name(f"pairs.{max(numbers, default=0) + 1}.jsonl"))
 
 
 def pairs_file(path: Path) -> Path:
@@ -163,73 +229,120 @@ def pairs_file(path: Path) -> Path:
     return packed if packed.exists() and not plain.exists() else plain
 
 
-def read_pairs(path: Path) -> StoredRun:
-    """Read a ``pairs.jsonl`` or ``pairs.jsonl.gz`` (or the one in a folder).
+def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
+    """Read a ``pairs.jsonl`` or ``pairs.jsonl.gz`` (or the one in a folder), and check all that it says.
 
     A last line without its line end was torn by a kill: it is left out, and ``torn`` says so. Damage
-    anywhere else is an error.
+    anywhere else is an error, and so are a value that a field cannot hold and values that contradict each
+    other.
+
+    Args:
+        path: The file, or its folder.
+        ended: Whether the run has to have ended. False: read what there is of one that was stopped.
 
     Raises:
-        ReportError: The file is missing, or a line is damaged; names the line.
+        ReportError: The file is missing, its run is in progress or was killed, or a line is damaged; names
+            the line.
     """
     path = pairs_file(path)
+    if ended and path.name == PAIRS_NAME:
+        require_ended(path.parent)
     try:
         content = read_content(path)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise ReportError(
             f"Cannot read {path}: {error}. Give a folder in which a run has written {PAIRS_NAME}."
         ) from error
     *lines, rest = content.split(b"\n")
     if not lines:
         raise ReportError(f"{path} holds no complete line: its run ended before the first pair.")
-    run: Run | None = None
     records: list[PairRecord] = []
     errors: list[PairError] = []
     for number, line in enumerate(lines, start=1):
-        where = f"{path}, line {number}"
-        kind, values = _decode(line, where)
-        if (kind == "run") != (number == 1):
-            raise ReportError(
-                f"{where}: line={kind!r}, but the run is the first line and the first line only."
-            )
         try:
+            kind, values = _decode(line)
+            if (kind == "run") != (number == 1):
+                raise ReportError(f"line={kind!r}, but the run is the first line and the first line only.")
             if kind == "run":
                 run = Run.from_dict(values)
-            elif kind == "pair":
-                records.append(PairRecord.from_dict(values))
-            else:
-                errors.append(PairError.from_dict(values))
+                agreement = Agreement(run)
+                continue
+            pair = PairRecord.from_dict(values) if kind == "pair" else PairError.from_dict(values)
+            agreement.add(pair, f"line {number}")
         except ReportError as error:
-            raise ReportError(f"{where}: {error}") from error
-    assert run is not None
+            raise ReportError(f"{path}, line {number}: {error}") from error
+        if isinstance(pair, PairRecord):
+            records.append(pair)
+        else:
+            errors.append(pair)
     return StoredRun(run, tuple(records), tuple(errors), torn=bool(rest))
 
 
-def _decode(line: bytes, where: str) -> tuple[str, Json]:
-    try:
-        values: Any = json.loads(line)
-    except ValueError as error:
-        raise ReportError(
-            f"{where}: not JSON ({error}). The file is damaged; remove that line to leave the pair out."
-        ) from error
+def read_to_resume(folder: Path) -> StoredRun | None:
+    """What a folder holds of a run that may go on; None where it holds not even the whole first line.
+
+    Raises:
+        ReportError: A line is damaged; names the line.
+    """
+    path = folder / PAIRS_NAME
+    if not path.exists() or b"\n" not in path.read_bytes():
+        return None
+    return read_pairs(path, ended=False)
+
+
+def _decode(line: bytes) -> tuple[str, Json]:
+    values = decode_json(line, "The file is damaged; remove that line to leave the pair out.")
     kind = values.pop("line", None) if isinstance(values, dict) else None
     if kind not in ("run", "pair", "error"):
-        raise ReportError(f"{where}: line={kind!r}, but must be 'run', 'pair' or 'error'.")
+        raise ReportError(f"line={shown(kind)}, but must be 'run', 'pair' or 'error'.")
     return kind, values
 
 
+def decode_json(content: bytes, cure: str) -> Any:
+    """Decode JSON as results are written: finite numbers, and no name twice in an object.
+
+    Args:
+        content: UTF-8.
+        cure: What to do where it is not JSON; ends the message.
+
+    Raises:
+        ReportError: It is something else.
+    """
+    try:
+        return _DECODER.decode(content.decode())
+    except (ValueError, RecursionError) as error:
+        raise ReportError(f"not JSON ({error}). {cure}") from error
+
+
+def _once(pairs: list[tuple[str, Any]]) -> Json:
+    values = dict(pairs)
+    if len(values) != len(pairs):
+        raise ValueError(f"a name occurs twice in an object that has {', '.join(map(shown, values))}")
+    return values
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise ValueError(f"{text} is no finite number")
+    return value
+
+
+_DECODER = json.JSONDecoder(object_pairs_hook=_once, parse_float=_finite, parse_constant=_finite)
+
+
 def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:
-    if canonical_digest(stored.to_dict()["planned"]) != canonical_digest(wanted.to_dict()["planned"]):
+    if stored.planned != wanted.planned:
         raise ReportError(
             f"{path} was planned with other cases ({len(stored.planned)} then, {len(wanted.planned)} now). "
             "Resume with the same track, manifest and selection, or choose another output folder."
         )
-    for key in ("policy", "substrate", "protocol"):
-        if stored.provenance.get(key) != wanted.provenance.get(key):
-            raise ReportError(
-                f"{path} was played with {key}={stored.provenance.get(key)!r}, now it is "
-                f"{wanted.provenance.get(key)!r}. Resume with the same, or choose another output folder."
-            )
+    different = run_differences(stored, wanted)
+    if different:
+        raise ReportError(
+            f"{path} was played with something else than now (then, now): {'; '.join(different)}. Resume "
+            "with the same, or choose another output folder."
+        )
 
 
 def require_writable(folder: Path) -> None:

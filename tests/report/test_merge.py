@@ -15,7 +15,7 @@ from pytest_libero_max.report.merge import merge_folders, merge_runs
 from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
 from pytest_libero_max.report.summary import summary_lines, title_text
-from tests.report.made_up import PROVENANCE, error_of, plan, records_of
+from tests.report.made_up import POLICY, PROVENANCE, error_of, plan, record_of, records_of
 
 PAIRS = plan()
 RECORDS = {record.case_id: record for record in records_of(PAIRS)}
@@ -71,7 +71,7 @@ def test_what_the_pieces_differ_in_is_not_claimed() -> None:
 @pytest.mark.parametrize("key", ["policy", "substrate", "case_set", "protocol", "versions"])
 def test_pieces_of_different_measurements_are_refused(key: str) -> None:
     other = {**PROVENANCE, key: {**PROVENANCE[key], "name": "another"}}
-    with pytest.raises(ReportError, match=f"'b' has {key}=.*Compare them instead"):
+    with pytest.raises(ReportError, match=rf"'b' and 'a' .*: {key}\.name: 'another', .*Compare them"):
         merge_runs({"a": _piece(PAIRS[:5]), "b": _piece(PAIRS[5:], other)})
 
 
@@ -137,3 +137,18 @@ def test_a_run_of_an_older_version_claims_nothing_of_the_track() -> None:
     assert report["selection"] is None
     assert title_text(report).endswith("32 cases of track smoke (selection not recorded)")
     assert report_of(merge_runs({"a": _shard(1), "b": _piece(PAIRS[16:])}))["selection"] is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"policy": {**POLICY, "revision": "b"}}, "policy.revision"),
+        ({"fingerprints": {"substrate": "embedded", "blas_threads": "2"}}, "fingerprints.blas_threads"),
+        ({"fingerprints": {"substrate": "embedded", "plus": "other assets"}}, "fingerprints.plus"),
+    ],
+)
+def test_pieces_that_were_played_with_different_things_are_refused(changes: Json, message: str) -> None:
+    record = record_of(PAIRS[5], True, True, **changes)
+    other = StoredRun(Run(tuple(PAIRS), PROVENANCE), (record,), (), torn=False)
+    with pytest.raises(ReportError, match=f"played with different things: {message}"):
+        merge_runs({"a": _piece(PAIRS[:5]), "b": other})

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -74,7 +75,8 @@ def test_a_file_of_other_records_is_ignored(folder: Path) -> None:
 def test_a_damaged_file_is_ignored(folder: Path, damage: object) -> None:
     path = folder / OUTCOMES_NAME
     assert callable(damage)
-    path.write_text(damage(json.loads(path.read_text())))
+    text = damage(json.loads(path.read_text().splitlines()[1]))
+    path.write_text(f"{hashlib.blake2b(text.encode(), digest_size=16).hexdigest()}\n{text}\n")
     assert _same(read_outcomes(folder), RunOutcomes.of(read_pairs(folder)))
 
 

@@ -3,15 +3,17 @@ from __future__ import annotations
 import gzip
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.errors import OptionError, ReportError
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import OptionError, OtherRunError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore, read_pairs
-from tests.report.made_up import PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import POLICY, PROVENANCE, error_of, plan, record_of
 
 
 @pytest.fixture
@@ -39,7 +41,7 @@ def test_a_line_is_on_disk_before_the_next_pair(tmp_path: Path, run: Run) -> Non
     store = PairStore(tmp_path, run)
     assert not store.path.exists()
     store.append(record_of(run.planned[0], True, True))
-    assert len(read_pairs(store.path).records) == 1
+    assert len(read_pairs(store.path, ended=False).records) == 1
     store.close()
 
 
@@ -206,3 +208,142 @@ def test_after_a_failed_write_nothing_is_put_behind_the_damage(
     stored = read_pairs(tmp_path)
     assert stored.torn == (written > 0)
     assert [record.case_id for record in stored.records] == [run.planned[0].case_id]
+
+
+def _copies(folder: Path, run: Run, change: Callable[[Json], object]) -> Path:
+    """A run of two pairs, the second of which has been changed by hand."""
+    store = PairStore(folder, run)
+    for pair in run.planned[:2]:
+        store.append(record_of(pair, True, False))
+    store.close()
+    lines = store.path.read_text().splitlines()
+    values = json.loads(lines[2])
+    change(values)
+    store.path.write_text("\n".join([*lines[:2], json.dumps(values)]) + "\n")
+    return store.path
+
+
+def _base(values: Json) -> Json:
+    base: Json = values["arms"]["base"]
+    return base
+
+
+def _dynamic(values: Json) -> Json:
+    dynamic: Json = values["arms"]["dynamic"]
+    return dynamic
+
+
+def _never_triggered(values: Json) -> None:
+    _dynamic(values).update(firings=[], response_step=None, stale_actions=None)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda values: values.update(max_steps="220"),
+            "max_steps='220' of the pair record, but must",
+        ),
+        (lambda values: values.update(variant=True), "variant=True of the pair record, but must be 0 or 1"),
+        (lambda values: _base(values).update(success=1), "success=1 of the arm, but must be true or false"),
+        (
+            lambda values: _base(values).update(steps=None),
+            "steps=None of arm 'base', which every",
+        ),
+        (lambda values: _base(values).update(steps=221), "steps=221 of arm 'base', but max_steps=220"),
+        (_never_triggered, "the event never came, but Base and Dynamic differ"),
+        (lambda values: _dynamic(values).update(response_step=22), "a response comes after the event"),
+        (lambda values: _dynamic(values).update(stale_actions=3), "stale_actions=3, but 2 actions"),
+        (lambda values: _dynamic(values).update(firings=[]), "of an arm in which nothing happened"),
+        (lambda values: _base(values).update(steps=22), "the event came after 23 steps"),
+        (
+            lambda values: _dynamic(values).update(shares="base"),
+            "'dynamic' differs from 'base', which",
+        ),
+        (lambda values: values.update(event="camera_shift"), "event='camera_shift' .* planned was 'illumin"),
+        (lambda values: values.update(source="libero"), "source='libero' .* planned was 'plus'"),
+        (lambda values: values.update(case_id="another"), "case_id='another' was played but not planned"),
+        (lambda values: values["policy"].update(revision="b"), "policy.revision: None, 'b'"),
+        (lambda values: values["policy"].update(horizon=0), "but must be a policy's spec"),
+        (lambda values: values["fingerprints"].update(mujoco="3.4"), "fingerprints.mujoco: None, '3.4'"),
+    ],
+)
+def test_a_record_that_contradicts_itself_or_its_run_is_refused_with_its_line(
+    tmp_path: Path, run: Run, change: Callable[[Json], object], message: str
+) -> None:
+    path = _copies(tmp_path, run, change)
+    with pytest.raises(ReportError, match=rf"pairs\.jsonl, line 3: .*{message}"):
+        read_pairs(path)
+
+
+def test_what_draws_and_the_kind_of_processor_may_differ(tmp_path: Path, run: Run) -> None:
+    path = _copies(tmp_path, run, lambda values: values["fingerprints"].update(blas="Zen", gl="osmesa"))
+    assert len(read_pairs(path).records) == 2
+
+
+def test_a_case_with_two_records_is_refused_with_both_lines(tmp_path: Path, run: Run) -> None:
+    path = _copies(tmp_path, run, lambda values: None)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines, lines[1]]))
+    with pytest.raises(ReportError, match=r"line 4: .* was measured before \(line 2\)"):
+        read_pairs(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ({"versions": {**PROVENANCE["versions"], "mujoco": "3.2"}}, "fingerprints.mujoco='3.3'.*says '3.2'"),
+        ({"policy": {**PROVENANCE["policy"], "code": "a"}}, "fingerprints.adapter='b'.*says 'a'"),
+        ({"policy": {**PROVENANCE["policy"], "horizon": 4}}, "policy.horizon=10.*says 4"),
+        ({"substrate": {"name": "tiny"}}, "fingerprints.substrate='embedded'.*says 'tiny'"),
+    ],
+)
+def test_records_agree_with_the_header(tmp_path: Path, run: Run, header: Json, message: str) -> None:
+    store = PairStore(tmp_path, Run(run.planned, {**PROVENANCE, **header}))
+    prints = {"substrate": "embedded", "mujoco": "3.3", "adapter": "b"}
+    with pytest.raises(OtherRunError, match=message):
+        store.append(record_of(run.planned[0], True, True, fingerprints=prints))
+    store.close()
+
+
+DIFFERENCES: list[tuple[Json, str]] = [
+    ({"policy": {**PROVENANCE["policy"], "code": "b"}}, "policy.code: None, 'b'"),
+    ({"versions": {**PROVENANCE["versions"], "numpy": "2.4"}}, "versions.numpy: None, '2.4'"),
+    ({"substrate": {"name": "embedded", "semantics": "corrected"}}, "substrate.semantics: None, 'corrected'"),
+    (
+        {"substrate": {"name": "embedded", "instruction_source": "clean"}},
+        "substrate.instruction_source: ",
+    ),
+    ({"protocol": {"prefix": "replay"}}, "protocol.prefix: 'fork', 'replay'"),
+    ({"case_set": {**PROVENANCE["case_set"], "digest": "1"}}, "case_set.digest: "),
+]
+
+
+@pytest.mark.parametrize(("header", "message"), DIFFERENCES)
+def test_resuming_with_something_else_names_the_difference(
+    tmp_path: Path, run: Run, header: Json, message: str
+) -> None:
+    PairStore(tmp_path, run).close()
+    with pytest.raises(ReportError, match=f"{message}.*another output folder"):
+        PairStore.resume(tmp_path, Run(run.planned, {**PROVENANCE, **header}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"policy": {**POLICY, "revision": "b"}}, "policy.revision: None, 'b'"),
+        ({"fingerprints": {"substrate": "embedded", "blas_threads": "2"}}, "blas_threads: None, '2'"),
+        ({"fingerprints": {"substrate": "embedded", "assets": "1"}}, "fingerprints.assets: None, '1'"),
+    ],
+)
+def test_pairs_of_a_resumed_run_are_played_like_the_others(
+    tmp_path: Path, run: Run, changes: Json, message: str
+) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, True))
+    store.close()
+    resumed, _ = PairStore.resume(tmp_path, run)
+    with pytest.raises(OtherRunError, match=message):
+        resumed.append(record_of(run.planned[1], True, True, **changes))
+    resumed.close()
+    assert len(read_pairs(tmp_path).records) == 1

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.errors import DiskError, OptionError, ReportError
+from pytest_libero_max.report.compare import compare_folders
+from pytest_libero_max.report.files import read_report, write_reports
+from pytest_libero_max.report.gate_results import decide
+from pytest_libero_max.report.in_progress import MARK_NAME
+from pytest_libero_max.report.merge import merge_folders
+from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.store import PairStore, read_pairs
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+RUN = Run(tuple(plan()[:4]), PROVENANCE)
+
+
+def _played(folder: Path, pairs: int = 4) -> PairStore:
+    store = PairStore(folder, RUN)
+    for pair in RUN.planned[:pairs]:
+        store.append(record_of(pair, True, False))
+    return store
+
+
+def _kill(store: PairStore) -> None:
+    """Leave what a kill leaves: the files, without their lock."""
+    assert store._file is not None
+    assert store._mark is not None
+    store._file.close()
+    os.close(store._mark._descriptor)
+
+
+def test_no_reader_takes_a_run_in_progress_or_a_killed_one_for_a_result(tmp_path: Path) -> None:
+    folder, other = tmp_path / "run", tmp_path / "other"
+    _played(other).close()
+    store = _played(folder, 2)
+    for state in ("is still in progress", "was killed before it ended"):
+        for read in (
+            lambda: read_pairs(folder),
+            lambda: read_pairs(folder / "pairs.jsonl"),
+            lambda: read_report(folder),
+            lambda: write_reports(folder),
+            lambda: decide((), folder, tmp_path),
+            lambda: compare_folders([folder, other]),
+            lambda: merge_folders([folder, other], tmp_path / "merged"),
+        ):
+            with pytest.raises(ReportError, match=state):
+                read()
+        if state == "is still in progress":
+            _kill(store)
+    (folder / MARK_NAME).unlink()
+    assert len(read_pairs(folder).records) == 2
+
+
+def test_a_run_that_begins_takes_away_the_reports_of_the_one_before(tmp_path: Path) -> None:
+    _played(tmp_path).close()
+    write_reports(tmp_path)
+    store = PairStore(tmp_path, RUN)
+    assert (tmp_path / "report.json").exists(), "nothing is touched before the run begins"
+    store.begin()
+    _kill(store)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [MARK_NAME, "pairs.1.jsonl", "pairs.jsonl"]
+
+
+def test_a_killed_run_goes_on(tmp_path: Path) -> None:
+    _kill(_played(tmp_path, 2))
+    store, stored = PairStore.resume(tmp_path, RUN)
+    assert stored is not None
+    assert len(stored.records) == 2
+    for pair in RUN.planned[2:]:
+        store.append(record_of(pair, True, True))
+    store.close()
+    assert len(read_pairs(tmp_path).records) == 4
+    assert not (tmp_path / MARK_NAME).exists()
+
+
+def test_a_second_run_in_a_folder_is_refused(tmp_path: Path) -> None:
+    first = _played(tmp_path, 1)
+    for begin in (
+        lambda: PairStore(tmp_path, RUN),
+        lambda: PairStore.resume(tmp_path, RUN),
+    ):
+        with pytest.raises(OptionError, match=f"in progress .*process {os.getpid()}.*another output"):
+            begin()
+    first.close()
+    two = PairStore(tmp_path, RUN), PairStore(tmp_path, RUN)
+    two[0].begin()
+    with pytest.raises(OptionError, match="A run is in progress"):
+        two[1].begin()
+    two[0].close()
+
+
+def test_the_lock_goes_with_its_process(tmp_path: Path) -> None:
+    code = (
+        "import os, sys\n"
+        "from pathlib import Path\n"
+        "from pytest_libero_max.report.in_progress import Mark\n"
+        "mark = Mark(Path(sys.argv[1]))\n"
+        "os._exit(0)\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
+    assert (tmp_path / MARK_NAME).exists()
+    PairStore(tmp_path, RUN).close()
+    assert not (tmp_path / MARK_NAME).exists()
+
+
+def test_a_folder_that_vanishes_costs_no_pair(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    store = _played(folder, 2)
+    shutil.rmtree(folder)
+    store.append(record_of(RUN.planned[2], True, False))
+    shutil.rmtree(folder)
+    store.close()
+    assert len(read_pairs(folder).records) == 3
+
+
+def test_a_folder_that_cannot_come_back_is_an_error(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    store = _played(folder, 1)
+    shutil.rmtree(folder)
+    folder.write_text("")
+    with pytest.raises(DiskError, match="Cannot write"):
+        store.append(record_of(RUN.planned[1], True, False))
+    with pytest.raises(DiskError, match="Cannot write"):
+        store.close()
