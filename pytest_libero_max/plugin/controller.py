@@ -191,7 +191,12 @@ class RunController:
                 "query_interval": settings.query_interval,
             },
             substrate=self.substrate,
-            case_set={"name": settings.case_set, "digest": manifest.digest, "limit": settings.limit},
+            case_set={
+                "name": settings.case_set,
+                "digest": manifest.digest,
+                "limit": settings.limit,
+                **({} if settings.manifest is None else {"path": str(settings.manifest)}),
+            },
             selection=selection.to_dict(),
             protocol={"prefix": settings.prefix, "noise_floor": settings.noise_floor},
             command=["pytest", *map(str, self.config.invocation_params.args)],
@@ -328,7 +333,10 @@ class RunController:
         """Turn pytest's status into ours where the run itself has more to say; never anything into OK."""
         if self._stop_status is not None:
             session.exitstatus = self._stop_status
-            return [f"Exit status {self._stop_status:d}. Then continue with --libero-max-resume."]
+            return [
+                f"Exit status {self._stop_status:d}: the run was stopped. Repair what broke and continue with "
+                "--libero-max-resume."
+            ]
         pairs = _NO_PAIRS if self.report is None else self.report["pairs"]
         status = session.exitstatus
         if status == pytest.ExitCode.NO_TESTS_COLLECTED and self.measured:

@@ -358,4 +358,5 @@ def _parsed(option: Option, text: str, where: str) -> Any:
 
 
 def _path(config: pytest.Config, text: str) -> Path:
-    return Path(config.invocation_params.dir, text)
+    """A path as given; reports write the home folder as ``~``, and their commands are to work."""
+    return Path(config.invocation_params.dir, Path(text).expanduser())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -89,6 +90,7 @@ def parse_reference(text: str) -> Reference:
     target, colon, name = reference.rpartition(":")
     if not colon or "/" in name or "\\" in name:  # the second: a Windows drive
         target, name = reference, DEFAULT_NAME
+    target = os.path.expanduser(target)  # reports write the home folder as ~
     if not name.isidentifier():
         raise AdapterError(f"policy={text!r}: {name!r} is not the name of anything in Python. {FORMS}")
     if not target.endswith(".py") and not all(part.isidentifier() for part in target.split(".")):

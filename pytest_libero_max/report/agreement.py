@@ -17,7 +17,7 @@ MACHINE = ("gl", "gl_device", "blas")
 _MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
 """What makes pieces one measurement."""
 
-_PLACES = ("case_set.path", "substrate.roots", "substrate.assets")
+PLACES = ("case_set.path", "substrate.roots", "substrate.assets")
 """Where things lie on a machine; what they are is told by digests."""
 
 
@@ -115,7 +115,7 @@ def run_differences(one: Run, other: Run) -> list[str]:
     return [
         text
         for part in _MUST_AGREE
-        for text in differences(part, one.provenance.get(part, {}), other.provenance.get(part, {}), _PLACES)
+        for text in differences(part, one.provenance.get(part, {}), other.provenance.get(part, {}), PLACES)
     ]
 
 

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.report.agreement import PLACES
 from pytest_libero_max.report.build import group_order, substrate_json
 from pytest_libero_max.report.outcomes_file import RunOutcomes, read_outcomes
+from pytest_libero_max.report.replay import replay_command
 from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.statistics_json import (
@@ -254,6 +256,7 @@ def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[Json]:
             f"{part}.{key}": value
             for part in _COMPARED
             for key, value in run.run.provenance.get(part, {}).items()
+            if f"{part}.{key}" not in PLACES
         }
         for name, run in runs.items()
     }
@@ -272,19 +275,6 @@ _RUN_COLUMNS = (
     "trigger_coverage",
     "response_coverage",
 )
-
-
-def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
-    """The command that plays one case of a run again, once the case's item id is appended."""
-    provenance = run.run.provenance
-    command = ["pytest", f"--libero-max-policy={provenance['policy']['reference']}"]
-    kind, _, name = provenance["case_set"]["name"].partition(" ")
-    if kind in ("track", "manifest") and name:
-        command.append(f"--libero-max-{kind}={name}")
-    for key, flag in (("horizon", "horizon"), ("query_interval", "query-interval")):
-        if provenance["policy"].get(key) is not None:
-            command.append(f"--libero-max-{flag}={provenance['policy'][key]}")
-    return [*command, "-k"]
 
 
 def _over_runs(changes: Sequence[float]) -> Json:

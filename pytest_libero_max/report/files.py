@@ -11,12 +11,12 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report import raster
 from pytest_libero_max.report.build import REPORT_VERSION, build_report
-from pytest_libero_max.report.compare import replay_command
 from pytest_libero_max.report.figures import FIGURES
 from pytest_libero_max.report.html import html
 from pytest_libero_max.report.in_progress import require_ended
 from pytest_libero_max.report.markdown import markdown
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
+from pytest_libero_max.report.replay import replay_command
 from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, read_pairs
 
 REPORT_NAME = "report.json"

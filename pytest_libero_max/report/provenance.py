@@ -64,10 +64,10 @@ def collect(
         },
         "gl_backend": gl_backend if gl_backend is not None else os.environ.get("MUJOCO_GL"),
         "git": git_state(folder or Path.cwd()),
-        "substrate": substrate,
-        "case_set": case_set,
+        "substrate": _public_values(substrate),
+        "case_set": _public_values(case_set),
         **({} if selection is None else {"selection": selection}),
-        "policy": {key: _public(value) if isinstance(value, str) else value for key, value in policy.items()},
+        "policy": _public_values(policy),
         "protocol": protocol,
         "command": redacted(command),
     }
@@ -104,6 +104,17 @@ def redacted(command: Sequence[str], environment: Mapping[str, str] | None = Non
         "***" if index and _SECRET_OPTION.fullmatch(command[index - 1]) else _public(argument, environment)
         for index, argument in enumerate(command)
     ]
+
+
+def _public_values(values: Json) -> Json:
+    """Texts and lists of texts without secrets and without the home folder."""
+    cleaned: Json = {}
+    for key, value in values.items():
+        if isinstance(value, list):
+            cleaned[key] = [_public(item) if isinstance(item, str) else item for item in value]
+        else:
+            cleaned[key] = _public(value) if isinstance(value, str) else value
+    return cleaned
 
 
 def _public(text: str, environment: Mapping[str, str] | None = None) -> str:

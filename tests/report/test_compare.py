@@ -6,11 +6,13 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.compare import common_cases, compare_folders, compare_runs, replay_command
+from pytest_libero_max.report.compare import common_cases, compare_folders, compare_runs
 from pytest_libero_max.report.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
 from pytest_libero_max.report.gates import parse_gates
+from pytest_libero_max.report.replay import replay_command
 from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.store import PairStore, StoredRun
 from tests.report.made_up import PROVENANCE, plan, record_of
@@ -58,7 +60,46 @@ def test_the_replay_command_plays_one_case_of_that_run() -> None:
         "pytest",
         "--libero-max-policy=a.py",
         "--libero-max-track=smoke",
+        "--libero-max-substrate=embedded",
+        "--libero-max-prefix=fork",
         "--libero-max-query-interval=2",
+        "--libero-max-output=libero-max-replay",
+        "-k",
+    ]
+
+
+def test_the_replay_command_of_a_genuine_run_names_all_that_it_played_on() -> None:
+    run = _run(
+        ALWAYS,
+        substrate={
+            "name": "libero",
+            "installations": ["LIBERO abc", "LIBERO-plus def"],
+            "roots": ["/srv/LIBERO", "/srv/LIBERO-plus"],
+            "assets": "/srv/assets",
+            "semantics": "corrected",
+            "instruction_source": "clean",
+            "source_variations": "own",
+        },
+        case_set={"name": "manifest mine.json", "path": "/srv/mine.json", "digest": "0", "limit": 8},
+        protocol={"prefix": "replay", "noise_floor": 4},
+        selection=Selection.choose(["a"], 8, [], (2, 3)).to_dict(),
+    )
+    assert replay_command(run) == [
+        "pytest",
+        "--libero-max-policy=scripted.py",
+        "--libero-max-manifest=/srv/mine.json",
+        "--libero-max-substrate=libero",
+        "--libero-max-libero=/srv/LIBERO",
+        "--libero-max-libero=/srv/LIBERO-plus",
+        "--libero-max-semantics=corrected",
+        "--libero-max-instruction=clean",
+        "--libero-max-source-variations=own",
+        "--libero-max-libero-assets=/srv/assets",
+        "--libero-max-prefix=replay",
+        "--libero-max-noise-floor=4",
+        "--libero-max-limit=8",
+        "--libero-max-shard=2/3",
+        "--libero-max-output=libero-max-replay",
         "-k",
     ]
 

@@ -21,6 +21,8 @@ def _open(options: SubstrateOptions, variation_of: FindVariation) -> Substrate:
 def _describe(options: SubstrateOptions) -> dict[str, Any]:
     return {
         "installations": [str(found) for found in _installations(options)],
+        "roots": [str(root) for root in options.installations],
+        "assets": None if options.assets is None else str(options.assets),
         "semantics": options.semantics,
         "instruction_source": options.instruction,
         "source_variations": options.variations,
