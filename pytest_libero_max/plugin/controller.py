@@ -334,8 +334,8 @@ class RunController:
         if self._stop_status is not None:
             session.exitstatus = self._stop_status
             return [
-                f"Exit status {self._stop_status:d}: the run was stopped. Repair what broke and continue with "
-                "--libero-max-resume."
+                f"Exit status {self._stop_status:d}: the run was stopped. Repair what broke and continue "
+                "with --libero-max-resume."
             ]
         pairs = _NO_PAIRS if self.report is None else self.report["pairs"]
         status = session.exitstatus
