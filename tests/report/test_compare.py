@@ -237,8 +237,8 @@ Agreement of the event profiles: n/a, no two runs have profiles that vary
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v0
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
 To play one of them again, append its name:
-  old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k
-  new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke -k
+  old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
+  new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
 
 The first interval of a paired change is for these tasks played again with other initial states and
 seeds. The interval by task is for other tasks of the same kind, and needs 30 tasks of which 15 have
@@ -248,7 +248,7 @@ policy would differ if it were trained again.
 Policies differ in size, training data and serving at once. A difference between policies, or
 between families of policies, does not show which architecture or design is more robust.
 Success at the end of an episode and queries after the event are observable behaviour. They show
-sensitivity to the event, not whether the policy detected it or planned anew."""
+sensitivity to the event, not whether the policy detected it or planned anew."""  # noqa: E501
 
 
 def test_folders_are_compared_under_their_names(tmp_path: Path) -> None:
