@@ -177,6 +177,7 @@ INTERRUPTS = """
     def reset(self, episode):
         from pathlib import Path
 
-        if Path("libero-max-results", "pairs.jsonl").exists():  # since the first pair was stored
+        pairs = Path("libero-max-results", "pairs.jsonl")
+        if pairs.exists() and len(pairs.read_text().splitlines()) > 1:  # the run, and a pair
             raise KeyboardInterrupt
 """

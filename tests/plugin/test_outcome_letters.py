@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from pytest_libero_max.plugin.outcome_letters import status
-from tests.report.made_up import plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, plan, record_of
 
 PAIR = plan()[0]
 
@@ -17,9 +17,7 @@ def test_each_outcome_has_its_letter(base: bool, dynamic: bool, letter: str) -> 
 
 
 def test_an_event_that_never_fired_has_a_letter_of_its_own() -> None:
-    record = record_of(
-        PAIR, True, True, trigger_step=None, stale_actions=None, response_step=None, min_distance_m=0.314
-    )
+    record = record_of(PAIR, True, True, **{**NEVER_TRIGGERED, "min_distance_m": 0.314})
     assert status(record) == (
         "passed",
         "U",
@@ -28,7 +26,7 @@ def test_an_event_that_never_fired_has_a_letter_of_its_own() -> None:
 
 
 def test_the_sentence_tells_the_pair() -> None:
-    record = record_of(PAIR, True, False, stale_actions=1, dynamic_steps=220)
+    record = record_of(PAIR, True, False, stale_actions=1, response_step=24, dynamic_steps=220)
     assert status(record)[2] == (
         "REGRESSION (Base succeeds after 90, event at step 23, 1 stale action, Dynamic fails after 220)"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,14 +14,14 @@ from pytest_libero_max.report.store import read_pairs
 from tests.plugin.conftest import REACHER, tiny_manifest
 
 
-def _replayed(pytester: pytest.Pytester) -> tuple[Json, Json]:
-    """The first record of the run, and the same from the replay command."""
+def _replayed(pytester: pytest.Pytester, play: Callable[..., pytest.RunResult]) -> tuple[Json, Json]:
+    """The first record of the run, and the same from the replay command, which ``play`` runs."""
     folder = Path(pytester.path)
     run = read_pairs(folder / "libero-max-results")
     record = run.records[0]
     command, *arguments = replay_command(run)
     assert command == "pytest"
-    result = pytester.runpytest_inprocess("-p", "no:cacheprovider", *arguments, record.item_id)
+    result = play("-p", "no:cacheprovider", *arguments, record.item_id)
     assert result.ret == 0
     (again,) = read_pairs(folder / "libero-max-replay").records
     assert (folder / "libero-max-results" / "report.json").exists()
@@ -43,7 +44,7 @@ def test_the_replay_command_of_a_tiny_run_gives_the_same_record(pytester: pytest
         "--libero-max-noise-floor=1",
         "--libero-max-limit=1",
     )
-    before, after = _replayed(pytester)
+    before, after = _replayed(pytester, pytester.runpytest_inprocess)
     assert before == after
     assert "base_again" in before["arms"]
     assert (before["policy"]["horizon"], before["policy"]["query_interval"]) == (9, 3)
@@ -51,6 +52,7 @@ def test_the_replay_command_of_a_tiny_run_gives_the_same_record(pytester: pytest
 
 def test_the_replay_command_of_an_embedded_run_gives_the_same_record(pytester: pytest.Pytester) -> None:
     arguments = ["--libero-max-policy=noop", "--libero-max-track=smoke", "--libero-max-limit=1"]
-    pytester.runpytest_inprocess("-p", "no:cacheprovider", *arguments)
-    before, after = _replayed(pytester)
+    # In processes of their own: numba, which compiles the control loop, cannot be imported twice in one.
+    pytester.runpytest_subprocess("-p", "no:cacheprovider", *arguments)
+    before, after = _replayed(pytester, pytester.runpytest_subprocess)
     assert before == after
