@@ -46,6 +46,7 @@ def write(tmp_path: Path) -> Writer:
 
 @pytest.fixture(autouse=True)
 def _imports_are_left_alone() -> Any:
+    forget_adapter()  # of a test elsewhere
     path, modules = list(sys.path), set(sys.modules)
     yield
     forget_adapter()
