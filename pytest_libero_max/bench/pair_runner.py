@@ -95,7 +95,7 @@ def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTim
     policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
     envs = {hard: SceneEnv(scene, CAMERAS, IMAGE_SIZE, hard_reset=hard) for hard in (False, True)}
     pair = measure_pair(case, world, policy)
-    final = world.data.qpos.copy()
+    final = final_positions(world, case, pair)
     times: dict[str, list[float]] = {"fork": [], "replay": [], "plain": [], "plain_hard": []}
     for _ in range(repeats):
         times["fork"].append(processor_seconds(lambda: measure_pair(case, world, policy)))
@@ -120,9 +120,7 @@ def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTim
 
 def _plain(env: SceneEnv, world: EmbeddedWorld, case: Case, pair: Pair) -> float:
     """Seconds of the plain loop over the pair's actions."""
-    world.reset(case.init_state_index)
-    for change in case.event.setup:
-        change_from_dict(change).apply(world)
+    _begin(world, case)
     start = world.snapshot()
     seconds = 0.0
     for actions in _rollouts(pair):
@@ -133,6 +131,33 @@ def _plain(env: SceneEnv, world: EmbeddedWorld, case: Case, pair: Pair) -> float
             env.step(action)
         seconds += time.process_time() - begin
     return seconds
+
+
+def final_positions(world: EmbeddedWorld, case: Case, pair: Pair) -> NDArray[np.float64]:
+    """The joint positions, (nq,), to which the actions of the pair's last arm lead in the world of the case.
+
+    Args:
+        world: It is reset and left at the end of the arm.
+        case: A case whose event moves nothing.
+        pair: What was played of it.
+
+    Raises:
+        SimulatorError: The hand is not where the arm left it.
+    """
+    _begin(world, case)
+    for action in _rollouts(pair)[-1]:
+        world.step(action)
+    arm = pair.base if pair.dynamic is None else pair.dynamic
+    if not np.array_equal(world.end_effector(), arm.end_effector[-1]):
+        raise SimulatorError(f"{case.item_id}: the actions of the last arm lead elsewhere when played again.")
+    final: NDArray[np.float64] = world.data.qpos.copy()
+    return final
+
+
+def _begin(world: EmbeddedWorld, case: Case) -> None:
+    world.reset(case.init_state_index)
+    for change in case.event.setup:
+        change_from_dict(change).apply(world)
 
 
 def _rollouts(pair: Pair) -> list[NDArray[np.float64]]:

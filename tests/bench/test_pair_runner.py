@@ -1,0 +1,31 @@
+"""The pair that is timed: both loops must arrive at the same state."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.bench.pair_runner import Hovering, final_positions
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.pairing.runner import measure_pair
+from pytest_libero_max.worlds.embedded.scene import build_scene
+from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+from tests.pairing.actors import shorten
+
+
+def test_the_final_state_is_that_of_the_last_arm_wherever_the_runner_left_the_world() -> None:
+    cases = (case for case in load_track("smoke") if case.suite == "libero_spatial")
+    case = shorten(next(case for case in cases if case.event.name == "camera_shift"))
+    world = EmbeddedWorld(build_scene(case.suite, case.task_index))
+    world.reset(case.init_state_index)
+    policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
+    policy.spec = replace(policy.spec, cameras=())
+    pair = measure_pair(case, world, policy)
+    world.reset(0)
+    final = final_positions(world, case, pair)
+    assert world.steps == 10 + len(pair.base.actions)
+    assert (final == world.data.qpos).all()
+    with pytest.raises(SimulatorError, match="lead elsewhere when played again"):
+        final_positions(world, replace(case, init_state_index=case.init_state_index + 1), pair)
+    world.close()
