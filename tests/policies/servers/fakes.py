@@ -48,9 +48,12 @@ def observation() -> dict[str, NDArray[Any]]:
     }
 
 
+NO_REPLY = object()
+
+
 @contextmanager
 def websocket(handler: Handler, greeting: bytes | str | None = None, port: int = 0) -> Iterator[int]:
-    """A WebSocket server; the port it listens on."""
+    """A WebSocket server; the port it listens on. It closes for None, and is silent for ``NO_REPLY``."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.server import ServerConnection, serve
 
@@ -63,7 +66,8 @@ def websocket(handler: Handler, greeting: bytes | str | None = None, port: int =
                 if answer is None:
                     connection.close()
                     return
-                connection.send(answer)
+                if answer is not NO_REPLY:
+                    connection.send(answer)
 
     with serve(talk, "127.0.0.1", port, compression=None, max_size=None, logger=QUIET) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
@@ -102,7 +106,7 @@ def vla_eval(
         elif kind == "episode_start":
             sessions["buffer"] = []
             handler({"episode_start": payload})
-            return b""  # replaced below: no reply
+            return NO_REPLY
         elif not sessions["buffer"]:
             actions = handler(payload)
             if not isinstance(actions, np.ndarray):
@@ -115,23 +119,8 @@ def vla_eval(
             payload = {"actions": sessions["buffer"].pop(0)}
         return pack({"type": answer, "payload": payload, "seq": message["seq"], "timestamp": 0.0}, VLA_EVAL)
 
-    from websockets.exceptions import ConnectionClosed
-    from websockets.sync.server import ServerConnection, serve
-
-    def serve_one(connection: ServerConnection) -> None:
-        with suppress(ConnectionClosed, OSError):
-            for message in connection:
-                if reply := talk(message):
-                    connection.send(reply)
-
-    with serve(serve_one, "127.0.0.1", 0, compression=None, max_size=None, logger=QUIET) as server:
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        try:
-            yield server.socket.getsockname()[1]
-        finally:
-            server.shutdown()
-            thread.join(5)
+    with websocket(talk) as port:
+        yield port
 
 
 @contextmanager
