@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from inspect import signature
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
@@ -75,21 +76,10 @@ ACTION_STEPS: Mapping[str, Callable[..., Any]] = {
 """What may be done to the actions of a reply."""
 
 NEEDS_ARGUMENT = frozenset(
-    {
-        "resize_with_pad",
-        "resize_bilinear",
-        "resize_bicubic",
-        "resize_lanczos",
-        "resize_area",
-        "centre_crop",
-        "jpeg_round_trip",
-        "pad_to",
-        "first",
-        "entry",
-        "replace",
-        "template",
-        "first_columns",
-    }
+    name
+    for known in (INPUT_STEPS, TEXT_STEPS, ACTION_STEPS)
+    for name, piece in known.items()
+    if len(signature(piece).parameters) > 1
 )
 """The steps that are written with a value: ``{ resize_area = 224 }``."""
 

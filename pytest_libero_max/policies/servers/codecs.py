@@ -51,14 +51,7 @@ def pack(value: Any, dialect: Dialect) -> bytes:
     """A msgpack document."""
     import msgpack
 
-    def default(item: Any) -> Any:
-        if isinstance(item, np.ndarray):
-            return dialect.encode(_plain(item))
-        if isinstance(item, np.generic):
-            return item.item()
-        raise TypeError(f"a {type(item).__name__} cannot be sent")
-
-    packed: bytes = msgpack.packb(value, default=default)
+    packed: bytes = msgpack.packb(value, default=_sent_as(dialect.encode))
     return packed
 
 
@@ -90,6 +83,11 @@ def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
         value: What to write; NaN and infinities are refused.
         encode: What an array is written as.
     """
+    return json.dumps(value, default=_sent_as(encode), allow_nan=False).encode()
+
+
+def _sent_as(encode: Callable[[AnyArray], Any]) -> Callable[[Any], Any]:
+    """What is written in place of an object that a document cannot hold: NumPy's, for encoders to ask."""
 
     def default(item: Any) -> Any:
         if isinstance(item, np.ndarray):
@@ -98,7 +96,7 @@ def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
             return item.item()
         raise TypeError(f"a {type(item).__name__} cannot be sent")
 
-    return json.dumps(value, default=default, allow_nan=False).encode()
+    return default
 
 
 def from_json(content: bytes) -> Any:

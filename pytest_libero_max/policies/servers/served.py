@@ -102,20 +102,9 @@ class Request:
         Raises:
             AdapterError: An input cannot be made; names it and the step.
         """
-        text = query.instruction
+        values = {name: value_of(query, episode) for name, value_of in _QUERY_VALUES.items()}
         for step in self._text:
-            text = step(text)
-        values: dict[str, Any] = {
-            "instruction": text,
-            "seed": query.seed,
-            "index": query.index,
-            "step": query.step,
-            "suite": episode.suite,
-            "task_index": episode.task_index,
-            "episode_instruction": episode.instruction,
-            "policy_seed": episode.seed,
-            "max_steps": episode.max_steps,
-        }
+            values["instruction"] = step(values["instruction"])
         layout = self._layout if layout is None else layout
         for name in set(_named(layout)) - values.keys():
             values[name] = self._value(name, observation)
@@ -155,17 +144,18 @@ class Request:
         return value if item.shape is None else value.reshape(item.shape)
 
 
-_QUERY_VALUES = (
-    "instruction",
-    "seed",
-    "index",
-    "step",
-    "suite",
-    "task_index",
-    "episode_instruction",
-    "policy_seed",
-    "max_steps",
-)
+_QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = {
+    "instruction": lambda query, episode: query.instruction,
+    "seed": lambda query, episode: query.seed,
+    "index": lambda query, episode: query.index,
+    "step": lambda query, episode: query.step,
+    "suite": lambda query, episode: episode.suite,
+    "task_index": lambda query, episode: episode.task_index,
+    "episode_instruction": lambda query, episode: episode.instruction,
+    "policy_seed": lambda query, episode: episode.seed,
+    "max_steps": lambda query, episode: episode.max_steps,
+}
+"""What a request can name beside the inputs of its profile."""
 
 
 class Reply:
@@ -198,9 +188,8 @@ class Reply:
         if control != "delta":
             raise AdapterError(
                 f"Profile {profile.name!r} has control={control!r}: its actions are poses in the world. "
-                "Worlds "
-                "take movements relative to where the hand is, as LIBERO's controller does by default, so "
-                "these actions cannot be played exactly yet."
+                "Worlds take movements relative to where the hand is, as LIBERO's controller does by default, "
+                "so these actions cannot be played exactly yet."
             )
 
     def read(self, reply: Any, least: int, most: int) -> Actions:
@@ -232,8 +221,7 @@ class Reply:
         if len(actions) < least:
             raise ServerError(
                 f"the reply has {len(actions)} action(s), but {least} are executed before the next query; "
-                "lower "
-                "--libero-max-query-interval"
+                "lower --libero-max-query-interval"
             )
         return actions[:most]
 
@@ -427,22 +415,24 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
         AdapterError: None is named, there is none of that name, or it is for another protocol.
     """
     address = parse_address(text)
-    fitting = [name for name in profile_names() if load_profile(name).protocol == address.protocol]
     if profile_text is None:
         raise AdapterError(
             f"policy={text!r} is the address of a server, and how it is asked depends on the policy behind "
-            "it. "
-            f"Add --libero-max-profile=NAME; for {address.scheme}:// there are {', '.join(fitting)}, or the "
-            "path of your own."
+            f"it. Add --libero-max-profile=NAME; for {address.scheme}:// there are {_fitting(address)}, or "
+            "the path of your own."
         )
     profile = load_profile(profile_text)
     if profile.protocol != address.protocol:
         raise AdapterError(
             f"profile={profile_text!r} is for {profile.protocol}://, but the address is {str(address)!r}. "
-            "For "
-            f"{address.scheme}:// there are {', '.join(fitting)}."
+            f"For {address.scheme}:// there are {_fitting(address)}."
         )
     return profile
+
+
+def _fitting(address: Address) -> str:
+    """The profiles of this package for an address, for messages."""
+    return ", ".join(name for name in profile_names() if load_profile(name).protocol == address.protocol)
 
 
 def _link(

@@ -131,8 +131,7 @@ def _require_playable(parameters: dict[Any, Any], formats: dict[Any, Any]) -> No
     if parameters.get("absolute_action") or position == "absolute_xyz":
         raise AdapterError(
             "The server's actions are poses in the world (absolute_action). Worlds take movements relative "
-            "to "
-            "where the hand is, so these actions cannot be played exactly yet."
+            "to where the hand is, so these actions cannot be played exactly yet."
         )
     if gripper not in (None, "raw", "binary_close_positive"):
         raise AdapterError(
