@@ -157,18 +157,17 @@ class Stage:
         """How long a policy behind a server has waited for it to come back, s; 0 for every other policy."""
         return float(getattr(self.policy, "waited_s", 0.0))
 
-    def _seen_by_policy(self) -> tuple[bytes, WorldState] | None:
+    def _seen_by_policy(self) -> WorldState | None:
         """The world before a privileged policy sees it; None for the others, which never do."""
-        return (self.world.digest(), self.world.snapshot()) if self.spec.privileged else None
+        return self.world.snapshot() if self.spec.privileged else None
 
-    def _require_unaltered(self, before: tuple[bytes, WorldState] | None, where: str) -> None:
-        if before is None or self.world.digest() == before[0]:
-            return
-        altered = ", ".join(before[1].differing(self.world.snapshot()))
-        raise AdapterError(
-            f"policy {self.spec.name!r} altered the world in {where}, but episode.world is read only. "
-            f"What differs: {altered}. {_CURE}"
-        )
+    def _require_unaltered(self, before: WorldState | None, where: str) -> None:
+        altered = () if before is None else before.differing(self.world.snapshot())
+        if altered:
+            raise AdapterError(
+                f"policy {self.spec.name!r} altered the world in {where}, but episode.world is read only. "
+                f"What differs: {', '.join(altered)}. {_CURE}"
+            )
 
 
 @dataclass(frozen=True)
