@@ -22,11 +22,7 @@ from pytest_libero_max.pairing.fields import (
 
 
 def _is_repeat(value: Any) -> bool:
-    return (
-        type(value) is dict
-        and value.keys() == {"success", "identical"}
-        and all(map(FLAG.holds, value.values()))
-    )
+    return _has(value, {"success", "identical"}, FLAG)
 
 
 def _is_contacts(value: Any) -> bool:

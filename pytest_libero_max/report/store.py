@@ -127,7 +127,7 @@ class PairStore:
             self._file = self.path.open("w+b", buffering=0)
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}. Give a folder you can write to.") from error
-        self._write("run", self._run.to_dict())
+        self._write_line(_line("run", self._run.to_dict()))
 
     def append(self, pair: PairRecord | PairError) -> None:
         """Write one pair and wait until the disk has it.
@@ -162,9 +162,6 @@ class PairStore:
                 self._mark.remove()
             self._file = self._mark = None
             self._append_to_existing = True
-
-    def _write(self, kind: str, values: Json) -> None:
-        self._write_line(_line(kind, values))
 
     def _write_line(self, line: bytes) -> None:
         if self._file is None:
@@ -285,9 +282,11 @@ def read_to_resume(folder: Path) -> StoredRun | None:
         ReportError: A line is damaged; names the line.
     """
     path = folder / PAIRS_NAME
-    if not path.exists() or b"\n" not in path.read_bytes():
+    if not path.exists():
         return None
-    return read_pairs(path, ended=False)
+    with path.open("rb") as file:
+        begun = file.readline().endswith(b"\n")
+    return read_pairs(path, ended=False) if begun else None
 
 
 def _decode(line: bytes) -> tuple[str, Json]:
