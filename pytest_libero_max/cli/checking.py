@@ -57,8 +57,7 @@ def _check(options: argparse.Namespace) -> int:
     if policy.spec.privileged:
         raise AdapterError(
             f"policy {policy.spec.name!r} reads the simulator (privileged), and check shows observations "
-            "alone. "
-            "Play a few pairs with it: pytest --libero-max-policy=... --libero-max-limit=4."
+            "alone. Play a few pairs with it: pytest --libero-max-policy=... --libero-max-limit=4."
         )
     substrate = open_substrate(options.substrate, SubstrateOptions())
     try:

@@ -246,8 +246,7 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
             "the same first query of an episode got two different answers",
             "the same bytes",
             "It draws from something else than query.seed, or reset() leaves something behind. A server "
-            "that cannot "
-            "be seeded declares repeatable=False.",
+            "that cannot be seeded declares repeatable=False.",
         )
     elif not same:
         yield Finding(

@@ -114,8 +114,7 @@ def _refuse_profile(text: str, profile: str | None) -> None:
     if profile is not None:
         raise AdapterError(
             f"policy={text!r} with profile={profile!r}: a profile says how a policy behind a server is "
-            "asked, "
-            "and this one is no address (openpi://host:8000). Leave --libero-max-profile out."
+            "asked, and this one is no address (openpi://host:8000). Leave --libero-max-profile out."
         )
 
 

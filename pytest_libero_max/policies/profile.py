@@ -114,8 +114,7 @@ class Profile:
             hint = f" or give {' and '.join(options)}" if options else ""
             raise AdapterError(
                 f"Profile {self.name!r} does not know {', '.join(missing)}: nothing that could be read says "
-                "so. "
-                f'Write a file with `extends = "{self.name}"` and these fields, and name it with '
+                f'so. Write a file with `extends = "{self.name}"` and these fields, and name it with '
                 f"--libero-max-profile{hint}."
             )
 
