@@ -188,8 +188,8 @@ class Reply:
         if control != "delta":
             raise AdapterError(
                 f"Profile {profile.name!r} has control={control!r}: its actions are poses in the world. "
-                "Worlds take movements relative to where the hand is, as LIBERO's controller does by default, "
-                "so these actions cannot be played exactly yet."
+                "Worlds take movements relative to where the hand is, as LIBERO's controller does by "
+                "default, so these actions cannot be played exactly yet."
             )
 
     def read(self, reply: Any, least: int, most: int) -> Actions:
