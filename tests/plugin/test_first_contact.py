@@ -46,7 +46,8 @@ def test_on_two_workers_it_stops_as_well(
     assert result.ret == 11
     pairs, _ = results()
     assert len(pairs) <= 2
-    assert str(result.stdout).count("Traceback") == 1
+    errors, _, _ = str(result.stdout).partition("short test summary info")  # which quotes them whole under CI
+    assert errors.count("Traceback") == 1
     result.stdout.fnmatch_lines(["*Exit status 11: the run is incomplete (* invalid, * missing)*"])
 
 
