@@ -29,6 +29,29 @@ ACTIONS = (
 )
 """The components of an action of LIBERO's controller, OSC_POSE, for one control step."""
 
+SEMANTICS = (
+    (
+        "Reset",
+        "The scene is built once (`hard_reset = False`).",
+        "Built twice, as LIBERO does by default: where a task begins with something opened, closed or turned "
+        "on, fixtures stand up to 12 mm and 1.9 degrees elsewhere.",
+    ),
+    (
+        "Observations",
+        "Sampled at substep 21 of 25, at 20 after an event; each look of a LIBERO-PRO variation makes it one "
+        "less.",
+        "Sampled at substep 24, as after LIBERO's own `set_init_state`.",
+    ),
+    (
+        "Objects brought in",
+        "Wait inside the floor, are shot out of it, and come back as they have tumbled by then.",
+        "Wait unseen and untouched, and come back upright.",
+    ),
+    ("Objects moved", "Keep their share of the solver's last forces.", "Start without."),
+    ("Noise of sensors", "One stream for both cameras.", "One stream for each camera."),
+)
+"""What ``--libero-max-semantics`` chooses on the genuine substrate."""
+
 
 def page() -> str:
     """The text."""
@@ -65,6 +88,14 @@ names, of the size that the spec names. `image[::-1]` is the right way up.
 A policy returns an array (n, 7) with components within [-1, 1]; what lies beyond is clipped.
 
 {table(("Component", "Meaning"), ACTIONS)}
+
+## Published and corrected
+
+`--libero-max-semantics` chooses what a genuine scene reproduces: `published`, the authors' runner of
+8 August 2026, with the same states, observations and images bit for bit on the same MuJoCo; or `corrected`,
+without its known errors.
+
+{table(("", "Published", "Corrected"), SEMANTICS)}
 
 ## Budgets
 

@@ -96,8 +96,9 @@ RULES = (
     Rule(
         "shifted_observations",
         lambda record: _semantics(record) == "published",
-        "Published events: the look that follows the event makes every later observation one substep (2 ms) "
-        "older, and what was moved keeps its share of the solver's last forces. Corrected events do neither.",
+        "Published events: the authors' runner looks four times before the first step and once after the "
+        "event. Each look makes every later observation one substep (2 ms) older. What was moved keeps its "
+        "share of the solver's last forces. Corrected events look once before the first step, and no more.",
     ),
     Rule(
         "corrected_events",

@@ -41,7 +41,7 @@ class Built:
     env: Any
 
 
-def build(installation: Installation, bddl: Path | str, seed: int) -> Built:
+def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: bool = True) -> Built:
     """Build the environment of a task and reset it once, as an evaluation with this seed would.
 
     No image is rendered and no OpenGL context is made.
@@ -50,6 +50,10 @@ def build(installation: Installation, bddl: Path | str, seed: int) -> Built:
         installation: Whose environment.
         bddl: The task's BDDL file, or a name that the package's wrapper understands.
         seed: Seed of the reset, which places the fixtures.
+        rebuild: Whether the reset builds the scene a second time (robosuite's ``hard_reset``), which is
+            LIBERO's default. The authors' runner switches it off. Where a task begins with something
+            opened, closed or turned on, a second building makes the reset draw one more random number,
+            and the fixtures stand elsewhere.
 
     Raises:
         SubstrateError: The scene cannot be built or laid out.
@@ -66,6 +70,7 @@ def build(installation: Installation, bddl: Path | str, seed: int) -> Built:
                 randomization_error,
             )
             env = wrapper.env
+            env.hard_reset = rebuild
             env.seed(seed)
             _retried(env.reset, randomization_error)
         except SubstrateError:

@@ -160,7 +160,7 @@ class LiberoSubstrate:
             self._worlds[scene] = self._worlds.pop(scene)  # the last one used is the last one to go
             return self._worlds[scene]
         with task.description() as description:
-            built = build(installation, description, seed)
+            built = build(installation, description, seed, rebuild=self.semantics != "published")
         world = LiberoWorld(
             scene,
             task.language if self.instruction == "published" else task.clean_language,
@@ -203,7 +203,7 @@ def _states(installation: Installation, task: Task, built: Built, seed: int) -> 
     states = read_states(task.states)
     joints = Joints.of(built.env.sim.model._model)
     if isinstance(task, ProTask) and states.shape[1] != 1 + joints.nq + joints.nv:
-        reference = build(installation, task.reference, seed)
+        reference = build(installation, task.reference, seed, rebuild=False)
         start = np.array(built.env.sim.get_state().flatten())
         states = by_joint(states, Joints.of(reference.env.sim.model._model), joints, start)
         reference.env.close()

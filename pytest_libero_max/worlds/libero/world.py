@@ -5,9 +5,11 @@ and judges success before the step is quite over. What it delivers is reproduced
 
 - the first control step after a reset starts from the kinematics of the pose the *reset* gave, because the
   package sets the initial state without telling the controller;
-- observations are sampled at one substep of 25. Each time somebody asks for a fresh observation out of turn,
-  that substep is one earlier from then on: the 25th after a reset, the 24th after an initial state was set.
-  Poses and images are those of the beginning of that substep, joint values those of its end;
+- observations are sampled at one substep of 25: the 25th after a reset. Each time somebody asks for a fresh
+  observation out of turn, that substep is one earlier from then on. An evaluation that sets the initial state
+  and nothing else samples at the 24th. The authors' runner looks three times more before the first step,
+  twice to see that the renderer is steady and once after the setup, and samples at the 21st. Poses and images
+  are those of the beginning of that substep, joint values those of its end;
 - success is judged with the positions and contacts of the beginning of the last substep.
 
 A look between steps sees what was sampled in the last step, unless something was altered since: then it sees
@@ -45,6 +47,10 @@ _SEEN = {
     "robot0_joint_vel": 7,
 }
 
+_RUNNERS_LOOKS = 3
+"""Fresh observations that the authors' runner asks for between ``set_init_state`` and the first step: two
+that have to show the same image, and one after the setup, whether or not there is one."""
+
 _PIN = 8
 """A pinned object: where its pose is in the joint positions, 0 for none (the arm is there), and the pose."""
 
@@ -66,8 +72,9 @@ class LiberoWorld(RobosuiteWorld):
         built: Its environment, after a seeded reset; nobody else may use it from now on.
         states: (n, 1 + nq + nv) initial states.
         semantics: ``published``: objects taken out are put where the authors put them, inside the floor,
-            and come back as they then are; what is moved keeps its share of the solver's warm start; a look
-            after an event shifts the sampling of observations. ``corrected``: none of it.
+            and come back as they then are; what is moved keeps its share of the solver's warm start; the
+            looks of the authors' runner, before the first step and after an event, shift the sampling of
+            observations. ``corrected``: none of it.
         reference_textures: Draw all textures as the authors' MuJoCo does. MuJoCo from 3.3.3 on draws those
             that are tagged as sRGB darker.
         noise: What the package's wrapper does to what a step returns: image, camera, steps since reset.
@@ -253,8 +260,9 @@ class LiberoWorld(RobosuiteWorld):
 
     def _control_step(self, action: Array) -> None:
         stepper = self._stepper
-        self._sample_earlier()
-        self._fresh = False
+        if self._steps:  # the look after the setup is one of those that every episode begins with
+            self._sample_earlier()
+        self._asked = self._fresh = False
         self._env._post_process()  # what the last step did to a burner's glow is seen from this one on
         goal, played = self._begin(action)
         ahead = self._sample_at - 1 - played
@@ -353,7 +361,8 @@ class LiberoWorld(RobosuiteWorld):
         start = np.concatenate([np.ravel(self._kinematics["goal_ori"]), np.zeros(2)])
         self._stepper.restore(start)
         # A reset samples at the last substep, and setting the initial state samples out of turn.
-        self._sample_at = self._stepper.substeps - 1
+        looks = 1 + (_RUNNERS_LOOKS if self._semantics == "published" else 0)
+        self._sample_at = self._stepper.substeps - looks
         self._solved, self._stale = False, True
         self._pinned[:] = 0.0
         for seen in (self._seen_qpos, *self._seen.values()):

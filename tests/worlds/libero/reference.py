@@ -1,7 +1,8 @@
-"""The package's own wrapper, put into an initial state as an evaluation does it."""
+"""The package's own wrapper, put into an initial state as the authors' runner does it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -38,6 +39,7 @@ class Reference:
                 self.env = ControlEnv(
                     bddl_file_name=str(task.bddl), use_camera_obs=False, has_offscreen_renderer=False
                 )
+            self.env.env.hard_reset = False
             self.env.seed(seed)
             self.env.reset()
         if images:
@@ -57,16 +59,23 @@ class Reference:
     def state(self) -> Any:
         return integration_state(self.model, self.data)
 
-    def start(self, state: Any) -> None:
+    def start(self, state: Any, taken_out: Sequence[str] = (), away: Sequence[float] = ()) -> None:
+        """Set the state, look twice to see that the renderer is steady, and once after the setup."""
         self._make_current()
-        self.observation = self.env.set_init_state(state)
+        self.env.set_init_state(state)
+        for _ in range(2):
+            self.refresh()
+        for name in taken_out:
+            joint = self.data.joint(f"{name}_joint0")
+            joint.qpos[:3], joint.qvel[:] = away, 0.0
+        self.refresh()
 
     def step(self, action: Any) -> None:
         self._make_current()
         self.observation, _, self.done, _ = self.env.step(np.array(action))
 
     def refresh(self) -> None:
-        """What the authors do after an event."""
+        """What the authors do after an event, and before the first step."""
         self._make_current()
         inner = self.env.env
         inner.sim.forward()

@@ -31,7 +31,7 @@ def make_world(
     installation: Installation, suite: str, index: int, semantics: Semantics = "published"
 ) -> LiberoWorld:
     task = task_of(installation, suite, index)
-    built = build(installation, task.bddl, SEED)
+    built = build(installation, task.bddl, SEED, rebuild=semantics == "corrected")
     return LiberoWorld(f"libero/{suite}/{index}", task.language, built, read_states(task.states), semantics)
 
 
@@ -134,6 +134,37 @@ def test_a_look_after_an_event_and_all_later_ones_are_those_of_the_authors(
         reference.step(step)
         world.step(step)
         assert_same(world, reference, f"step {number}")
+
+
+def test_observations_are_as_old_with_a_setup_as_without(installation: Installation) -> None:
+    """The authors' runner looks once after the setup, even if there is none."""
+    ages = []
+    for names in ((), ("cookies_1",), ("cookies_1", "akita_black_bowl_2")):
+        world = make_world(installation, "libero_spatial", 2)
+        reference = Reference(installation, task_of(installation, "libero_spatial", 2), SEED)
+        world.reset(1)
+        for name in names:
+            world.park(name, (-2.0, 0.0, -5.0))
+        reference.start(world.initial_state(1), names, (-2.0, 0.0, -5.0))
+        for number, step in enumerate(random_actions(8, 3)):
+            reference.step(step)
+            world.step(step)
+            assert_same(world, reference, f"{len(names)} objects taken out, step {number}")
+        ages.append(world._sample_at)
+    assert ages == [21, 21, 21]
+
+
+def test_corrected_worlds_look_once_and_their_fixtures_stand_where_an_evaluation_finds_them(
+    installation: Installation,
+) -> None:
+    """Where a task begins with an open drawer, the authors' shorter reset leaves the fixtures elsewhere."""
+    corrected = make_world(installation, "libero_spatial", 4, "corrected")
+    published = make_world(installation, "libero_spatial", 4)
+    cabinet = [world.position("wooden_cabinet_1") for world in (corrected, published)]
+    assert 0.005 < np.linalg.norm(cabinet[0] - cabinet[1]) < 0.02
+    for world in (corrected, published):
+        world.step(NOOP_ACTION)
+    assert (corrected._sample_at, published._sample_at) == (24, 21)
 
 
 def test_a_goal_state_is_a_success(installation: Installation) -> None:
