@@ -47,7 +47,6 @@ from pytest_libero_max.worlds.rendering import gl
 RECORD_PHASE = "record"
 """Phase of a pair error: the pair was played, and its record is none."""
 
-_FEW = 3
 _NO_PAIRS: Json = {"played": 0, "planned": 0, "missing": 0, "invalid": 0, "complete": False}
 
 
@@ -73,7 +72,6 @@ class RunController:
         self.measured: tuple[str, ...] = ()
         self._lines: list[str] = []
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
-        self._again: list[str] = []
         self._notes: list[str] = []
         self._stop_status: int | None = None
         self._hook_raised = False
@@ -211,11 +209,9 @@ class RunController:
         name = case_of(report.nodeid) if result is None else result["item_id"]
         if name not in self.cases or self.store is None or self._stop_status is not None:
             return
-        if name in self._measured_now:
-            # The teardown of a pair, or one that another plugin plays again: a record counts, after an error.
-            if self._measured_now[name] or result is None or is_error(result):
-                return
-            self._again.append(name)
+        # The teardown of a pair, or one that another plugin plays again: a record counts, after an error.
+        if name in self._measured_now and (self._measured_now[name] or result is None or is_error(result)):
+            return
         pair = _pair_of(report, self.cases[name])
         if pair is None:
             return
@@ -283,10 +279,6 @@ class RunController:
         except Exception as error:  # whatever it is, the pairs are measured
             text = str(error) if isinstance(error, LiberoMaxError) else repr(error)
             problems.append(f"There is no report: {text}")
-        if self._again:
-            self._lines.append(
-                f"Measured when played again after an error: {len(self._again)} ({_few(self._again)})."
-            )
         self._lines += _few_lines(self._notes)
         self._lines += problems
         self._lines += self._set_status(session, failed_gates, bool(problems))
@@ -396,11 +388,6 @@ def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | 
     # The item ended without a word: its worker died, or somebody's hook failed it.
     text = str(report.longrepr).strip().splitlines()
     return PairError.of(case, SimulatorError(text[-1] if text else "no message"), "crash")
-
-
-def _few(names: Sequence[str]) -> str:
-    more = f", and {len(names) - _FEW} more" if len(names) > _FEW else ""
-    return ", ".join(names[:_FEW]) + more
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:

@@ -74,8 +74,8 @@ def build_report(
 
     Args:
         records: Measured pairs in any order.
-        errors: Pairs that could not be measured. One whose case has a record as well was repaired and does
-            not count.
+        errors: Pairs that could not be measured. One whose case has a record as well was repaired: it
+            is named, and counts as played.
         planned_cases: Every assigned case.
         provenance: See :func:`~pytest_libero_max.report.provenance.collect`.
 
@@ -87,7 +87,9 @@ def build_report(
         key=lambda pair: pair.case_id,
     )
     played = _by_case(records, {pair.case_id: pair for pair in planned})
+    errors = tuple(errors)
     failed = {error.case_id: error for error in errors if error.case_id not in played}
+    repaired = {error.item_id for error in errors if error.case_id in played}
     _require_planned(failed, {pair.case_id: pair for pair in planned})
     policy = next(iter(played.values())).policy if played else None
     unsupported = {
@@ -102,6 +104,7 @@ def build_report(
     selection = _selection(provenance)
     counts = {
         **_counts(planned, played, failed, selection["missing_shards"] if selection else []),
+        "repaired_pairs": sorted(repaired),
         "unsupported": len(unsupported),
         "unsupported_suites": sorted({*unsupported.values()}),
     }

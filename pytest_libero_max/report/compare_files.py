@@ -7,8 +7,9 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.compare_figures import COMPARISON_FIGURES
-from pytest_libero_max.report.compare_text import comparison_lines, with_short_names
-from pytest_libero_max.report.files import report_json, write_drawings, write_text
+from pytest_libero_max.report.compare_text import result_lines, with_short_names
+from pytest_libero_max.report.files import make_folder, report_json, write_drawings, write_text
+from pytest_libero_max.report.statements import LIMITS_TITLE
 
 _STYLE = (
     "body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;max-width:66rem;margin:2rem auto;padding:0 1rem}"
@@ -38,7 +39,7 @@ def write_comparison(comparison: Json, folder: Path) -> list[Path]:
         "comparison.md": comparison_markdown(comparison),
         "comparison.html": comparison_html(comparison),
     }
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for name, content in files.items():
         write_text(folder / name, content)
     return [*(folder / name for name in files), *write_drawings(_drawn(comparison), folder)]
@@ -46,8 +47,9 @@ def write_comparison(comparison: Json, folder: Path) -> list[Path]:
 
 def comparison_markdown(comparison: Json) -> str:
     """A comparison as Markdown, with the figures beside it."""
-    parts = [f"# {_title(comparison)}", "```text\n" + "\n".join(comparison_lines(comparison)) + "\n```"]
+    parts = [f"# {_title(comparison)}", "```text\n" + "\n".join(result_lines(comparison)) + "\n```"]
     parts += [f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in _CAPTIONS.items()]
+    parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in comparison["statements"].values())]
     return "\n\n".join(parts) + "\n"
 
 
@@ -58,10 +60,12 @@ def comparison_html(comparison: Json) -> str:
         f"<figure>{svg}<figcaption>{escape(_CAPTIONS[stem])}</figcaption></figure>"
         for stem, svg in _drawn(comparison).items()
     )
+    limits = "".join(f"<li>{escape(text)}</li>" for text in comparison["statements"].values())
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
         f"<title>{title}</title><style>{_STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n"
-        f"<pre>{escape(chr(10).join(comparison_lines(comparison)))}</pre>\n{figures}\n</body></html>\n"
+        f"<pre>{escape(chr(10).join(result_lines(comparison)))}</pre>\n{figures}\n"
+        f"<h2>{LIMITS_TITLE}</h2><ul>{limits}</ul>\n</body></html>\n"
     )
 
 

@@ -26,11 +26,24 @@ _NAMES = ("name", "first", "second")
 _SIMULTANEOUS = "simultaneous 95%"
 
 _STATEMENTS = ("generalisation", "interval", "policies", "behaviour")
-"""What is said below every comparison; the JSON holds all of them."""
+"""What is said in the terminal; the files of a comparison hold all of them."""
 
 
 def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
-    """Render a comparison.
+    """Render a comparison for the terminal: its results, and the statements that concern it most.
+
+    Args:
+        comparison: What :func:`~pytest_libero_max.report.compare.compare_runs` returned.
+        flips: How many changed cases are listed.
+    """
+    lines = [*result_lines(comparison, flips), ""]
+    for key in _STATEMENTS:
+        lines += wrap(comparison["statements"][key], 100)
+    return lines
+
+
+def result_lines(comparison: Json, flips: int = 20) -> list[str]:
+    """Render the results of a comparison.
 
     Args:
         comparison: What :func:`~pytest_libero_max.report.compare.compare_runs` returned.
@@ -69,10 +82,7 @@ def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
         lines += ["", *_contrast_lines(title, comparison[key])]
     lines += ["", *_event_lines(comparison["by_event"])]
     lines += ["", *_profile_lines(comparison)]
-    lines += ["", *_flip_lines(comparison, changed), ""]
-    for key in _STATEMENTS:
-        lines += wrap(comparison["statements"][key], 100)
-    return lines
+    return [*lines, "", *_flip_lines(comparison, changed)]
 
 
 def with_short_names(comparison: Json) -> Json:

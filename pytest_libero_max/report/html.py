@@ -14,6 +14,7 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.figures import arrow_plot, category_map, change_profile, stale_histogram
 from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -23,6 +24,7 @@ from pytest_libero_max.report.summary import (
     group_label,
     incomplete_text,
     noise_text,
+    repaired_text,
     selection_text,
     title_text,
     unsupported_text,
@@ -62,6 +64,9 @@ def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str
     partial = unsupported_text(pairs)
     if partial is not None:
         body.append(_note(partial, "alarm"))
+    repaired = repaired_text(pairs)
+    if repaired is not None:
+        body.append(_note(repaired))
     if report["substrate"]["note"]:
         body.append(_note(report["substrate"]["note"]))
     body += [_note(caveat_text(caveat)) for caveat in report["caveats"]]
@@ -71,7 +76,7 @@ def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str
     body += _faults(pairs)
     for title, values in report["sections"].items():
         body += [f"<h2>{escape(title)}</h2>", _table(("Name", "Value"), list(values.items()))]
-    body += ["<h2>What these numbers do not show</h2>", "<ul>"]
+    body += [f"<h2>{LIMITS_TITLE}</h2>", "<ul>"]
     body += [f"<li>{escape(text)}</li>" for text in report["statements"].values()]
     body += ["</ul>", *_provenance(report)]
     return (

@@ -10,6 +10,7 @@ from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -19,6 +20,7 @@ from pytest_libero_max.report.summary import (
     group_label,
     incomplete_text,
     noise_text,
+    repaired_text,
     title_text,
     unsupported_text,
 )
@@ -33,6 +35,9 @@ def markdown(report: Json) -> str:
     partial = unsupported_text(pairs)
     if partial is not None:
         lines += [f"**{partial}**", ""]
+    repaired = repaired_text(pairs)
+    if repaired is not None:
+        lines += [repaired, ""]
     if report["substrate"]["note"]:
         lines += [report["substrate"]["note"], ""]
     if report["caveats"]:
@@ -58,7 +63,7 @@ def markdown(report: Json) -> str:
     for title, values in report["sections"].items():
         lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
     lines += [
-        "## What these numbers do not show",
+        f"## {LIMITS_TITLE}",
         "",
         *(f"- {text}" for text in report["statements"].values()),
     ]

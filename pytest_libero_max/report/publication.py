@@ -9,7 +9,14 @@ from pathlib import Path
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.figures import FIGURES
-from pytest_libero_max.report.files import MARKDOWN_NAME, REPORT_NAME, report_json, report_of, write_bytes
+from pytest_libero_max.report.files import (
+    MARKDOWN_NAME,
+    REPORT_NAME,
+    make_folder,
+    report_json,
+    report_of,
+    write_bytes,
+)
 from pytest_libero_max.report.markdown import markdown
 from pytest_libero_max.report.store import PACKED_PAIRS_NAME, pairs_file, read_pairs
 
@@ -35,9 +42,9 @@ def publish(run: Path, folder: Path) -> list[Path]:
     files = published_files(report)
     try:
         files[PACKED_PAIRS_NAME] = gzip.compress(read_content(pairs_file(run)), mtime=0)
-        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ReportError(f"Cannot publish {run} in {folder}: {error}.") from error
+        raise ReportError(f"Cannot read the pairs of {run}: {error}.") from error
+    make_folder(folder)
     for name, content in files.items():
         write_bytes(folder / name, content)
     return [folder / name for name in files]

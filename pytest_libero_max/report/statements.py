@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+LIMITS_TITLE = "What these numbers do not show"
+"""Heading of the statements."""
+
 STATEMENTS: Mapping[str, str] = {
     "interval": "An interval describes how precisely these cases measure this policy. It does not "
     "cover how much the policy would differ if it were trained again.",

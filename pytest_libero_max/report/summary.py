@@ -17,6 +17,8 @@ GIVEN_RESPONSE_NOTE = (
     "pairs that have one. They do not replace the results over all pairs."
 )
 
+_NAMED = 3
+
 FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of robustness there."
 
 
@@ -34,6 +36,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     lines = [] if pairs["complete"] else [incomplete_text(pairs)]
     lines += _header(report)
     lines += wrap(unsupported_text(pairs) or "", 100)
+    lines += wrap(repaired_text(pairs) or "", 100)
     lines += substrate_lines(report["substrate"])
     lines.append("")
     if pairs["played"] == 0:
@@ -163,6 +166,15 @@ def unsupported_text(pairs: Json) -> str | None:
         "because the policy declares that it does not support these suites. They are neither played nor "
         "failed. Results over the other pairs are not ranked with those of whole runs."
     )
+
+
+def repaired_text(pairs: Json) -> str | None:
+    """Which pairs were measured only when they were played again; None where there are none."""
+    names = pairs["repaired_pairs"]
+    if not names:
+        return None
+    more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"Measured when played again after an error: {len(names)} ({', '.join(names[:_NAMED])}{more})."
 
 
 def selection_text(report: Json) -> str:

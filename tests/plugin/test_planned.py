@@ -108,6 +108,7 @@ def test_a_pair_that_is_played_again_after_an_error_counts_and_is_named(
     lines, report = results()
     assert [line["line"] for line in lines] == ["error", "pair", "pair"]
     assert report["pairs"]["complete"]
+    assert report["pairs"]["repaired_pairs"] == ["libero-spatial-t00-i00-camera_shift-v0"]
     result.stdout.fnmatch_lines(
         ["Measured when played again after an error: 1 (libero-spatial-t00-i00-camera_shift-v0)."]
     )

@@ -37,6 +37,7 @@ def test_a_complete_run_counts_every_pair_once() -> None:
         "unsupported": 0,
         "unsupported_suites": [],
         "missing_pairs": [],
+        "repaired_pairs": [],
     }
     assert report["overall"]["outcomes"] == {
         "preserved_success": 8,

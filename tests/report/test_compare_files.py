@@ -1,16 +1,19 @@
 from __future__ import annotations
 
 import re
+from html import escape
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.compare import compare_runs
 from pytest_libero_max.report.compare_figures import COMPARISON_FIGURES, event_changes, outcome_shares
 from pytest_libero_max.report.compare_files import comparison_html, comparison_markdown, write_comparison
 from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.store import StoredRun
 from tests.report.made_up import PROVENANCE, plan, record_of
 
@@ -80,7 +83,15 @@ def test_a_comparison_is_written_as_pages_with_their_figures(tmp_path: Path) -> 
     page = comparison_markdown(THREE)
     for link in re.findall(r"\]\((\S+)\)", page):
         assert link in names
-    assert "An interval describes how precisely" in page
+    for statement in STATEMENTS.values():
+        assert statement in page
+        assert escape(statement) in comparison_html(THREE)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ReportError, match=r"Cannot make .*file/new"):
+        write_comparison(THREE, tmp_path / "file" / "new")
 
 
 def test_the_page_of_a_comparison_needs_no_network_and_escapes_names() -> None:
