@@ -75,6 +75,25 @@ def test_own_variations_change_what_they_are_about(own: LiberoSubstrate) -> None
 
 
 @needs_package
+def test_a_write_under_one_variation_does_not_reach_the_next(own: LiberoSubstrate) -> None:
+    """Variations share the scene that they are made on."""
+    fresh = own.world(case_of(None, SUITE, 0))
+    fresh.reset(0)
+    before = every_array(fresh.model)
+    world = own.world(own_case("plus", "Camera Viewpoints"))
+    world.reset(0)
+    world.model.opt.gravity[2] = -1.0
+    world.model.geom_friction[:, 0] = 0.0
+    world.model.cam_fovy[:] = 20.0  # a field that changes alter: it is set again at each reset
+    assert world.take_back_writes() == ("geom_friction", "opt.gravity")
+    following = own.world(case_of(None, SUITE, 0))
+    following.reset(0)
+    assert following.model is world.model
+    assert following.model.opt.gravity[2] == pytest.approx(-9.81)
+    assert differing(before, every_array(following.model)) == []
+
+
+@needs_package
 @pytest.mark.parametrize(
     ("source", "category"), [("plus", "Background Textures"), ("pro", "object"), ("pro", "view_occlusion")]
 )
