@@ -81,11 +81,7 @@ class Stage:
             SimulatorError: The scene does not settle.
         """
         with self.clock("reset_s"):
-            self.world.reset(self.case.init_state_index)
-            for change in self.case.event.setup:
-                change_from_dict(change).apply(self.world)
-            for _ in range(SETTLE_STEPS):
-                self.world.step(NOOP_ACTION)
+            begin_world(self.case, self.world)
 
     def begin_policy(self) -> None:
         """Tell the policy that an episode begins; a privileged one gets the live world.
@@ -168,6 +164,15 @@ class Stage:
                 f"policy {self.spec.name!r} altered the world in {where}, but episode.world is read only. "
                 f"What differs: {', '.join(altered)}. {_CURE}"
             )
+
+
+def begin_world(case: Case, world: World) -> None:
+    """Bring a world to where the policy takes over; see :meth:`Stage.begin_world`."""
+    world.reset(case.init_state_index)
+    for change in case.event.setup:
+        change_from_dict(change).apply(world)
+    for _ in range(SETTLE_STEPS):
+        world.step(NOOP_ACTION)
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,57 @@
-"""Traces: the trajectories of a pair, step by step, for whoever wants to look or to recompute."""
+"""Traces: the trajectories of a pair, step by step, to look at it again or to recompute it."""
 
 from __future__ import annotations
 
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import RolloutResult
 from pytest_libero_max.pairing.runner import Pair
+
+
+@dataclass(frozen=True, eq=False)
+class ArmTrace:
+    """What was done in an arm that was played, shared steps included.
+
+    With the record and the case this is enough to play the arm again.
+
+    Attributes:
+        actions: (n, 7) float64, as the policy returned them.
+        query_steps: (q,) policy steps executed before each query.
+        end_effector: (n, 3) m, world frame, after each step.
+        entity: (n, 3) m, world frame: the trigger entity after each step.
+    """
+
+    actions: NDArray[np.float64]
+    query_steps: NDArray[np.int64]
+    end_effector: NDArray[np.float64]
+    entity: NDArray[np.float64]
+
+
+def traces_of(pair: Pair) -> dict[str, ArmTrace]:
+    """The trace of each arm that was played, by name."""
+    return {name: _trace(pair.rollouts[name]) for name, arm in pair.record.arms.items() if arm.shares is None}
+
+
+def trace_name(item_id: str) -> str:
+    """Name of the file that holds the traces of a pair."""
+    return f"{item_id}.npz"
 
 
 def write_trace(folder: Path, pair: Pair) -> Path:
     """Write ``<item id>.npz``.
 
     It holds ``trigger_step``, -1 where the event never fired, and for each arm that was played
-    ``<arm>_actions`` (n, 7), ``<arm>_query_steps``, and after each policy step ``<arm>_end_effector`` (n, 3)
-    and ``<arm>_entity`` (n, 3; the trigger entity), both in m in the world frame.
+    ``<arm>_actions``, ``<arm>_query_steps``, ``<arm>_end_effector`` and ``<arm>_entity``
+    (:class:`ArmTrace`).
 
     Args:
         folder: Made if missing.
@@ -27,19 +62,62 @@ def write_trace(folder: Path, pair: Pair) -> Path:
     """
     step = pair.record.trigger_step
     arrays: dict[str, NDArray[np.generic]] = {"trigger_step": np.array(-1 if step is None else step)}
-    for name, arm in pair.record.arms.items():
-        if arm.shares is None:
-            arrays |= _arm(name, pair.rollouts[name])
+    for name, trace in traces_of(pair).items():
+        arrays |= {f"{name}_{part}": values for part, values in vars(trace).items()}
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{pair.record.item_id}.npz"
+    path = folder / trace_name(pair.record.item_id)
     np.savez_compressed(path, allow_pickle=False, **arrays)
     return path
 
 
-def _arm(name: str, rollout: RolloutResult) -> dict[str, NDArray[np.generic]]:
-    return {
-        f"{name}_actions": rollout.actions,
-        f"{name}_end_effector": rollout.end_effector,
-        f"{name}_entity": rollout.entity,
-        f"{name}_query_steps": np.array([answer.step for answer in rollout.answers]),
-    }
+def read_trace(path: Path, record: PairRecord) -> dict[str, ArmTrace]:
+    """Read what :func:`write_trace` wrote of a pair.
+
+    Args:
+        path: The file.
+        record: The record of the pair.
+
+    Returns:
+        The trace of each arm that was played, by name.
+
+    Raises:
+        ReportError: It cannot be read, or is not of a pair with this record.
+    """
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ReportError(
+            f"Cannot read the trace {path}: {error}. Play the pair again with --libero-max-traces=all."
+        ) from error
+    traces = {}
+    for name, arm in record.arms.items():
+        if arm.shares is None:
+            traces[name] = _read_arm(path, name, arm.steps, arrays)
+    return traces
+
+
+def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDArray[Any]]) -> ArmTrace:
+    shapes = {"actions": (steps, 7), "end_effector": (steps, 3), "entity": (steps, 3)}
+    parts = {part: arrays.get(f"{name}_{part}") for part in (*shapes, "query_steps")}
+    for part, shape in shapes.items():
+        values = parts[part]
+        # What an arm without a step holds has no columns.
+        if values is None or (values.shape != shape and not (steps == 0 and values.size == 0)):
+            found = "is missing" if values is None else f"has shape {values.shape}"
+            raise ReportError(
+                f"{path}: {name}_{part} {found}, but the record of the pair says {shape}. The trace is of "
+                "another run; play the pair again with --libero-max-traces=all."
+            )
+    if parts["query_steps"] is None:
+        raise ReportError(f"{path} has no {name}_query_steps: it is no trace of a pair.")
+    return ArmTrace(**{part: values for part, values in parts.items() if values is not None})
+
+
+def _trace(rollout: RolloutResult) -> ArmTrace:
+    return ArmTrace(
+        actions=rollout.actions,
+        query_steps=np.array([answer.step for answer in rollout.answers], dtype=np.int64),
+        end_effector=rollout.end_effector,
+        entity=rollout.entity,
+    )

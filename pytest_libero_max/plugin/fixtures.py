@@ -21,6 +21,7 @@ from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.report.junit import properties
+from pytest_libero_max.report.media import TRACES_NAME
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.prefix import BranchPoint
@@ -173,7 +174,7 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
     )
     if settings.traces == "all" or settings.traces == pair.record.outcome:
         try:
-            write_trace(settings.output / "traces", pair)
+            write_trace(settings.output / TRACES_NAME, pair)
         except (OSError, ValueError) as error:  # the pair is measured all the same
             request.node.stash[NOTE] = f"no trace of {case.item_id}: {error}"
     return pair.record

@@ -192,7 +192,8 @@ OPTIONS = (
     Option(
         "traces",
         "WHICH",
-        "Keep step-by-step traces of these pairs in the output folder: none, regression or all",
+        "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
+        "films: none, regression or all",
         _one_of(*TRACE_MODES),
         "none",
     ),

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.runner import measure_pair
-from pytest_libero_max.pairing.trace import write_trace
+from pytest_libero_max.pairing.trace import read_trace, traces_of, write_trace
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, make_case
@@ -31,3 +34,27 @@ def test_a_pair_without_an_event_has_one_arm(tmp_path: Path) -> None:
     with np.load(write_trace(tmp_path, pair)) as trace:
         assert trace["trigger_step"] == -1
         assert not [name for name in trace.files if name.startswith("dynamic")]
+
+
+def test_a_trace_is_read_as_it_was_written(tmp_path: Path) -> None:
+    pair = measure_pair(make_case(), TinyWorld(), Approaching(wait=2, horizon=5, interval=4))
+    written, read = traces_of(pair), read_trace(write_trace(tmp_path, pair), pair.record)
+    assert list(read) == ["base", "dynamic"]
+    for name, trace in read.items():
+        for part, values in vars(trace).items():
+            expected = getattr(written[name], part)
+            assert (values.dtype, values.tobytes()) == (expected.dtype, expected.tobytes())
+
+
+def test_a_trace_of_another_run_or_none_at_all_is_refused(tmp_path: Path) -> None:
+    pair = measure_pair(make_case(), TinyWorld(), Approaching(wait=2, horizon=5, interval=4))
+    path = write_trace(tmp_path, pair)
+    arms = {name: replace(arm, steps=arm.steps and arm.steps + 1) for name, arm in pair.record.arms.items()}
+    with pytest.raises(ReportError, match=r"base_actions has shape \(50, 7\), but the record.*\(51, 7\)"):
+        read_trace(path, replace(pair.record, arms=arms))
+    arms = {**pair.record.arms, "third": pair.record.arms["base"]}
+    with pytest.raises(ReportError, match="third_actions is missing"):
+        read_trace(path, replace(pair.record, arms=arms))
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(ReportError, match="Cannot read the trace"):
+        read_trace(path, pair.record)

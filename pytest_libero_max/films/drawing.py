@@ -1,0 +1,337 @@
+"""Draws the frames of a film: an arm a column, a camera a row, words above and curves below."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Picture
+from PIL import ImageDraw, ImageFont
+
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.films.replay import Tick, distinct_arms
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
+
+_PAPER, _INK, _MUTED, _GRID = "#ffffff", "#1f2933", "#66727f", "#d8dee4"
+_ARMS = ("#14708a", "#b3421b", "#7a4e9e", "#52606d")
+"""Colours of the arms, in their order; they begin again after the last."""
+
+_EVENT, _STALE, _SHARED = "#e0a100", "#c2185b", "#8794a1"
+_SUCCESS, _FAILURE = "#1a7f4b", "#a12622"
+
+EVENT_STEPS = CONTROL_HZ
+"""Policy steps for which an event is marked in the picture: one second."""
+
+_BLINK_STEPS = 3
+_GAP_PX = 4
+_TITLES = {BASE: "Base", DYNAMIC: "Dynamic"}
+_OUTCOMES = {
+    "preserved_success": "both succeed",
+    "change_associated_success": "gain: only Dynamic succeeds",
+    "regression": "regression: only Base succeeds",
+    "persistent_failure": "neither succeeds",
+}
+
+
+@dataclass(frozen=True)
+class Label:
+    """Some words on a coloured ground, in a corner of a picture."""
+
+    words: str
+    color: str
+
+
+def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[Label]:
+    """What is said in the picture of an arm after so many policy steps.
+
+    Args:
+        record: The pair.
+        name: The arm.
+        step: Policy steps, of the film; an arm may have ended before.
+        shared_until: Policy steps that all arms of the film share.
+    """
+    arm = record.arms[name]
+    steps = arm.steps or 0
+    found: list[Label] = []
+    if step < shared_until:
+        found.append(Label("shared prefix", _SHARED))
+    for firing, what in zip(arm.firings, _names_of_entries(record, name), strict=False):
+        if firing.step <= step < firing.step + EVENT_STEPS:
+            found.append(Label(what, _EVENT))
+    if arm.firings and arm.stale_actions:
+        begin = arm.firings[0].step
+        if begin < step <= begin + arm.stale_actions and step <= steps:
+            found.append(Label(f"stale action {step - begin} of {arm.stale_actions}", _STALE))
+    if step >= steps:
+        ended = f"success after {steps} steps" if arm.success else f"failed after {steps} steps"
+        found.append(Label(ended, _SUCCESS if arm.success else _FAILURE))
+    return found
+
+
+def film_frames(
+    record: PairRecord, traces: Mapping[str, ArmTrace], ticks: Iterable[Tick], size: int
+) -> Iterator[Image]:
+    """The frames of a film, (height, width, 3) uint8 with even sides.
+
+    Args:
+        record: The pair.
+        traces: Of its arms, for the curves.
+        ticks: What is seen, from the first step to the last.
+        size: Side of the pictures in ``ticks``, pixels.
+    """
+    canvas = _Canvas(record, traces, size)
+    for tick in ticks:
+        yield canvas.draw(tick)
+
+
+def shared_steps(record: PairRecord, names: Sequence[str]) -> int:
+    """Policy steps before the first thing that happens in one of the arms, or before an arm ends.
+
+    Arms of another repetition share nothing, though they may do the same.
+    """
+    arms = [record.arms[name] for name in names]
+    if len({arm.repetition for arm in arms}) > 1 or len(arms) == 1:
+        return 0
+    firings = [firing.step for arm in arms for firing in arm.firings]
+    return min([*firings, *(arm.steps or 0 for arm in arms)])
+
+
+def _names_of_entries(record: PairRecord, name: str) -> list[str]:
+    """What is said of each entry of an arm's schedule when it happens."""
+    names = []
+    for index, entry in enumerate(record.arms[name].schedule or ()):
+        if "reverts" in entry:
+            names.append("EVENT taken back")
+        elif name == DYNAMIC and index == 0:
+            names.append(f"EVENT {record.event} v{record.variant}")
+        else:
+            names.append(f"EVENT {entry['change'].get('operation', '')}")
+    return names
+
+
+class _Canvas:
+    """A film's fixed parts, and the curves as far as they have got."""
+
+    def __init__(self, record: PairRecord, traces: Mapping[str, ArmTrace], size: int) -> None:
+        self._record, self._size = record, size
+        self._names = distinct_arms(record)
+        self._shared = shared_steps(record, self._names)
+        self._steps = max(record.arms[name].steps or 0 for name in self._names)
+        self._distances = {name: _distances(traces[name]) for name in self._names}
+        self._queries = {name: traces[name].query_steps.tolist() for name in self._names}
+        self._openings: dict[str, list[tuple[int, float]]] = {name: [] for name in self._names}
+        self._font_px = _font_px(size)
+        self._line_px = _line_px(size)
+        self._width = _even(max(len(self._names) * (size + _GAP_PX) - _GAP_PX, size))
+        self._title = self._title_lines()
+
+    def draw(self, tick: Tick) -> Image:
+        """The frame of a moment. Moments come in their order."""
+        for name, view in tick.views.items():
+            if tick.step <= (self._record.arms[name].steps or 0):
+                self._openings[name].append((tick.step, view.opening_m))
+        cameras = list(next(iter(tick.views.values())).images)
+        top = len(self._title) * self._line_px + 6
+        pictures = self._line_px + 4 + len(cameras) * (self._size + _GAP_PX)
+        strip = strip_px(self._size)
+        frame = Picture.new("RGB", (self._width, _even(top + pictures + strip)), _PAPER)
+        pen = ImageDraw.Draw(frame)
+        for number, (words, color) in enumerate(self._title):
+            self._write(pen, (4, 3 + number * self._line_px), words, color)
+        for column, name in enumerate(self._names):
+            x = column * (self._size + _GAP_PX)
+            self._draw_arm(frame, pen, (x, top), name, tick)
+        self._draw_strip(pen, top + pictures, strip, tick.step)
+        return np.asarray(frame).copy()
+
+    def _title_lines(self) -> list[tuple[str, str]]:
+        record = self._record
+        policy = record.policy
+        outcome = _OUTCOMES[record.outcome] if {BASE, DYNAMIC} <= record.arms.keys() else "arms of a study"
+        if record.arms.keys() >= {BASE, DYNAMIC} and not record.triggered:
+            outcome += "; the event never happened"
+        lines = [
+            (record.item_id, _INK),
+            (record.instruction, _MUTED),
+            (f"{policy.get('name')} (H={policy.get('horizon')} Q={policy.get('query_interval')})", _MUTED),
+            (outcome, _INK),
+        ]
+        return [(part, color) for words, color in lines for part in self._wrapped(words)]
+
+    def _draw_arm(
+        self, frame: Picture.Image, pen: ImageDraw.ImageDraw, corner: tuple[int, int], name: str, tick: Tick
+    ) -> None:
+        arm, (x, y), size = self._record.arms[name], corner, self._size
+        color = self._color(name)
+        self._write(pen, (x + 4, y), _TITLES.get(name, name), color)
+        count = f"{min(tick.step, arm.steps or 0)}"
+        self._write(pen, (x + size - 4 - self._length(count), y), count, _MUTED)
+        y += self._line_px + 4
+        top = y
+        ended = tick.step >= (arm.steps or 0)
+        for image in tick.views[name].images.values():
+            picture = Picture.fromarray(_faded(image) if ended else np.ascontiguousarray(image))
+            frame.paste(picture, (x, y))
+            y += size + _GAP_PX
+        box = (x, top, x + size - 1, y - _GAP_PX - 1)
+        since = self._since_event(arm, tick.step)
+        if tick.step < self._shared:
+            pen.rectangle(box, outline=_SHARED, width=2)
+        elif since is not None:
+            blink = since < _BLINK_STEPS
+            pen.rectangle(box, outline=_EVENT, width=max(4, size // (16 if blink else 40)))
+        for number, label in enumerate(labels(self._record, name, tick.step, self._shared)):
+            place = (x + 6, top + 6 + number * (self._line_px + 4))
+            length = self._length(label.words)
+            ground = (place[0], place[1], place[0] + length + 8, place[1] + self._line_px)
+            pen.rectangle(ground, fill=label.color)
+            self._write(pen, (place[0] + 4, place[1] + 1), label.words, _PAPER)
+
+    def _since_event(self, arm: ArmRecord, step: int) -> int | None:
+        since = [step - firing.step for firing in arm.firings if 0 <= step - firing.step < EVENT_STEPS]
+        return min(since, default=None)
+
+    def _draw_strip(self, pen: ImageDraw.ImageDraw, top: int, height: int, step: int) -> None:
+        """Distance to the trigger entity and gripper opening over the steps of the film."""
+        line = self._line_px
+        left, right = 8, self._width - 8
+        distances = _Plot(
+            (left, top + line, right, top + int(height * 0.6)),
+            self._steps,
+            max((float(values.max()) for values in self._distances.values() if values.size), default=1.0),
+        )
+        fingers = _Plot(
+            (left, top + int(height * 0.6) + line + 4, right, top + height - 8),
+            self._steps,
+            max([0.08, *(opening for part in self._openings.values() for _, opening in part)]),
+        )
+        self._draw_marks(pen, distances, fingers, step)
+        self._write(
+            pen, (left, top - 2), f"distance to {self._record.trigger_entity} (ticks: queries)", _MUTED
+        )
+        self._write(pen, (left, distances.bottom + 3), "gripper opening", _MUTED)
+        for plot, unit in ((distances, "m"), (fingers, "m")):
+            highest = f"0 to {plot.highest:.2f} {unit}"
+            self._write(pen, (right - self._length(highest), plot.top - line - 2), highest, _MUTED)
+        for number, name in enumerate(self._names):
+            color, values = self._color(name), self._distances[name]
+            pen.line(
+                [distances.at(at, values[at - 1]) for at in range(1, min(step, len(values)) + 1)],
+                fill=color,
+                width=2,
+            )
+            pen.line([fingers.at(*point) for point in self._openings[name]], fill=color, width=2)
+            for query in self._queries[name]:
+                if query <= step:
+                    x, _ = distances.at(query, 0.0)
+                    y = distances.bottom - 5 * (number + 1)
+                    pen.line([(x, y), (x, y + 4)], fill=color)
+
+    def _draw_marks(self, pen: ImageDraw.ImageDraw, distances: _Plot, fingers: _Plot, step: int) -> None:
+        for plot in (distances, fingers):
+            for name in self._names:
+                arm = self._record.arms[name]
+                if arm.firings and arm.stale_actions and arm.firings[0].step < step:
+                    begin = arm.firings[0].step
+                    end = min(begin + arm.stale_actions, step)
+                    pen.rectangle(
+                        (plot.at(begin, 0)[0], plot.top, plot.at(end, 0)[0], plot.bottom), fill="#f8dfe9"
+                    )
+                for firing in arm.firings:
+                    if firing.step <= step:
+                        x, _ = plot.at(firing.step, 0.0)
+                        pen.line([(x, plot.top), (x, plot.bottom)], fill=_EVENT, width=2)
+            pen.line([(plot.left, plot.bottom), (plot.right, plot.bottom)], fill=_GRID)
+            x, _ = plot.at(step, 0.0)
+            pen.line([(x, plot.top), (x, plot.bottom)], fill=_MUTED)
+
+    def _color(self, name: str) -> str:
+        return _ARMS[self._names.index(name) % len(_ARMS)]
+
+    def _write(self, pen: ImageDraw.ImageDraw, place: tuple[float, float], words: str, color: str) -> None:
+        pen.text(place, words, fill=color, font=_font(self._font_px))
+
+    def _length(self, words: str) -> int:
+        return int(_font(self._font_px).getlength(words))
+
+    def _wrapped(self, words: str) -> list[str]:
+        """A text in lines that fit the film; a word that does not fit is cut."""
+        lines, line = [], ""
+        for char in words:
+            if self._length(line + char) > self._width - 8:
+                cut = line.rfind(" ") + 1 or len(line)
+                lines.append(line[:cut])
+                line = line[cut:]
+            line += char
+        return [*lines, line]
+
+
+@dataclass(frozen=True)
+class _Plot:
+    """A place for curves: left, top, right and bottom in pixels, over steps and values from 0."""
+
+    box: tuple[int, int, int, int]
+    steps: int
+    highest: float
+
+    @property
+    def left(self) -> int:
+        return self.box[0]
+
+    @property
+    def top(self) -> int:
+        return self.box[1]
+
+    @property
+    def right(self) -> int:
+        return self.box[2]
+
+    @property
+    def bottom(self) -> int:
+        return self.box[3]
+
+    def at(self, step: float, value: float) -> tuple[float, float]:
+        x = self.left + (self.right - self.left) * step / max(self.steps, 1)
+        y = self.bottom - (self.bottom - self.top) * value / self.highest
+        return round(x), round(y)
+
+
+def _distances(trace: ArmTrace) -> NDArray[np.float64]:
+    if not len(trace.actions):
+        return np.zeros(0)
+    distances: NDArray[np.float64] = np.linalg.norm(trace.end_effector - trace.entity, axis=1)
+    return distances
+
+
+def _faded(image: Image) -> Image:
+    """An image halfway to white: nothing happens in it any more."""
+    return (image // 2 + 127).astype(np.uint8)
+
+
+def strip_px(size: int) -> int:
+    """Height of the curves below pictures of this size, pixels."""
+    return max(4 * size // 5, 5 * _line_px(size))
+
+
+def _font_px(size: int) -> int:
+    return max(9, size // 18)
+
+
+def _line_px(size: int) -> int:
+    return _font_px(size) + 5
+
+
+def _even(length: int) -> int:
+    return length + length % 2
+
+
+@cache
+def _font(size_px: int) -> Any:
+    """The font that comes with Pillow: the same on every machine."""
+    return ImageFont.load_default(size=size_px)

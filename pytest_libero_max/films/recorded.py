@@ -1,0 +1,224 @@
+"""Films of the pairs of a run that has ended, from its folder: records, traces, and the cases it played."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.manifests import load_manifest
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.errors import OptionError, ProtocolError, ReportError, did_you_mean
+from pytest_libero_max.films.drawing import film_frames
+from pytest_libero_max.films.files import available_format, write_film
+from pytest_libero_max.films.replay import distinct_arms, play_again
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
+from pytest_libero_max.report.media import TRACES_NAME, film_name
+from pytest_libero_max.report.store import StoredRun, pairs_file, read_pairs
+from pytest_libero_max.sources import open_substrate
+from pytest_libero_max.worlds.contract import CONTROL_HZ, Substrate, World
+from pytest_libero_max.worlds.kind import SubstrateOptions
+
+SIZE_PX = 256
+"""Side of a picture in a film, unless another is asked for."""
+
+SELECTIONS = ("regressions", "changed", "all")
+"""Which pairs are filmed: those that only Base completes, those whose outcomes differ, all."""
+
+
+def selected(record: PairRecord, which: str) -> bool:
+    """Whether a pair belongs to one of :data:`SELECTIONS`."""
+    if which == "regressions":
+        return record.outcome == "regression"
+    return which == "all" or record.base_success != record.dynamic_success
+
+
+def film_path(folder: Path, record: PairRecord, kind: str | None = None) -> Path:
+    """Where the film of a pair goes.
+
+    Args:
+        folder: Where films go.
+        record: The pair.
+        kind: ``mp4`` or ``webp``; None: what can be written here.
+    """
+    return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}")
+
+
+def film_pair(
+    path: Path,
+    case: Case,
+    world: World,
+    record: PairRecord,
+    traces: Mapping[str, ArmTrace],
+    *,
+    size: int = SIZE_PX,
+    every: int = 1,
+    overwrite: bool = False,
+) -> None:
+    """Play a recorded pair again and write its film, or nothing at all.
+
+    Args:
+        path: See :func:`film_path`.
+        case: The case of the record.
+        world: Its world; it is left anywhere.
+        record: The pair.
+        traces: Of its arms.
+        size: Side of a picture, pixels.
+        every: Show only every so many steps; the film keeps its speed.
+        overwrite: Whether a film that is there already may be replaced.
+
+    Raises:
+        ProtocolError: The replay does not reach the recorded digests.
+        ReportError: The film is there already, or cannot be written.
+        ChangeError: A change does not fit this world.
+        SimulatorError: The simulation broke, or the renderer does not answer.
+    """
+    ticks = play_again(case, world, record, traces, size, every)
+    write_film(path, film_frames(record, traces, ticks, size), CONTROL_HZ / every, overwrite)
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A run on the disk with what its pairs can be played again with.
+
+    Attributes:
+        folder: Its folder.
+        stored: Its pairs.
+        cases: Its cases, by id.
+        substrate: What builds their worlds.
+    """
+
+    folder: Path
+    stored: StoredRun
+    cases: Mapping[str, Case]
+    substrate: Substrate
+
+    def traces(self, record: PairRecord) -> dict[str, ArmTrace]:
+        """The traces of a pair.
+
+        Raises:
+            ReportError: The run kept none of it, or they cannot be read.
+        """
+        path = self.folder / TRACES_NAME / trace_name(record.item_id)
+        if not path.exists():
+            raise ReportError(
+                f"{record.item_id} has no trace ({path} is missing), so its actions are not known. Play it "
+                "again with --libero-max-traces=all."
+            )
+        return read_trace(path, record)
+
+    def film(self, record: PairRecord, path: Path, size: int, every: int, overwrite: bool) -> None:
+        """Write the film of a pair; see :func:`film_pair`.
+
+        Raises:
+            ProtocolError: The replay does not reach the recorded digests; names what differs from then.
+            ReportError: What is needed is missing, or the film is there already or cannot be written.
+            SubstrateError: The substrate cannot build the scene.
+            ChangeError: A change does not fit this world.
+            SimulatorError: The simulation broke, or the renderer does not answer.
+        """
+        case = self.cases.get(record.case_id)
+        if case is None:
+            raise ReportError(f"{record.item_id} is not among the cases of the run's track or manifest.")
+        traces = self.traces(record)
+        world = self.substrate.world(case)
+        try:
+            film_pair(path, case, world, record, traces, size=size, every=every, overwrite=overwrite)
+        except ProtocolError as error:
+            raise ProtocolError(f"{error} {self._differences(record)}") from error
+
+    def _differences(self, record: PairRecord) -> str:
+        now = self.substrate.fingerprint()
+        different = [
+            f"{name} {record.fingerprints[name]} then, {now[name]} now"
+            for name in sorted(now.keys() & record.fingerprints.keys())
+            if now[name] != record.fingerprints[name]
+        ]
+        if different:
+            return f"Different from then: {'; '.join(different)}."
+        return "The versions are the same; the trace may be of another run."
+
+
+@contextmanager
+def open_recorded(
+    folder: Path,
+    cases: str | None = None,
+    installations: Sequence[Path] = (),
+    assets: Path | None = None,
+) -> Iterator[RecordedRun]:
+    """Open a run to play its pairs again, on the substrate that it was played on.
+
+    Args:
+        folder: The output folder of the run.
+        cases: Track or path of a manifest. None: what the run names.
+        installations: Where LIBERO is on this machine. None given: where the run found it.
+        assets: Models and textures for it. None: where the run found them.
+
+    Raises:
+        ReportError: The pairs cannot be read.
+        ManifestError: The cases cannot be read.
+        SubstrateError: The substrate cannot be opened.
+    """
+    stored = read_pairs(folder)
+    provenance = stored.run.provenance
+    substrate = open_substrate(
+        provenance["substrate"]["name"], _options(provenance["substrate"], installations, assets)
+    )
+    try:
+        yield RecordedRun(pairs_file(folder).parent, stored, _cases(provenance["case_set"], cases), substrate)
+    finally:
+        substrate.close()
+
+
+def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairRecord]:
+    """The pairs to film, those of one scene behind each other.
+
+    Args:
+        stored: The run.
+        names: Item ids or case ids; none: ``which`` decides.
+        which: One of :data:`SELECTIONS`.
+
+    Raises:
+        OptionError: A name is not that of a measured pair; suggests the closest.
+    """
+    records = sorted(stored.records, key=lambda record: record.item_id)
+    if not names:
+        return [record for record in records if selected(record, which)]
+    known = {name: record for record in records for name in (record.case_id, record.item_id)}
+    for name in names:
+        if name not in known:
+            raise OptionError(
+                f"case={name!r} is not a measured pair of this run. "
+                f"{did_you_mean(name, [record.item_id for record in records])}"
+            )
+    asked = {known[name].item_id for name in names}
+    return [record for record in records if record.item_id in asked]
+
+
+def _cases(case_set: Json, asked: str | None) -> dict[str, Case]:
+    kind, _, name = str(case_set["name"]).partition(" ")
+    if asked is None:
+        asked = str(case_set.get("path", name)) if kind in ("track", "manifest") else ""
+        if not asked:
+            raise ReportError(f"The run names its cases {case_set['name']!r}. Give its track or manifest.")
+    is_file = Path(asked).suffix in (".json", ".gz")
+    manifest = load_manifest(Path(asked).expanduser()) if is_file else load_track(asked)
+    return {case.case_id: case for case in manifest}
+
+
+def _options(described: Json, installations: Sequence[Path], assets: Path | None) -> SubstrateOptions:
+    known = SubstrateOptions()
+    roots = tuple(installations) or tuple(Path(root).expanduser() for root in described.get("roots", ()))
+    if assets is None and described.get("assets"):
+        assets = Path(described["assets"]).expanduser()
+    return SubstrateOptions(
+        roots,
+        assets,
+        described.get("semantics", known.semantics),
+        described.get("instruction_source", known.instruction),
+        described.get("source_variations", known.variations),
+    )

@@ -1,0 +1,184 @@
+"""Plays the arms of a recorded pair again, side by side, and shows each step.
+
+Nothing is asked of a policy: the recorded actions are executed, and what happened in an arm happens again at
+the recorded step. The hash chain is computed again on the way. It is compared with the record before each
+event and at the end of each arm, so that what is shown is what was played, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import ProtocolError, ReportError
+from pytest_libero_max.events.schedules import Revert, schedule_from_list
+from pytest_libero_max.pairing.prefix import event_link, first_link, next_link
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.pairing.stage import Applied, apply_change, begin_world
+from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.worlds.contract import CAMERAS, Image, World, WorldState
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What is seen of a world at one moment.
+
+    Attributes:
+        images: By camera, (size, size, 3) uint8, upright.
+        opening_m: Distance between the fingers, m.
+    """
+
+    images: Mapping[str, Image]
+    opening_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """All arms after the same number of policy steps.
+
+    Attributes:
+        step: How many.
+        views: By arm. An arm that ended earlier shows its last step.
+    """
+
+    step: int
+    views: Mapping[str, View]
+
+
+def distinct_arms(record: PairRecord) -> tuple[str, ...]:
+    """The arms of a pair that differ from those before them, in the order of the record."""
+    proofs: dict[str | None, str] = {}
+    for name, arm in record.arms.items():
+        if arm.shares is None:
+            proofs.setdefault(arm.proof, name)
+    return tuple(proofs.values())
+
+
+def play_again(
+    case: Case,
+    world: World,
+    record: PairRecord,
+    traces: Mapping[str, ArmTrace],
+    size: int,
+    every: int = 1,
+    cameras: tuple[str, ...] = CAMERAS,
+) -> Iterator[Tick]:
+    """Play the distinct arms of a recorded pair again and yield what is seen after each step.
+
+    Worlds that are the same bit for bit are drawn once. The world is left anywhere; a reset makes it new.
+
+    Args:
+        case: The case of the record.
+        world: Its world.
+        record: What was recorded.
+        traces: The actions of its arms.
+        size: Side of an image in pixels.
+        every: Show only every so many steps, and the last one.
+        cameras: What is looked through.
+
+    Raises:
+        ProtocolError: The replay does not reach a recorded digest. What was yielded before may be wrong.
+        ReportError: The record or the traces do not hold what is needed, or are of another case.
+        ChangeError: A change does not fit this world.
+        SimulatorError: The simulation broke, or the renderer does not answer.
+    """
+    if record.case_digest != case.digest:
+        raise ReportError(
+            f"{record.item_id} was played as another case (digest {record.case_digest[:12]}, now "
+            f"{case.digest[:12]}). Give the track or manifest of the run."
+        )
+    names = distinct_arms(record)
+    begin_world(case, world)
+    link = first_link(world.digest())
+    players = [
+        _Player(name, record.arms[name], traces[name], case.item_id, link, world.snapshot()) for name in names
+    ]
+    last = max(player.steps for player in players)
+    views: dict[str, View] = {}
+    for step in range(last + 1):
+        played = [player for player in players if step <= player.steps]
+        _advance(played, step, world)
+        if step % every == 0 or step == last or any(step == player.steps for player in played):
+            views |= _look(played, world, size, cameras)
+            if step % every == 0 or step == last:
+                yield Tick(step, dict(views))
+
+
+class _Player:
+    """One arm while it is played again: where it is, and what the record says that it must reach."""
+
+    def __init__(
+        self, name: str, record: ArmRecord, trace: ArmTrace, item_id: str, link: bytes, state: WorldState
+    ) -> None:
+        if record.schedule is None or record.proof is None or record.steps is None:
+            raise ReportError(
+                f"{item_id}: the record of arm {name!r} is of an early version and does not say what "
+                "happened when. Play the pair again."
+            )
+        self.name, self.item_id = name, item_id
+        self.steps, self.proof = record.steps, record.proof
+        self.actions = trace.actions
+        self.schedule = schedule_from_list(list(record.schedule), f"schedule of arm {name!r}")
+        self.firings = record.firings
+        self.applied: list[Applied] = []
+        self.link, self.state = link, state
+
+    def fires_at(self, step: int) -> bool:
+        """Whether something happens after this step that has not happened yet."""
+        done = len(self.applied)
+        return done < len(self.firings) and self.firings[done].step == step
+
+    def fire(self, step: int, world: World) -> None:
+        """Let happen what happened after this step; the world is this arm's."""
+        while self.fires_at(step):
+            index = len(self.applied)
+            self.require(self.firings[index].prefix_proof, f"before its event after step {step}")
+            action = self.schedule[index].action
+            if isinstance(action, Revert):
+                earlier = self.applied[action.entry]
+                action = earlier.change.reverted(earlier.evidence)
+            before = world.digest()
+            self.applied.append(apply_change(action, world, None, self.item_id))
+            digest = world.digest()
+            if digest != before:
+                self.link = event_link(self.link, digest)
+            self.state = world.snapshot()
+
+    def require(self, proof: str, where: str) -> None:
+        if self.link.hex() != proof:
+            raise ProtocolError(
+                f"{self.item_id}: the replay of arm {self.name!r} is not what was recorded, {where}. The "
+                "simulation computes something else here than where the pair was played."
+            )
+
+
+def _advance(players: list[_Player], step: int, world: World) -> None:
+    """Play the arms to this step. Those that are the same bit for bit are played once."""
+    reached: dict[tuple[bytes, bytes], tuple[bytes, WorldState]] = {}
+    for player in players:
+        if step:
+            action = player.actions[step - 1]
+            key = player.link, action.tobytes()
+            if key not in reached:
+                world.restore(player.state)
+                world.step(action)
+                reached[key] = next_link(player.link, action, world.digest()), world.snapshot()
+            player.link, player.state = reached[key]
+        if player.fires_at(step):
+            world.restore(player.state)
+            player.fire(step, world)
+        if step == player.steps:
+            player.require(player.proof, "at its end")
+
+
+def _look(players: list[_Player], world: World, size: int, cameras: tuple[str, ...]) -> dict[str, View]:
+    seen: dict[bytes, View] = {}
+    for player in players:
+        if player.link not in seen:
+            world.restore(player.state)
+            observation = world.observe(cameras, size)
+            images = {camera: observation[f"{camera}_image"][::-1] for camera in cameras}
+            fingers = observation["robot0_gripper_qpos"]
+            seen[player.link] = View(images, float(fingers[0] - fingers[1]))
+    return {player.name: seen[player.link] for player in players}

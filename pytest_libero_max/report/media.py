@@ -1,0 +1,34 @@
+"""What lies beside the pairs of a run for people to look at: traces and films, and how they are called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+TRACES_NAME = "traces"
+FILMS_NAME = "films"
+
+FILM_SUFFIXES = (".mp4", ".webp")
+
+_SEPARATOR = "--"
+
+
+def film_name(item_id: str, arms: Iterable[str], suffix: str) -> str:
+    """Name of the file of a film: the pair and the arms that it shows.
+
+    Args:
+        item_id: The pair.
+        arms: The arms from left to right.
+        suffix: One of :data:`FILM_SUFFIXES`.
+    """
+    return f"{item_id}{_SEPARATOR}{'-'.join(arms)}{suffix}"
+
+
+def films_in(folder: Path) -> dict[str, str]:
+    """Path of the film of each pair that has one, relative to the folder of the run, by item id."""
+    found = sorted(path.name for path in (folder / FILMS_NAME).glob(f"*{_SEPARATOR}*"))
+    return {
+        name.rpartition(_SEPARATOR)[0]: f"{FILMS_NAME}/{name}"
+        for name in found
+        if name.endswith(FILM_SUFFIXES) and not name.startswith(".")
+    }

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pytest_libero_max.films.drawing import EVENT_STEPS, film_frames, labels, shared_steps, strip_px
+from pytest_libero_max.films.replay import distinct_arms, play_again
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.worlds.contract import Image
+
+from .short_run import BUDGET, SIZE, Played, play
+
+
+def _words(record: PairRecord, arm: str, step: int) -> list[str]:
+    shared = shared_steps(record, distinct_arms(record))
+    return [label.words for label in labels(record, arm, step, shared)]
+
+
+def _frames(played: Played) -> list[Image]:
+    ticks = play_again(played.case, played.world, played.record, played.traces, SIZE)
+    return list(film_frames(played.record, played.traces, ticks, SIZE))
+
+
+def test_the_words_tell_prefix_event_stale_actions_and_end(played: Played) -> None:
+    record = played.record
+    event, answer = record.trigger_step, record.response_step
+    assert (event, answer, record.stale_actions) == (4, 6, 2)
+    assert [_words(record, "base", step) for step in range(BUDGET + 1)] == [
+        *[["shared prefix"]] * 4,
+        *[[]] * 4,
+        ["failed after 8 steps"],
+    ]
+    name = "EVENT target_relocation v0"
+    assert [_words(record, "dynamic", step) for step in range(BUDGET + 1)] == [
+        *[["shared prefix"]] * 4,
+        [name],
+        [name, "stale action 1 of 2"],
+        [name, "stale action 2 of 2"],
+        [name],
+        [name, "failed after 8 steps"],
+    ]
+    assert name not in _words(record, "dynamic", 4 + EVENT_STEPS)
+
+
+def test_an_arm_that_completes_the_task_says_so(played: Played) -> None:
+    arms = {name: replace(arm, success=True) for name, arm in played.record.arms.items()}
+    assert _words(replace(played.record, arms=arms), "base", BUDGET) == ["success after 8 steps"]
+
+
+def test_frames_have_one_even_size_and_show_the_pictures_side_by_side(played: Played) -> None:
+    frames = _frames(played)
+    assert len(frames) == BUDGET + 1
+    assert len({frame.shape for frame in frames}) == 1
+    assert all(side % 2 == 0 for side in frames[0].shape[:2])
+    ticks = play_again(played.case, played.world, played.record, played.traces, SIZE)
+    for tick, frame in zip(ticks, frames, strict=True):
+        if tick.step == BUDGET:
+            continue  # faded
+        for column, view in enumerate(tick.views.values()):
+            left = column * (SIZE + 4)
+            wrist = view.images["robot0_eye_in_hand"][8:-8, 8:-8]
+            part = frame[:, left + 8 : left + SIZE - 8]
+            assert any(
+                (part[top : top + SIZE - 16] == wrist).all() for top in range(len(part) - SIZE + 16 + 1)
+            )
+
+
+def test_the_event_is_framed_for_a_second_and_in_its_arm_alone(played: Played) -> None:
+    amber = np.array([0xE0, 0xA1, 0x00])
+    event = played.record.trigger_step
+    for step, frame in enumerate(_frames(played)):
+        pictures = frame[: -strip_px(SIZE)]
+        found = (pictures == amber).all(axis=2)
+        assert not found[:, : SIZE + 1].any()
+        assert found[:, SIZE + 4 :].any() == (event is not None and step >= event)
+
+
+def test_the_same_pair_gives_the_same_frames(played: Played) -> None:
+    assert all((one == other).all() for one, other in zip(_frames(played), _frames(played), strict=True))
+
+
+def test_a_pair_without_an_event_is_one_column(tmp_path: Path) -> None:
+    played = play(tmp_path, wait=BUDGET)
+    assert _words(played.record, "base", 1) == []
+    assert _frames(played)[0].shape[1] == SIZE

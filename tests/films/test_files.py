@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+from PIL import ImageSequence
+
+from pytest_libero_max.errors import ProtocolError, ReportError
+from pytest_libero_max.films import files
+from pytest_libero_max.films.files import write_film
+from pytest_libero_max.worlds.contract import Image
+
+
+def _frames(count: int = 5) -> Iterator[Image]:
+    """A white square that moves to the right."""
+    for number in range(count):
+        frame = np.zeros((40, 60, 3), np.uint8)
+        frame[10:30, 10 * number : 10 * number + 20] = 255
+        yield frame
+
+
+def test_a_webp_holds_every_frame_and_lasts_as_long_as_the_episode(tmp_path: Path) -> None:
+    path = tmp_path / "films" / "a.webp"
+    write_film(path, _frames(), 20)
+    with Picture.open(path) as film:
+        shown = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
+        assert film.info["duration"] == 50
+    for frame, expected in zip(shown, _frames(), strict=True):
+        assert np.abs(frame.astype(int) - expected).mean() < 10
+
+
+def test_an_mp4_is_h264_and_holds_every_frame(tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="the extra film")
+    path = tmp_path / "a.mp4"
+    write_film(path, _frames(), 20)
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.average_rate) == ("h264", 20)
+        shown = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+    for frame, expected in zip(shown, _frames(), strict=True):
+        assert np.abs(frame.astype(int) - expected).mean() < 10
+
+
+@pytest.mark.parametrize("suffix", files.FORMATS)
+def test_the_same_frames_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
+    if suffix == "mp4":
+        pytest.importorskip("av", reason="the extra film")
+    paths = [tmp_path / f"{name}.{suffix}" for name in "ab"]
+    for path in paths:
+        write_film(path, _frames(), 20)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_nothing_is_written_over_without_being_asked(tmp_path: Path) -> None:
+    path = tmp_path / "a.webp"
+    path.write_text("mine")
+    with pytest.raises(ReportError, match="exists"):
+        write_film(path, _frames(), 20)
+    assert path.read_text() == "mine"
+    write_film(path, _frames(), 20, overwrite=True)
+    assert path.read_bytes()[:4] == b"RIFF"
+
+
+@pytest.mark.parametrize("suffix", files.FORMATS)
+def test_a_film_that_breaks_off_leaves_no_file(tmp_path: Path, suffix: str) -> None:
+    if suffix == "mp4":
+        pytest.importorskip("av", reason="the extra film")
+
+    def broken() -> Iterator[Image]:
+        yield from _frames(2)
+        raise ProtocolError("another state")
+
+    with pytest.raises(ProtocolError, match="another state"):
+        write_film(tmp_path / f"a.{suffix}", broken(), 20)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_the_extra_films_are_webp_and_an_mp4_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert files.available_format() == "webp"
+    with pytest.raises(ReportError, match=r"pytest-libero-max\[film\]"):
+        write_film(tmp_path / "a.mp4", _frames(), 20)
+
+
+def test_a_name_that_says_no_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ReportError, match=r"ends in \.mp4 or \.webp"):
+        write_film(tmp_path / "a.gif", _frames(), 20)
+
+
+def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "films").write_text("")
+    with pytest.raises(ReportError, match="Cannot write"):
+        write_film(tmp_path / "films" / "a.webp", _frames(), 20)

@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.films.recorded import SELECTIONS, chosen, selected
+from pytest_libero_max.report.store import read_pairs
+
+from .short_run import SIZE, Played, store
+
+PROJECT = Path(__file__).parents[2]
+
+ELSEWHERE = """
+import sys
+import pytest
+from pytest_libero_max.cli import main
+from tests.films.short_run import leave_out_shadows
+leave_out_shadows(pytest.MonkeyPatch())
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.fixture
+def run(played: Played, tmp_path: Path) -> Path:
+    """The folder of a run of one pair, with its trace."""
+    return store(played, tmp_path / "run", tmp_path / "tiny.json")
+
+
+def _film(*arguments: object) -> int:
+    return main(["film", *map(str, arguments), "--size", str(SIZE), "--format", "webp"])
+
+
+def test_a_run_is_filmed_by_the_names_of_its_pairs(
+    run: Path, played: Played, capsys: pytest.CaptureFixture[str]
+) -> None:
+    item = played.record.item_id
+    assert _film(run, item) == 0
+    (film,) = (run / "films").iterdir()
+    assert film.name == f"{item}--base-dynamic.webp"
+    assert f"1/1 {film} (" in capsys.readouterr().out
+    before = film.stat().st_mtime_ns
+    assert _film(run, played.record.case_id) == 0
+    assert "is there already" in capsys.readouterr().out
+    assert film.stat().st_mtime_ns == before
+    assert _film(run, item, "--overwrite") == 0
+    assert film.stat().st_mtime_ns > before
+
+
+def test_another_process_and_folder_make_the_same_film(run: Path, tmp_path: Path) -> None:
+    assert _film(run, "--select=all") == 0
+    elsewhere = tmp_path / "elsewhere"
+    shutil.copytree(run, elsewhere / "copied", ignore=shutil.ignore_patterns("films"))
+    command = [sys.executable, "-c", ELSEWHERE, "film", "copied", "--select=all", f"--size={SIZE}"]
+    subprocess.run(
+        [*command, "--format=webp"],
+        cwd=elsewhere,
+        env={**os.environ, "PYTHONPATH": str(PROJECT)},
+        check=True,
+        capture_output=True,
+    )
+    one, other = (next((folder / "films").iterdir()) for folder in (run, elsewhere / "copied"))
+    assert one.name == other.name
+    assert one.read_bytes() == other.read_bytes()
+
+
+def test_without_a_trace_there_is_no_film_and_the_cure_is_said(
+    played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = store(played, tmp_path / "run", tmp_path / "tiny.json", trace=False)
+    assert _film(run, "--select=all") == 1
+    assert "--libero-max-traces=all" in capsys.readouterr().out
+    assert not (run / "films").exists()
+
+
+def test_a_replay_that_reaches_another_state_is_refused_with_what_differs(
+    played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arms = {name: replace(arm, proof="0" * 64) for name, arm in played.record.arms.items()}
+    pair = replace(played.pair, record=replace(played.record, arms=arms))
+    versions = {**played.record.fingerprints, "mujoco": "3.3.6"}
+    for record, words in (
+        (pair.record, "The versions are the same"),
+        (replace(pair.record, fingerprints=versions), "Different from then: mujoco 3.3.6 then, "),
+    ):
+        other = replace(played, pair=replace(pair, record=record))
+        run = store(other, tmp_path / words[:3], tmp_path / "tiny.json")
+        assert _film(run, "--select=all") == 1
+        assert words in capsys.readouterr().out
+        assert not list((run / "films").iterdir())
+
+
+def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stored = read_pairs(run)
+    (record,) = stored.records
+    base, dynamic = record.arms["base"], record.arms["dynamic"]
+    expected = {(True, False): SELECTIONS, (False, True): ("changed", "all"), (False, False): ("all",)}
+    for (one, other), names in expected.items():
+        arms = {"base": replace(base, success=one), "dynamic": replace(dynamic, success=other)}
+        pair = replace(record, arms=arms)
+        assert tuple(which for which in SELECTIONS if selected(pair, which)) == names
+    assert _film(run) == 0
+    assert "No pair of this run is selected" in capsys.readouterr().out
+    with pytest.raises(OptionError, match="Did you mean"):
+        chosen(stored, [record.item_id[:-1]], "all")

@@ -1,0 +1,16 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+from pytest_libero_max.report.media import film_name, films_in
+
+
+def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
+    folder = tmp_path / "films"
+    folder.mkdir()
+    names = [film_name("a-t00", ("base", "dynamic"), ".mp4"), film_name("b--c", ("base",), ".webp")]
+    for name in (*names, "notes.txt", ".a--base.mp4.7.partial", ".a--base.mp4", "a--base.gif"):
+        (folder / name).touch()
+    assert names == ["a-t00--base-dynamic.mp4", "b--c--base.webp"]
+    assert films_in(tmp_path) == {"a-t00": f"films/{names[0]}", "b--c": f"films/{names[1]}"}
+    assert films_in(tmp_path / "nothing") == {}
