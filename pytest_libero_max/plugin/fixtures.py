@@ -21,10 +21,11 @@ from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.report.junit import properties
-from pytest_libero_max.report.media import TRACES_NAME
+from pytest_libero_max.report.media import FILMS_NAME, TRACES_NAME
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.prefix import BranchPoint
+    from pytest_libero_max.pairing.runner import Pair
     from pytest_libero_max.policies.contract import Policy
     from pytest_libero_max.worlds.contract import Substrate, World
 
@@ -143,7 +144,6 @@ class _Unsupported(Exception):
 def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], None]) -> PairRecord:
     from pytest_libero_max.events.schedules import arms_of
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
-    from pytest_libero_max.pairing.trace import write_trace
     from pytest_libero_max.policies.check import check_cameras
     from pytest_libero_max.policies.code import adapter_digest
 
@@ -172,12 +172,32 @@ def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], 
         on_phase,
         arms_of(case, repeat_base=case.item_id in noise_cases_of(request.config)),
     )
+    notes = _keep(pair, case, world, settings)
+    if notes:
+        request.node.stash[NOTE] = "; ".join(notes)
+    return pair.record
+
+
+def _keep(pair: Pair, case: Case, world: World, settings: Settings) -> list[str]:
+    """Keep what the options ask for beside the record of a measured pair; returns what could not be kept."""
+    from pytest_libero_max.pairing.trace import traces_of, write_trace
+
+    notes = []
     if settings.traces == "all" or settings.traces == pair.record.outcome:
         try:
             write_trace(settings.output / TRACES_NAME, pair)
-        except (OSError, ValueError) as error:  # the pair is measured all the same
-            request.node.stash[NOTE] = f"no trace of {case.item_id}: {error}"
-    return pair.record
+        except (OSError, ValueError) as error:
+            notes.append(f"no trace of {case.item_id}: {error}")
+    if settings.film != "none":
+        from pytest_libero_max.films.recorded import film_pair, film_path, selected
+
+        try:
+            if selected(pair.record, settings.film):
+                path = film_path(settings.output / FILMS_NAME, pair.record)
+                film_pair(path, case, world, pair.record, traces_of(pair))
+        except Exception as error:  # whatever a renderer or an encoder raises, the pair is measured
+            notes.append(f"no film of {case.item_id}: {error}")
+    return notes
 
 
 def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:

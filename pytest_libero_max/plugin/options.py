@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 PREFIX_MODES = ("fork", "replay")
 STRICT_MODES = ("regression",)
 TRACE_MODES = ("none", "regression", "all")
+FILM_MODES = ("none", "regressions", "changed", "all")
 
 DEFAULT_OUTPUT = "libero-max-results"
 
@@ -198,6 +199,14 @@ OPTIONS = (
         "none",
     ),
     Option(
+        "film",
+        "WHICH",
+        "Film these pairs once they are measured, into films in the output folder: none, regressions, "
+        "changed (Base and Dynamic end differently) or all",
+        _one_of(*FILM_MODES),
+        "none",
+    ),
+    Option(
         "noise-floor",
         "PAIRS",
         "Play Base twice for a stratified subset of so many pairs and report how often it flips",
@@ -244,6 +253,7 @@ class Settings:
     query_interval: int | None
     strict: str | None
     traces: str
+    film: str
     shard: tuple[int, int] | None
     noise_floor: int | None
     gate: tuple[Gate, ...]

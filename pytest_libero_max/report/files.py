@@ -15,6 +15,7 @@ from pytest_libero_max.report.figures import FIGURES
 from pytest_libero_max.report.html import html
 from pytest_libero_max.report.in_progress import require_ended
 from pytest_libero_max.report.markdown import markdown
+from pytest_libero_max.report.media import films_in
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
 from pytest_libero_max.report.replay import replay_command
 from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, read_pairs
@@ -59,10 +60,12 @@ def write_reports(
     if amend is not None:
         report = amend(report)
     regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
+    measured = {record.item_id for record in stored.records}
+    films = {item: film for item, film in films_in(folder).items() if item in measured}
     files: dict[str, Callable[[], str]] = {
         REPORT_NAME: lambda: report_json(report),
         MARKDOWN_NAME: lambda: markdown(report),
-        HTML_NAME: lambda: html(report, regressions, replay_command(stored)),
+        HTML_NAME: lambda: html(report, regressions, replay_command(stored), films),
         OUTCOMES_NAME: lambda: outcomes_json(RunOutcomes.of(stored), digest),
     }
     written = [folder / PAIRS_NAME]

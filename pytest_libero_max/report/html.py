@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
+from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights
@@ -48,13 +49,16 @@ details{margin:.5rem 0}summary{cursor:pointer}code{background:#f2f5f7;padding:.1
 """
 
 
-def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str:
+def html(
+    report: Json, regressions: Sequence[str], replay: Sequence[str], films: Mapping[str, str] | None = None
+) -> str:
     """Render a report as a page.
 
     Args:
         report: What :func:`~pytest_libero_max.report.build.build_report` returned.
         regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
         replay: The command that plays one of them again, once its item id is appended.
+        films: Path of the film of each pair that has one, relative to the page, by item id.
     """
     pairs = report["pairs"]
     body = [f"<h1>{escape(title_text(report))}</h1>"]
@@ -72,7 +76,9 @@ def html(report: Json, regressions: Sequence[str], replay: Sequence[str]) -> str
     body += [_note(caveat_text(caveat)) for caveat in report["caveats"]]
     if pairs["played"]:
         body += _results(report)
-        body += _regressions(regressions, replay)
+        body += _regressions(regressions, replay, films or {})
+        others = [item for item in films or {} if item not in regressions]
+        body += [_listed(f"Films of {len(others)} other pairs", others, films or {})] if others else []
     body += _faults(pairs)
     for title, values in report["sections"].items():
         body += [f"<h2>{escape(title)}</h2>", _table(("Name", "Value"), list(values.items()))]
@@ -161,17 +167,26 @@ def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> str:
     return _table((title, *headings(table)), rows) + note
 
 
-def _regressions(regressions: Sequence[str], replay: Sequence[str]) -> list[str]:
+def _regressions(regressions: Sequence[str], replay: Sequence[str], films: Mapping[str, str]) -> list[str]:
     if not regressions:
         return []
-    items = "".join(f"<li><code>{escape(item)}</code></li>" for item in regressions)
     return [
         "<h2>Regressions</h2>",
         f"<p>Play one again: <code>{escape(shlex.join(replay))} NAME</code>. Its record is a line of "
         "<a href='pairs.jsonl'>pairs.jsonl</a>.</p>",
-        f"<details><summary>{len(regressions)} pairs succeed in Base and fail in Dynamic</summary>"
-        f"<ul>{items}</ul></details>",
+        _listed(f"{len(regressions)} pairs succeed in Base and fail in Dynamic", regressions, films),
     ]
+
+
+def _listed(title: str, items: Sequence[str], films: Mapping[str, str]) -> str:
+    listed = "".join(f"<li>{_pair(item, films)}</li>" for item in items)
+    return f"<details><summary>{escape(title)}</summary><ul>{listed}</ul></details>"
+
+
+def _pair(item: str, films: Mapping[str, str]) -> str:
+    """The name of a pair, with a link to its film where there is one."""
+    film = f" <a href='{quote(films[item])}'>film</a>" if item in films else ""
+    return f"<code>{escape(item)}</code>{film}"
 
 
 def _faults(pairs: Json) -> list[str]:

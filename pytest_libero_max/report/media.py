@@ -32,3 +32,9 @@ def films_in(folder: Path) -> dict[str, str]:
         for name in found
         if name.endswith(FILM_SUFFIXES) and not name.startswith(".")
     }
+
+
+def kept_beside(folder: Path) -> list[str]:
+    """Names of the folders of traces and films that a run has filled."""
+    traces = [TRACES_NAME] if any((folder / TRACES_NAME).glob("*.npz")) else []
+    return traces + ([FILMS_NAME] if films_in(folder) else [])

@@ -21,6 +21,7 @@ from pytest_libero_max.pairing.fields import shown
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.agreement import Agreement, run_differences
 from pytest_libero_max.report.in_progress import Mark, require_ended, require_free
+from pytest_libero_max.report.media import kept_beside
 from pytest_libero_max.report.run import Run
 
 PAIRS_NAME = "pairs.jsonl"
@@ -59,7 +60,8 @@ class PairStore:
 
     The run begins with the first pair, or with :meth:`begin`, and ends with :meth:`close`. In between the
     folder is marked as one whose run is in progress. The file of an earlier run is set aside as
-    ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written over; the reports of that run are removed.
+    ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written over, and so are its traces and films
+    (``traces.1``, ``films.1``); the reports of that run are removed.
 
     Args:
         folder: Output folder; made if missing.
@@ -210,12 +212,18 @@ def _line(kind: str, values: Json) -> bytes:
 
 
 def _set_aside(path: Path) -> None:
-    numbers = [
-        int(number)
-        for name in path.parent.glob("pairs.[0-9]*.jsonl")
-        if (number := name.stem.partition(".")[2]).isdecimal()
+    """Rename the pairs of an earlier run, and its traces and films, with the next number that is free."""
+    folder = path.parent
+    beside = kept_beside(folder)
+    named = [
+        *folder.glob("pairs.[0-9]*.jsonl"),
+        *(old for name in beside for old in folder.glob(f"{name}.*")),
     ]
-    path.replace(path.with_name(f"pairs.{max(numbers, default=0) + 1}.jsonl"))
+    numbers = [int(part) for old in named if (part := old.name.split(".")[1]).isdecimal()]
+    number = max(numbers, default=0) + 1
+    path.replace(path.with_name(f"pairs.{number}.jsonl"))
+    for name in beside:
+        (folder / name).rename(folder / f"{name}.{number}")
 
 
 def pairs_file(path: Path) -> Path:

@@ -34,6 +34,11 @@ Run = Callable[..., pytest.RunResult]
             "adapter.py",
             "*--libero-max-traces='some'*Known: all, none, regression.",
         ),
+        (
+            ["--libero-max-film=regression"],
+            "adapter.py",
+            "*--libero-max-film='regression'*Did you mean 'regressions'?*",
+        ),
         (["--libero-max-substrate=liberro"], "adapter.py", "*--libero-max-substrate='liberro'*Known: *"),
         (
             ["--libero-max-track=smoke"],

@@ -82,6 +82,15 @@ def test_an_earlier_run_is_set_aside(run: Run, pytester: pytest.Pytester) -> Non
     assert names == ["pairs.1.jsonl", "pairs.2.jsonl", "pairs.jsonl"]
 
 
+def test_an_earlier_run_is_set_aside_with_its_traces(run: Run, pytester: pytest.Pytester) -> None:
+    for _ in range(2):
+        run("-k", "camera_shift and v0", "--libero-max-traces=all")
+    folder = pytester.path / "libero-max-results"
+    assert [path.name for path in (folder / "traces.1").iterdir()] == [
+        path.name for path in (folder / "traces").iterdir()
+    ]
+
+
 def test_traces_are_kept_on_request(run: Run, pytester: pytest.Pytester) -> None:
     run("-k", "camera_shift", "--libero-max-traces=all")
     folder = pytester.path / "libero-max-results" / "traces"

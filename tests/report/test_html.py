@@ -72,6 +72,16 @@ def test_a_page_lists_regressions_with_the_way_to_see_them() -> None:
     assert "<li><code>second</code></li>" in page
 
 
+def test_a_page_links_the_film_of_each_pair_that_has_one() -> None:
+    films = {"second": "films/second--base dynamic.mp4", "third": "films/third--base.webp"}
+    page = html(FULL, ["first", "second"], REPLAY, films)
+    assert "<li><code>first</code></li>" in page
+    assert "<li><code>second</code> <a href='films/second--base%20dynamic.mp4'>film</a></li>" in page
+    assert "Films of 1 other pairs" in page
+    assert "<li><code>third</code> <a href='films/third--base.webp'>film</a></li>" in page
+    assert "Films of" not in html(FULL, ["first"], REPLAY)
+
+
 def test_what_others_wrote_is_escaped() -> None:
     policy = {**RECORDS[0].policy, "name": "<b>bold</b>"}
     report = build_report(

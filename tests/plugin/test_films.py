@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.films import files, recorded
+from pytest_libero_max.report.store import read_pairs
+from pytest_libero_max.worlds.contract import Image
+from tests.films.short_run import leave_out_shadows
+
+Run = Callable[..., pytest.RunResult]
+
+# An in-process run forgets what it imported, and PyAV and NumPy cannot be imported twice.
+IMPORTED_ONCE = (files, recorded)
+with suppress(ImportError):
+    import av  # noqa: F401
+
+PAIR = "target_relocation and v0"
+
+
+@pytest.fixture(autouse=True)
+def fast(monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_out_shadows(monkeypatch)
+    monkeypatch.setattr(recorded.film_pair, "__kwdefaults__", {"size": 32, "every": 9, "overwrite": False})
+
+
+def _folder(pytester: pytest.Pytester) -> Path:
+    return pytester.path / "libero-max-results"
+
+
+def test_measured_pairs_are_filmed_and_the_report_links_the_films(
+    run: Run, pytester: pytest.Pytester
+) -> None:
+    result = run("-k", "target_relocation", "--libero-max-film=all")
+    assert result.ret == 0
+    films = sorted(path.name for path in (_folder(pytester) / "films").iterdir())
+    assert len(films) == 2
+    page = (_folder(pytester) / "report.html").read_text()
+    assert all(f"href='films/{film}'" in page for film in films)
+    filmed = [record.identity() for record in read_pairs(_folder(pytester)).records]
+    run("-k", "target_relocation")
+    assert [record.identity() for record in read_pairs(_folder(pytester)).records] == filmed
+    assert sorted(path.name for path in (_folder(pytester) / "films.1").iterdir()) == films
+    assert "href='films/" not in (_folder(pytester) / "report.html").read_text()
+
+
+@pytest.mark.parametrize("which", ["none", "regressions", "changed"])
+def test_a_pair_that_is_not_asked_for_is_not_filmed(run: Run, pytester: pytest.Pytester, which: str) -> None:
+    run("-k", PAIR, f"--libero-max-film={which}").assert_outcomes(passed=1)
+    assert not (_folder(pytester) / "films").exists()
+
+
+def test_a_film_that_cannot_be_made_costs_no_pair(
+    run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*arguments: object) -> Image:
+        raise RuntimeError("no memory for pictures")
+
+    monkeypatch.setattr("pytest_libero_max.films.recorded.film_frames", broken)
+    result = run("-k", PAIR, "--libero-max-film=all")
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(
+        ["Beside the pairs, which are measured: no film of *: no memory for pictures"]
+    )
+    assert len(read_pairs(_folder(pytester)).records) == 1
