@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.substrates import add_substrate, substrate_options
+from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
@@ -58,6 +59,16 @@ def add_commands(commands: Commands) -> None:
     show.add_argument("cases", nargs="?", metavar="TRACK|MANIFEST", help="Without: an overview of all tracks")
     show.add_argument("case", nargs="?", metavar="CASE", help="Id of a case: everything about it")
     show.add_argument("--json", action="store_true", help="The manifest's own text, unpacked")
+    show.add_argument(
+        "--pictures",
+        type=Path,
+        metavar="FOLDER",
+        help="Also write what each camera sees just before and after the event of CASE, without a policy",
+    )
+    show.add_argument(
+        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
+    )
+    add_substrate(show)
     show.set_defaults(run=_show)
 
 
@@ -165,8 +176,10 @@ def _verify(options: argparse.Namespace) -> None:
 
 def _show(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.tracks import FOLDER
-    from pytest_libero_max.construction.overview import case_lines, manifest_lines, overview_lines
+    from pytest_libero_max.construction.overview import manifest_lines, overview_lines
 
+    if options.pictures is not None and options.case is None:
+        raise OptionError("--pictures shows the event of one case: give TRACK and CASE as well.")
     if options.cases is None:
         print("\n".join(overview_lines(FOLDER)))
         return
@@ -176,7 +189,30 @@ def _show(options: argparse.Namespace) -> None:
     elif options.case is None:
         print("\n".join(manifest_lines(manifest)))
     else:
-        print("\n".join(case_lines(manifest, options.case)))
+        _show_case(options, manifest)
+
+
+def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
+    from pytest_libero_max.benchmark.tracks import FOLDER
+    from pytest_libero_max.construction.case_text import case_lines, find_case, write_event_pictures
+    from pytest_libero_max.construction.release import read_certificates
+    from pytest_libero_max.sources import open_substrate
+
+    case = find_case(manifest, options.case)
+    print("\n".join(case_lines(case, {} if _is_file(options.cases) else read_certificates(FOLDER))))
+    if options.pictures is None:
+        return
+    substrate = open_substrate(options.substrate, substrate_options(options))
+    try:
+        paths = write_event_pictures(options.pictures, substrate.world(case), case, options.size)
+    finally:
+        substrate.close()
+    print("\n".join(f"Written: {path}" for path in paths))
+
+
+def _is_file(name: str) -> bool:
+    """Whether cases are named by the path of a manifest; otherwise it is a track."""
+    return Path(name).suffix in (".json", ".gz")
 
 
 def _manifest(name: str) -> Manifest:
@@ -185,6 +221,6 @@ def _manifest(name: str) -> Manifest:
     from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.events.registry import check_cases
 
-    manifest = load_manifest(Path(name)) if Path(name).suffix in (".json", ".gz") else load_track(name)
+    manifest = load_manifest(Path(name)) if _is_file(name) else load_track(name)
     check_cases(manifest)
     return manifest

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -14,7 +13,6 @@ from pytest_libero_max.construction.configurations import cell_of
 from pytest_libero_max.construction.examination import Certificate, Examination
 from pytest_libero_max.construction.preflight import CHECKS
 from pytest_libero_max.construction.release import read_certificates, read_rejected
-from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 
 OVERVIEW = "README.md"
@@ -98,30 +96,6 @@ def manifest_lines(manifest: Manifest) -> list[str]:
         lines += ["", f"| {view} | cases |", "| --- | ---: |"]
         lines += [f"| {name} | {number} |" for name, number in sorted(count.items())]
     return lines
-
-
-def case_lines(manifest: Manifest, name: str) -> list[str]:
-    """One case: what it is, how to play it alone, and its object in the manifest.
-
-    Args:
-        manifest: Where it is.
-        name: Its case id or item id.
-
-    Raises:
-        OptionError: There is no such case; suggests the closest.
-    """
-    items = {case.item_id: case for case in manifest}
-    case = items.get(name) or {case.case_id: case for case in manifest}.get(name)
-    if case is None:
-        raise OptionError(f"case={name!r} is not in {manifest.benchmark_id}. {did_you_mean(name, items)}")
-    return [
-        f"{case.case_id}: {case.event.name}, variant {case.event.variant}, near {case.event.trigger.entity}",
-        f"{case.source} {case.source_category}, {case.suite} task {case.task_index}, "
-        f"initial state {case.init_state_index}, digest {case.digest}",
-        f"Play it alone with -k {case.item_id}",
-        "",
-        *json.dumps(case.record, indent=2, sort_keys=True).splitlines(),
-    ]
 
 
 def _rejections(checks: Mapping[str, str]) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.changes import change_from_dict
+from pytest_libero_max.construction.case_text import event_pictures
 from pytest_libero_max.construction.preflight import straight_approach
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate, World
@@ -37,12 +37,9 @@ def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None
 
 def _before_and_after(world: World, case: Case, size: int) -> list[Image]:
     straight_approach(world, case)
-    before = world.observe(CAMERAS, size)
-    change_from_dict(case.event.change).apply(world)
-    after = world.observe(CAMERAS, size)
     title = f"{case.event.name} v{case.event.variant}"
     return [
-        captioned(look[f"{camera}_image"][::-1], title if camera == CAMERAS[0] else "", f"{label}, {camera}")
-        for camera in CAMERAS
-        for label, look in (("before", before), ("after", after))
+        captioned(picture, title if camera == CAMERAS[0] else "", f"{label}, {camera}")
+        for camera, pictures in event_pictures(world, case, size).items()
+        for label, picture in zip(("before", "after"), pictures, strict=True)
     ]

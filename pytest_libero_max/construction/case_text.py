@@ -1,0 +1,157 @@
+"""Everything about one case, for people: in words, and as pictures of its event."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.changes.registry import change_from_dict
+from pytest_libero_max.construction.examination import Certificate
+from pytest_libero_max.construction.preflight import straight_approach
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError, did_you_mean
+from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.policies.pieces.images import png_file
+from pytest_libero_max.sources import variation_metadata, variation_of
+from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.worlds.contract import CAMERAS, Image, World
+
+
+def find_case(manifest: Manifest, name: str) -> Case:
+    """The case with this case id or item id.
+
+    Raises:
+        OptionError: There is no such case; suggests the closest.
+    """
+    items = {case.item_id: case for case in manifest}
+    case = items.get(name) or {case.case_id: case for case in manifest}.get(name)
+    if case is None:
+        raise OptionError(f"case={name!r} is not in {manifest.benchmark_id}. {did_you_mean(name, items)}")
+    return case
+
+
+def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]:
+    """One case: what it is, what happens in it, how to play it alone, and its object in the manifest.
+
+    Args:
+        case: The case.
+        certificates: Those of the frozen cases, by id; empty where the case is none of them.
+    """
+    kind, trigger = EVENTS[case.event.name], case.event.trigger
+    setup = ", ".join(change["operation"] for change in case.event.setup)
+    return [
+        f"{case.case_id}: {case.event.name}, variant {case.event.variant}, near {trigger.entity}",
+        f"{case.source} {case.source_category}, {case.suite} task {case.task_index}, "
+        f"initial state {case.init_state_index}, digest {case.digest}",
+        "",
+        f"Instruction: {_instruction(case)}",
+        f"Scene: {_scene(case)}",
+        f"Before it begins, in both arms: {setup or 'nothing'}",
+        f"Event: {_first_paragraph(type(kind).__doc__)}",
+        f"Family {kind.family}, severity {case.event.severity}",
+        f"When: at the first step after which the hand is within {trigger.distance_m} m of {trigger.entity}",
+        f"Expected of a policy: {kind.expected}",
+        f"Episode: at most {case.budget} steps, policy seed {case.policy_seed}",
+        f"Certificate: {_certificate(certificates.get(case.case_id))}",
+        f"Play it alone with -k {case.item_id}",
+        "",
+        *json.dumps(case.record, indent=2, sort_keys=True).splitlines(),
+    ]
+
+
+def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image, Image]]:
+    """Let the event happen to the world now, and show what each camera sees just before and just after.
+
+    Returns:
+        Two (size, size, 3) uint8 images by camera, upright.
+
+    Raises:
+        ChangeError: The event does not fit this world.
+        SimulatorError: The renderer does not answer.
+    """
+    before = world.observe(CAMERAS, size)
+    change_from_dict(case.event.change).apply(world)
+    after = world.observe(CAMERAS, size)
+    return {camera: (before[f"{camera}_image"][::-1], after[f"{camera}_image"][::-1]) for camera in CAMERAS}
+
+
+def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> list[Path]:
+    """Write ``<item id>--<camera>-before.png`` and ``-after.png`` for each camera.
+
+    Nobody plays: the hand goes straight to the trigger entity.
+
+    Args:
+        folder: Made if missing.
+        world: The world of the case.
+        case: The case.
+        size: Side of a picture, pixels.
+
+    Returns:
+        The paths of the files.
+
+    Raises:
+        OptionError: One of them exists, or the hand does not come near the trigger entity on that way.
+        ReportError: They cannot be written.
+        ChangeError: The event does not fit this world.
+        SimulatorError: The simulation broke, or the renderer does not answer.
+    """
+    paths = {
+        (camera, when): folder / f"{case.item_id}--{camera}-{when}.png"
+        for camera in CAMERAS
+        for when in ("before", "after")
+    }
+    for path in paths.values():
+        if path.exists():
+            raise OptionError(f"{path} exists. Remove it or give another folder.")
+    if not straight_approach(world, case):
+        raise OptionError(
+            f"{case.item_id}: the hand does not come within {case.event.trigger.distance_m} m of "
+            f"{case.event.trigger.entity} on the straight way. Film a pair of it with libero-max film."
+        )
+    for camera, pictures in event_pictures(world, case, size).items():
+        for when, picture in zip(("before", "after"), pictures, strict=True):
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                paths[camera, when].write_bytes(png_file(picture))
+            except OSError as error:
+                raise ReportError(
+                    f"Cannot write {paths[camera, when]}: {error}. Give a folder you can write to."
+                ) from error
+    return list(paths.values())
+
+
+def _instruction(case: Case) -> str:
+    if case.instruction is not None:
+        return f"{case.instruction} (as the manifest says)"
+    try:
+        if case.source == "libero":
+            return f"{task_metadata(case.suite, case.task_index).language} (the task's own)"
+        return f"{variation_metadata(variation_of(case)).language} (the variation's own)"
+    except LiberoMaxError:
+        return "the task's own"
+
+
+def _scene(case: Case) -> str:
+    if case.source == "libero":
+        return "as in LIBERO"
+    try:
+        variation = variation_of(case)
+    except LiberoMaxError as error:
+        return f"not an embedded one: {error}"
+    parts = [f"{name} {json.dumps(value)}" for name, value in variation.scene.items()]
+    parts += [json.dumps(change) for change in variation.changes]
+    return f"{variation.key}, {variation.kind}: {'; '.join(parts) or 'as in LIBERO'}"
+
+
+def _certificate(found: Certificate | None) -> str:
+    if found is None:
+        return "none, since it is not one of the frozen cases"
+    how = f"event after {found.trigger_step} steps, {found.steps} steps in all"
+    return f"the expert {'completes' if found.solved else 'does not complete'} Dynamic ({how})"
+
+
+def _first_paragraph(text: str | None) -> str:
+    return inspect.cleandoc(text or "").split("\n\n")[0].replace("\n", " ")
