@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as npst
 
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.profile import load_profile
-from pytest_libero_max.policies.servers.served import Reply
+from pytest_libero_max.policies.servers.reply import Reply
 
 ARRAYS = npst.arrays(
     st.sampled_from(["<f8", "<f4", "<i8", "|u1", "|b1"]),
