@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import AdapterError
@@ -22,25 +23,56 @@ def add_commands(commands: Commands) -> None:
     serve.add_argument("--port", type=int, default=8000, metavar="PORT", help="Default: %(default)s")
     serve.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H")
     serve.add_argument("--query-interval", type=int, metavar="ACTIONS", help="Override Q")
+    serve.add_argument(
+        "--max-batch",
+        type=int,
+        default=1,
+        metavar="N",
+        help="Queries that a policy with predict_batch answers together (default: %(default)s, each alone)",
+    )
+    serve.add_argument(
+        "--max-wait-ms",
+        type=float,
+        default=5.0,
+        metavar="MS",
+        help="How long the first query of a batch waits for others (default: %(default)s)",
+    )
+    serve.add_argument(
+        "--pad-batch",
+        action="store_true",
+        help="Fill every batch up to --max-batch, so that the arithmetic always has the same shape",
+    )
     serve.set_defaults(run=_serve)
 
 
 def _serve(options: argparse.Namespace) -> None:
     from pytest_libero_max.policies.code import adapter_digest
     from pytest_libero_max.policies.loading import load_policy
-    from pytest_libero_max.policies.servers.address import is_address
-    from pytest_libero_max.policies.servers.host import Host, serving
+    from pytest_libero_max.policies.servers.address import TOKEN_VARIABLE, is_address, server_token
+    from pytest_libero_max.policies.serving.batching import Batching
+    from pytest_libero_max.policies.serving.host import Host
+    from pytest_libero_max.policies.serving.metrics import Metrics
+    from pytest_libero_max.policies.serving.sockets import serving
 
     if is_address(options.adapter):
         raise AdapterError(f"policy={options.adapter!r} is a server already. Give its address to pytest.")
+    batching = Batching(options.max_batch, options.max_wait_ms / 1000.0, options.pad_batch)
     policy = load_policy(options.adapter, horizon=options.horizon, query_interval=options.query_interval)
-    host = Host(policy, f"adapter {adapter_digest(options.adapter)[:12]}")
-    with serving(host, options.host, options.port) as (port, never):
-        if options.host not in ("127.0.0.1", "::1", "localhost"):
-            print(f"Whoever reaches {options.host}:{port} can ask this policy.", file=sys.stderr)
+    revision, metrics = f"adapter {adapter_digest(options.adapter)[:12]}", None
+    with suppress(AdapterError):  # the library may be missing, which /metrics says
+        metrics = Metrics()
+    host, token = Host(policy, revision, batching, metrics), server_token()
+    with serving(host, options.host, options.port, token) as (port, never):
+        if token is None and options.host not in ("127.0.0.1", "::1", "localhost"):
+            print(
+                f"Whoever reaches {options.host}:{port} can ask this policy. {TOKEN_VARIABLE}=... here "
+                "and for pytest makes it ask for a token.",
+                file=sys.stderr,
+            )
         print(
             f"Serving {policy.spec.name}. Play it from here or, with the name of this machine, from "
             "elsewhere:"
         )
-        print(f"pytest --libero-max-policy=openpi://127.0.0.1:{port} --libero-max-profile=served", flush=True)
+        print(f"pytest --libero-max-policy=openpi://127.0.0.1:{port} --libero-max-profile=served")
+        print(f"Harnesses of vla-eval: ws://127.0.0.1:{port}/vla-eval", flush=True)
         never.wait()

@@ -26,6 +26,10 @@ class Clock:
         """Add seconds that were measured elsewhere to ``name``."""
         self._seconds[name] = self._seconds.get(name, 0.0) + seconds
 
+    def note_largest(self, name: str, value: float) -> None:
+        """Keep the largest value noted under ``name``, which is no duration."""
+        self._seconds[name] = max(self._seconds.get(name, value), value)
+
     @property
     def seconds(self) -> dict[str, float]:
         """Sorted by name, rounded to microseconds."""

@@ -198,7 +198,7 @@ class PairRecord:
             played a second time for the noise floor.
         policy: The policy's spec as played.
         fingerprints: Everything else that could change a result: versions, substrate, assets.
-        timings: Wall-clock seconds; the only fields that differ between runs.
+        timings: Wall-clock seconds, and server_batch, a count; the only fields that differ between runs.
     """
 
     case_id: str

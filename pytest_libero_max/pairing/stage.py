@@ -25,6 +25,9 @@ _CURE = "A policy acts through the actions it returns. Plan on a copy of the mod
 WAITED = "server_waited_s"
 """Among the timings of a pair: how long an interrupted policy server was waited for. Only where it was."""
 
+BATCH = "server_batch"
+"""Among the timings: the most queries that a policy server answered together. Only where it was several."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -144,6 +147,8 @@ class Stage:
             actions = ask(self.policy, observation, query)
         if self._waited_s() > waited_s:
             self.clock.add(WAITED, self._waited_s() - waited_s)
+        if (batch := int(getattr(self.policy, "batch_size", 1))) > 1:
+            self.clock.note_largest(BATCH, batch)
         require_spec(self.policy, spec, where)
         self._require_unaltered(before, where)
         # The numbers are ours: the policy has had the query in its hands.

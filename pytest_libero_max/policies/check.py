@@ -7,7 +7,7 @@ import inspect
 import pickle
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ActionError, AdapterError, ServerError, did_you_mean
-from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, RemembersPolicy
+from pytest_libero_max.policies.contract import (
+    BatchItem,
+    BatchPolicy,
+    Episode,
+    Policy,
+    PolicySpec,
+    Query,
+    RemembersPolicy,
+)
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World
 from pytest_libero_max.worlds.rendering import gl
 
@@ -55,6 +63,8 @@ def check_policy(policy: Any, where: str) -> Policy:
     if offered:
         _check_method(policy, "snapshot", where)
         _check_method(policy, "restore", where, "memory")
+    if hasattr(policy, "predict_batch"):
+        _check_method(policy, "predict_batch", where, "items")
     checked: Policy = policy
     return checked
 
@@ -103,6 +113,11 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
 def remembers(policy: Policy) -> bool:
     """Whether the policy's memory can be copied (see :class:`RemembersPolicy`)."""
     return hasattr(policy, "snapshot") and hasattr(policy, "restore")
+
+
+def batches(policy: Policy) -> bool:
+    """Whether the policy can answer several queries together (see :class:`BatchPolicy`)."""
+    return hasattr(policy, "predict_batch")
 
 
 def check_actions(value: Any, spec: PolicySpec) -> Actions:
@@ -181,6 +196,25 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
         return check_actions(answer, spec)
     except ActionError as error:
         raise ActionError(f"{where}: {error}") from error
+
+
+def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
+    """The checked answers to several queries, of a policy that :func:`batches`; see :func:`ask`.
+
+    Raises:
+        ActionError: An answer cannot be played.
+        AdapterError: The policy raised, or returned another number of answers.
+        ServerError: The policy asks a server, which was given up.
+    """
+    together: BatchPolicy = policy  # type: ignore[assignment]  # batches() looked
+    with _blaming(policy, f"predict_batch, {len(items)} item(s)"):
+        answers = list(together.predict_batch(items))
+    if len(answers) != len(items):
+        raise AdapterError(
+            f"policy {policy.spec.name!r} returned {len(answers)} answer(s) from predict_batch for "
+            f"{len(items)} item(s). Return one (n, {ACTION_DIM}) array for each, in their order."
+        )
+    return [check_actions(answer, policy.spec) for answer in answers]
 
 
 def copy_memory(policy: Policy) -> object:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import operator
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -185,6 +186,36 @@ class RemembersPolicy(Policy, Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class BatchItem:
+    """One of several queries that a policy answers together.
+
+    Attributes:
+        observation: What the world shows.
+        query: The query.
+        episode: The episode it belongs to. The items of a batch may be of different episodes.
+    """
+
+    observation: Observation
+    query: Query
+    episode: Episode
+
+
+@runtime_checkable
+class BatchPolicy(Policy, Protocol):
+    """A policy that can answer several queries together, of which ``libero-max serve`` makes use.
+
+    A policy with memory is asked one query at a time, whatever it offers.
+    """
+
+    def predict_batch(self, items: Sequence[BatchItem]) -> Sequence[NDArray[np.float64]]:
+        """What ``predict`` returns for each of the items, in their order.
+
+        ``reset`` is not called for them: all that an answer depends on is in its item.
+        """
+        ...
+
+
 def query_seed(policy_seed: int, index: int) -> int:
     """Seed of a query, 0 to 2**32 - 1: the first four bytes of SHA-256 of ``libero-max-query|seed|index``."""
     digest = hashlib.sha256(f"libero-max-query|{policy_seed}|{index}".encode()).digest()
@@ -193,6 +224,8 @@ def query_seed(policy_seed: int, index: int) -> int:
 
 __all__ = [
     "Arm",
+    "BatchItem",
+    "BatchPolicy",
     "Episode",
     "Policy",
     "PolicySpec",

@@ -17,8 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError, LiberoMaxError
-from pytest_libero_max.policies.check import ask, copy_memory, remembers, restore_memory, start
-from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
+from pytest_libero_max.policies.check import (
+    ask,
+    ask_together,
+    batches,
+    copy_memory,
+    remembers,
+    restore_memory,
+    start,
+)
+from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, Query, query_seed
 from pytest_libero_max.policies.pieces import states
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 
@@ -28,6 +36,9 @@ Level = Literal["ok", "note", "wrong"]
 
 FAR_BEYOND = 3.0
 """Components larger than this are no movements within [-1, 1] that overshoot, but other units."""
+
+MIXED_UP = 0.05
+"""Answers of a batch that differ by more from those given alone are no matter of rounding."""
 
 QUERIES = 4
 
@@ -83,7 +94,7 @@ def examine(policy: Policy, shown: Shown) -> list[Finding]:
     """
     findings: list[Finding] = []
     try:
-        for look in (_answers, _repeats, _forgets, _writes, _looks, _carries, _follows_h, _inputs):
+        for look in (_answers, _repeats, _forgets, _writes, _looks, _carries, _company, _follows_h, _inputs):
             findings += look(policy, shown)
     except LiberoMaxError as error:
         findings.append(
@@ -379,6 +390,43 @@ def _carries(policy: Policy, shown: Shown) -> Iterator[Finding]:
             )
             return
     yield Finding("ok", "snapshot", "restore() brings back what snapshot() copied")
+
+
+def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
+    """Whether an answer changes with the queries that are answered together with it."""
+    if not batches(policy) or remembers(policy) or not policy.spec.repeatable:
+        return
+    alone, items = [], []
+    for index in range(QUERIES):
+        start(policy, shown.episode)
+        alone.append(_ask(policy, shown, index))
+        observation = {key: np.array(value) for key, value in shown.observations[index].items()}
+        items.append(BatchItem(observation, shown.query(index), shown.episode))
+    together = ask_together(policy, items)
+    turned = ask_together(policy, items[::-1])[::-1]
+    padded = [ask_together(policy, [item] * QUERIES)[0] for item in items]
+    every = [*zip(alone, together, strict=True), *zip(alone, turned, strict=True)]
+    if any(one.shape != other.shape or np.abs(one - other).max() > MIXED_UP for one, other in every):
+        yield Finding(
+            "wrong",
+            "company",
+            "predict_batch gives other answers than predict",
+            "the answer that each query gets alone, in the order of the items",
+            "The items are mixed up, or something is shared among them.",
+        )
+        return
+    if all(one.tobytes() == other.tobytes() for one, other in every):
+        yield Finding("ok", "company", "the same bytes alone and in a batch")
+        return
+    furthest = max(float(np.abs(one - other).max()) for one, other in every)
+    same_size = zip(together, turned, padded, strict=True)
+    if all(len({answer.tobytes() for answer in answers}) == 1 for answers in same_size):
+        observed = f"answers change by up to {furthest:.1g} with the size of the batch alone"
+        mistake = "Serve it with --pad-batch to get the same bytes whoever else asks."
+    else:
+        observed = f"answers change by up to {furthest:.1g} with the company, also at the same batch size"
+        mistake = "Serve it without --max-batch, or declare repeatable=False."
+    yield Finding("note", "company", observed, "the same bytes alone and in a batch", mistake)
 
 
 def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:

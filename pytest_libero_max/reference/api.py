@@ -30,7 +30,8 @@ ADAPTER = ("PolicySpec", "Policy", "Episode", "Query")
 
 MODULES: Mapping[str, Public] = {
     "pytest_libero_max.policies.contract": Public(
-        "Policies, beyond what an adapter imports.", ("RemembersPolicy", "query_seed")
+        "Policies, beyond what an adapter imports.",
+        ("RemembersPolicy", "BatchPolicy", "BatchItem", "query_seed"),
     ),
     "pytest_libero_max.policies.loading": Public(
         "From the text of `--libero-max-policy` to a policy.", ("load_policy", "check_reference")

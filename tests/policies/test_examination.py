@@ -287,6 +287,52 @@ def test_a_broken_adapter_is_named(
     assert all(finding.mistake or finding.expected for finding in named)
 
 
+class InCompany(Sound):
+    """Answers in batches; the last digits depend on the size of the batch."""
+
+    def predict_batch(self, items: Any) -> Any:
+        return [
+            self.chunk(item.observation, item.query) + self.rounding(items, place)
+            for place, item in enumerate(items)
+        ]
+
+    def rounding(self, items: Any, place: int) -> float:
+        return 1e-7 * len(items)
+
+
+class Undisturbed(InCompany):
+    def rounding(self, items: Any, place: int) -> float:
+        return 0.0
+
+
+class Disturbed(InCompany):
+    def rounding(self, items: Any, place: int) -> float:
+        return 1e-7 * place
+
+
+class Reversed(InCompany):
+    def predict_batch(self, items: Any) -> Any:
+        return super().predict_batch(items)[::-1]
+
+
+@pytest.mark.parametrize(
+    ("policy", "level", "observed", "mistake"),
+    [
+        (Undisturbed, "ok", "the same bytes", ""),
+        (InCompany, "note", "by up to 4e-07 with the size of the batch alone", "--pad-batch"),
+        (Disturbed, "note", "by up to 3e-07 with the company", "repeatable=False"),
+        (Reversed, "wrong", "other answers than predict", "mixed up"),
+    ],
+)
+def test_it_is_found_out_whether_answers_change_with_company(
+    policy: type[Sound], level: str, observed: str, mistake: str, shown: Shown
+) -> None:
+    findings = [finding for finding in examine(policy(), shown) if finding.subject == "company"]
+    assert [finding.level for finding in findings] == [level]
+    assert observed in findings[0].observed
+    assert mistake in findings[0].mistake
+
+
 def test_a_policy_without_seeds_is_not_blamed_for_what_it_declares(shown: Shown) -> None:
     policy = OwnGenerator()
     policy.spec = PolicySpec("server", 8, 4, image_size=32, repeatable=False)

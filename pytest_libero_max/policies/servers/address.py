@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,6 +26,9 @@ TIMEOUT_S = 120.0
 
 PATIENCE_S = 300.0
 """How long a server that cannot be reached is waited for, for example while it restarts."""
+
+TOKEN_VARIABLE = "LIBERO_MAX_SERVER_TOKEN"
+"""Environment variable with the token of servers that ask for one."""
 
 _ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 
@@ -71,6 +75,11 @@ class Address:
 
     def __str__(self) -> str:
         return f"{self.scheme}://{self.where}{self.path}"
+
+
+def server_token() -> str | None:
+    """The token that the environment holds for servers; None where it holds none."""
+    return os.environ.get(TOKEN_VARIABLE) or None
 
 
 def is_address(text: str) -> bool:

@@ -7,12 +7,11 @@ msgpack-numpy dialect. The endpoint that stops a server is never called.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, ServerError
-from pytest_libero_max.policies.servers.address import Address
+from pytest_libero_max.policies.servers.address import Address, server_token
 from pytest_libero_max.policies.servers.codecs import (
     MOST_BYTES,
     MSGPACK_NUMPY,
@@ -23,9 +22,6 @@ from pytest_libero_max.policies.servers.codecs import (
     unpack,
 )
 from pytest_libero_max.policies.servers.link import Unreachable
-
-TOKEN_VARIABLE = "LIBERO_MAX_SERVER_TOKEN"
-"""Environment variable with the token of servers that ask for one."""
 
 DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}
 
@@ -84,7 +80,7 @@ class Gr00tLink:
         zmq = _zmq()
         if self._socket is None:
             raise Unreachable("the connection is closed")
-        token = os.environ.get(TOKEN_VARIABLE)
+        token = server_token()
         if token:
             request = {**request, "api_token": token}
         try:

@@ -37,6 +37,7 @@ class ServedPolicy:
     Attributes:
         greeting: What the server says about itself.
         client: The connection, which counts interruptions.
+        batch_size: How many queries the server answered together with the last one; 1 where it does not say.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class ServedPolicy:
     ) -> None:
         self.spec = spec
         self.greeting: Any = None
+        self.batch_size = 1
         self._request = request
         self._reply = reply
         self._adapt = adapt
@@ -71,11 +73,26 @@ class ServedPolicy:
         Raises:
             ServerError: It was given up.
         """
-        request = self._request.build(observation, query, self._episode, self._layout)
-        spec = self.spec
-        return self.client.ask(
-            request, lambda reply: self._reply.read(reply, spec.query_interval, spec.horizon)
-        )
+        return self.client.ask(self.request(observation, query), self.read)
+
+    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
+        """What the server is sent.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        return self._request.build(observation, query, self._episode, self._layout)
+
+    def read(self, reply: Any) -> Actions:
+        """The actions of a reply; notes in how large a batch they were computed.
+
+        Raises:
+            ServerError: There are none that can be played.
+        """
+        actions = self._reply.read(reply, self.spec.query_interval, self.spec.horizon)
+        batch = reply.get("batch") if isinstance(reply, Mapping) else None
+        self.batch_size = batch if isinstance(batch, int) else 1
+        return actions
 
     def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
         """The arrays of the request, by the names that the profile gives them, for a look at them.
@@ -141,39 +158,29 @@ def load_served(
         revision=profile.get("policy", "revision") or f"profile {profile.name} {profile.digest[:12]}",
     )
     link, adapt = _link(address, profile, spec, request)
+    kinds = [ServedPolicy]
     if profile.get("policy", "declared_by_server", False):
-        adapt = _as_declared(profile, request, horizon, query_interval)
-    policy = ServedPolicy(
-        spec,
-        request,
-        reply,
-        lambda told: Client(f"policy server {address}", link, address.patience_s, told),
-        adapt,
-    )
-    policy.client.connect()
-    return policy
+        from pytest_libero_max.policies.servers.declared import RememberingPolicy, as_declared
 
+        adapt = as_declared(profile, request, horizon, query_interval)
+        kinds.append(RememberingPolicy)
 
-def _as_declared(
-    profile: Profile, request: Request, horizon: int | None, query_interval: int | None
-) -> Adapt:
-    """Takes the spec from the server, and sends the images that it asks for."""
-    from pytest_libero_max.policies.servers.host import declared_spec
-
-    layout = profile.tables["request"]
-
-    def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
-        declared = declared_spec(greeting)
-        declared = replace(
-            declared,
-            horizon=declared.horizon if horizon is None else horizon,
-            query_interval=declared.query_interval if query_interval is None else query_interval,
+    def connected(kind: type[ServedPolicy]) -> ServedPolicy:
+        policy = kind(
+            spec,
+            request,
+            reply,
+            lambda told: Client(f"policy server {address}", link, address.patience_s, told),
+            adapt,
         )
-        unseen = {f"{camera}_image" for camera in request.cameras if camera not in declared.cameras}
-        seen = {key: value for key, value in layout["observation"].items() if key not in unseen}
-        return {**layout, "observation": seen}, declared
+        policy.client.connect()
+        return policy
 
-    return adapt
+    policy = connected(kinds[0])
+    if len(kinds) > 1 and policy.greeting.get("memory") is True:
+        policy.client.close()
+        policy = connected(kinds[1])
+    return policy
 
 
 def require_profile(text: str, profile_text: str | None) -> Profile:

@@ -112,6 +112,12 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
     formats = greeting.get("action_spec") or {}
     if not isinstance(parameters, dict) or not isinstance(formats, dict):
         raise ServerError("the greeting's 'observation_params' and 'action_spec' must be maps")
+    capabilities = greeting.get("capabilities")
+    if isinstance(capabilities, dict) and capabilities.get("memory"):
+        raise AdapterError(
+            "The policy behind this server has a memory, which would be emptied before every query of this "
+            "protocol. Ask the server of `libero-max serve` with openpi:// and --libero-max-profile=served."
+        )
     _require_playable(parameters, formats)
     observation = dict(layout["observation"])
     if not parameters.get("send_wrist_image"):

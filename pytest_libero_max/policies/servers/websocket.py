@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.servers.address import Address
+from pytest_libero_max.policies.servers.address import Address, server_token
 from pytest_libero_max.policies.servers.codecs import MOST_BYTES
 from pytest_libero_max.policies.servers.link import Unreachable
 
@@ -36,10 +36,12 @@ class Socket:
         from websockets.sync.client import connect
 
         self.close()
+        token = server_token()
         try:
             self._connection = self._until_closed.enter_context(
                 connect(
                     f"ws://{self._address.where}{self._address.path or '/'}",
+                    additional_headers={} if token is None else {"Authorization": f"Api-Key {token}"},
                     compression=None,
                     max_size=MOST_BYTES,
                     ping_interval=None,

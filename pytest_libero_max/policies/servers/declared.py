@@ -1,0 +1,124 @@
+"""A server of `libero-max serve`, which declares its policy and may keep its memory."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+from weakref import WeakSet
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.policies.profile import Profile
+from pytest_libero_max.policies.servers.link import Client
+from pytest_libero_max.policies.servers.reply import Reply
+from pytest_libero_max.policies.servers.request import Request
+from pytest_libero_max.policies.servers.served import Actions, Adapt, ServedPolicy
+from pytest_libero_max.worlds.contract import Observation
+
+
+def declared_spec(greeting: Any) -> PolicySpec:
+    """The spec that a server's greeting declares.
+
+    Raises:
+        ServerError: It declares none, or one that breaks a rule.
+    """
+    values = greeting.get("spec") if isinstance(greeting, Mapping) else None
+    names = {item.name for item in fields(PolicySpec)}
+    if not isinstance(values, dict) or not {"name", "horizon", "query_interval"} <= values.keys() <= names:
+        raise ServerError("the greeting declares no spec: this is no server of `libero-max serve`")
+    try:
+        return PolicySpec(**values)
+    except (AdapterError, TypeError) as error:
+        raise ServerError(f"the greeting declares a spec that cannot be used: {error}") from error
+
+
+def as_declared(profile: Profile, request: Request, horizon: int | None, query_interval: int | None) -> Adapt:
+    """Takes the spec from the server, and sends the images that it asks for."""
+    layout = profile.tables["request"]
+
+    def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+        declared = declared_spec(greeting)
+        declared = replace(
+            declared,
+            horizon=declared.horizon if horizon is None else horizon,
+            query_interval=declared.query_interval if query_interval is None else query_interval,
+        )
+        unseen = {f"{camera}_image" for camera in request.cameras if camera not in declared.cameras}
+        seen = {key: value for key, value in layout["observation"].items() if key not in unseen}
+        return {**layout, "observation": seen}, declared
+
+    return adapt
+
+
+@dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
+class Kept:
+    """A memory that a server keeps for as long as this object lives.
+
+    Attributes:
+        name: The server's name for it; None for that of a new episode.
+    """
+
+    name: str | None
+
+
+class RememberingPolicy(ServedPolicy):
+    """A policy behind a server that keeps its memory.
+
+    Each request names the memory that it begins with, and those that may still be restored; the reply names
+    the one after it. So a query can be asked again after an interruption, like any other.
+    """
+
+    def __init__(
+        self,
+        spec: PolicySpec,
+        request: Request,
+        reply: Reply,
+        connect: Callable[[Callable[[Any], None]], Client],
+        adapt: Adapt | None = None,
+    ) -> None:
+        super().__init__(spec, request, reply, connect, adapt)
+        self._name = secrets.token_hex(8)
+        self._at: str | None = None
+        self._kept: WeakSet[Kept] = WeakSet()
+
+    def reset(self, episode: Episode) -> None:
+        """Begin with no memory."""
+        super().reset(episode)
+        self._at = None
+
+    def predict(self, observation: Observation, query: Query) -> Actions:
+        """Ask the server, from the memory that was last gained or restored.
+
+        Raises:
+            ServerError: It was given up, for example because it was started again and has no memories.
+        """
+        keep = sorted({kept.name for kept in self._kept if kept.name is not None})
+        request = self.request(observation, query)
+        request["memory"] = {"client": self._name, "at": self._at, "keep": keep}
+
+        def read(reply: Any) -> tuple[Actions, str]:
+            actions, name = self.read(reply), reply.get("memory")
+            if not isinstance(name, str):
+                raise ServerError("the reply names no memory, although the server's greeting promises one")
+            return actions, name
+
+        actions, self._at = self.client.ask(request, read)
+        return actions
+
+    def snapshot(self) -> object:
+        """A name of the memory, which the server keeps as long as the caller keeps this."""
+        kept = Kept(self._at)
+        self._kept.add(kept)
+        return kept
+
+    def restore(self, memory: object) -> None:
+        """Go back to a memory.
+
+        Raises:
+            AdapterError: It is none of a snapshot.
+        """
+        if not isinstance(memory, Kept):
+            raise AdapterError(f"memory={memory!r}, but must be what snapshot() returned.")
+        self._at = memory.name

@@ -1,0 +1,1 @@
+"""Serving a policy: an adapter becomes a server that many workers share."""

@@ -1,0 +1,152 @@
+"""Queries that wait for the policy: one thread answers them, several together where that is wanted."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from pytest_libero_max.errors import AdapterError, ServerError
+
+Question = TypeVar("Question")
+Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True)
+class Batching:
+    """How many queries are answered together.
+
+    Attributes:
+        size: The most. 1: each query is answered alone.
+        wait_s: How long the first query of a batch waits for others, s. It does not wait when every
+            client has asked.
+        pad: Whether a smaller batch is filled up with copies of its first query, so that the arithmetic
+            always has the same shape.
+
+    Raises:
+        AdapterError: A value breaks its rule.
+    """
+
+    size: int = 1
+    wait_s: float = 0.005
+    pad: bool = False
+
+    def __post_init__(self) -> None:
+        if self.size < 1:
+            raise AdapterError(f"max_batch={self.size!r}, but must be at least 1.")
+        if not 0.0 <= self.wait_s <= 60.0:
+            raise AdapterError(f"max_wait_ms={1000.0 * self.wait_s!r}, but must be from 0 to 60000.")
+        if self.pad and self.size == 1:
+            raise AdapterError("pad_batch pads to the full batch, but max_batch is 1. Raise max_batch.")
+
+
+@dataclass(frozen=True)
+class Waiting(Generic[Question, Answer]):
+    """A question that waits.
+
+    Attributes:
+        question: What is asked.
+        answer: Where the answer, or the error, is put.
+        since: When it came, by ``time.perf_counter``.
+    """
+
+    question: Question
+    answer: Future[Answer] = field(default_factory=Future)
+    since: float = field(default_factory=time.perf_counter)
+
+
+class Desk(Generic[Question, Answer]):
+    """Takes questions from many threads, and has them answered in one.
+
+    Args:
+        batching: How many are answered together.
+        present: How many clients there are: nobody else is waited for.
+        answer: Answers some questions by setting their futures, each of them.
+    """
+
+    def __init__(
+        self,
+        batching: Batching,
+        present: Callable[[], int],
+        answer: Callable[[list[Waiting[Question, Answer]]], None],
+    ) -> None:
+        self._batching = batching
+        self._present = present
+        self._answer = answer
+        self._queue: queue.SimpleQueue[Waiting[Question, Answer] | None] = queue.SimpleQueue()
+        self._closed = threading.Event()
+
+    def ask(self, question: Question) -> Answer:
+        """Wait for the answer to a question.
+
+        Raises:
+            ServerError: The desk is closed.
+            Exception: Whatever the answer is instead.
+        """
+        waiting: Waiting[Question, Answer] = Waiting(question)
+        self._queue.put(waiting)
+        if self._closed.is_set():
+            self._refuse()
+        return waiting.answer.result()
+
+    @contextmanager
+    def open(self) -> Iterator[None]:
+        """Answer questions until the block ends; those that wait then are refused."""
+        thread = threading.Thread(target=self._work, name="policy", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            self._closed.set()
+            self._queue.put(None)
+            thread.join(5)
+            self._refuse()
+
+    def _work(self) -> None:
+        while batch := self._batch():
+            try:
+                self._answer(batch)
+            except BaseException as error:  # a mistake here must not leave clients waiting
+                for waiting in batch:
+                    if not waiting.answer.done():
+                        waiting.answer.set_exception(error)
+
+    def _batch(self) -> list[Waiting[Question, Answer]]:
+        """The next questions to be answered together; none at the end."""
+        first = self._queue.get()
+        if first is None or self._closed.is_set():
+            return self._ended(first)
+        batch = [first]
+        until = first.since + self._batching.wait_s
+        while len(batch) < self._batching.size:
+            try:
+                if len(batch) >= self._present():
+                    following = self._queue.get_nowait()
+                else:
+                    following = self._queue.get(timeout=max(0.0, until - time.perf_counter()))
+            except queue.Empty:
+                break
+            if following is None:
+                self._queue.put(None)
+                break
+            batch.append(following)
+        return batch
+
+    def _ended(self, first: Waiting[Question, Answer] | None) -> list[Waiting[Question, Answer]]:
+        if first is not None:
+            self._queue.put(first)
+        return []
+
+    def _refuse(self) -> None:
+        while True:
+            try:
+                waiting = self._queue.get_nowait()
+            except queue.Empty:
+                return
+            if waiting is not None:
+                waiting.answer.set_exception(ServerError("the server is being stopped"))

@@ -1,0 +1,212 @@
+"""What stands behind a server's connections: the policy, when it is asked, and what it remembers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.check import (
+    ask,
+    ask_together,
+    batches,
+    copy_memory,
+    remembers,
+    restore_memory,
+    start,
+)
+from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec
+from pytest_libero_max.policies.serving.batching import Batching, Desk, Waiting
+from pytest_libero_max.policies.serving.memories import Memories, Place
+from pytest_libero_max.policies.serving.metrics import Metrics
+
+Actions = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Question:
+    """A query on its way to the policy.
+
+    Attributes:
+        item: What the policy is shown and told.
+        place: Where in an episode it stands; None for a policy without memory.
+    """
+
+    item: BatchItem
+    place: Place | None = None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What comes back.
+
+    Attributes:
+        actions: (n, 7) with Q <= n <= H.
+        batch: How many queries were answered together.
+        memory: Name of what the policy remembers after it; None for a policy without memory.
+    """
+
+    actions: Actions
+    batch: int = 1
+    memory: str | None = None
+
+
+class Host:
+    """Answers the questions of many connections with one policy, in one thread.
+
+    Each answer is a function of its question alone, so it does not matter who else asks; only the arithmetic
+    of a batch may differ in its last digits.
+
+    Args:
+        policy: A checked policy that reads no simulator.
+        revision: What tells its weights or code from others, where its spec says nothing.
+        batching: How many queries are answered together.
+        metrics: What counts; None to count nothing.
+
+    Raises:
+        AdapterError: The policy reads the simulator, or cannot answer several queries together.
+    """
+
+    def __init__(
+        self,
+        policy: Policy,
+        revision: str,
+        batching: Batching | None = None,
+        metrics: Metrics | None = None,
+    ) -> None:
+        batching = Batching() if batching is None else batching
+        name = policy.spec.name
+        if policy.spec.privileged:
+            raise AdapterError(
+                f"policy {name!r} reads the simulator (privileged), which a server does not have. Play it "
+                "in process."
+            )
+        if batching.size > 1 and remembers(policy):
+            raise AdapterError(
+                f"policy {name!r} has a memory (snapshot and restore), so its queries are answered one by "
+                "one. Leave --max-batch out."
+            )
+        if batching.size > 1 and not batches(policy):
+            raise AdapterError(
+                f"policy {name!r} has no predict_batch(items), so --max-batch={batching.size} is not "
+                "possible. Add the method, or leave the option out."
+            )
+        self.metrics = metrics
+        self._policy = policy
+        self._revision = policy.spec.revision or revision
+        self._batching = batching
+        self._memories = Memories() if remembers(policy) else None
+        self._episode: Episode | None = None
+        self._at: tuple[str, str | None] | None = None
+        self._clients = 0
+        self._lock = threading.Lock()
+        self._desk: Desk[Question, Answer] = Desk(batching, lambda: self._clients, self._answer)
+
+    @property
+    def spec(self) -> PolicySpec:
+        """What the policy declares, with the revision."""
+        return PolicySpec(**{**self._policy.spec.to_dict(), "revision": self._revision})
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the policy has a memory, so that every question needs a place."""
+        return self._memories is not None
+
+    @property
+    def batching(self) -> Batching:
+        """How many queries are answered together."""
+        return self._batching
+
+    def open(self) -> AbstractContextManager[None]:
+        """Answer until the block ends."""
+        return self._desk.open()
+
+    @contextmanager
+    def client(self) -> Iterator[None]:
+        """A client is there as long as the block lasts."""
+        self._count(1)
+        try:
+            yield
+        finally:
+            self._count(-1)
+
+    def ask(self, question: Question) -> Answer:
+        """Wait for the answer.
+
+        Raises:
+            LiberoMaxError: The policy raised, its actions cannot be played, or the memory is not here.
+        """
+        return self._desk.ask(question)
+
+    def refused(self, error: BaseException) -> None:
+        """Count a request that got an error instead of an answer."""
+        if self.metrics is not None:
+            self.metrics.error(error)
+
+    def _count(self, change: int) -> None:
+        with self._lock:
+            self._clients += change
+            if self.metrics is not None:
+                self.metrics.clients(self._clients)
+
+    def _answer(self, batch: list[Waiting[Question, Answer]]) -> None:
+        began = time.perf_counter()
+        questions = [waiting.question for waiting in batch]
+        outcomes = self._together(questions) if self._batching.size > 1 else [self._tried(questions[0])]
+        took = time.perf_counter() - began
+        if self.metrics is not None:
+            self.metrics.batch([began - waiting.since for waiting in batch], took)
+        for waiting, outcome in zip(batch, outcomes, strict=True):
+            if isinstance(outcome, Answer):
+                waiting.answer.set_result(outcome)
+            else:
+                waiting.answer.set_exception(outcome)
+
+    def _together(self, questions: list[Question]) -> list[Answer | BaseException]:
+        """The answers to several questions; where one of them makes trouble, each is asked alone."""
+        items = [question.item for question in questions]
+        if self._batching.pad:
+            items += items[:1] * (self._batching.size - len(items))
+        try:
+            actions = ask_together(self._policy, items)
+        except BaseException as error:
+            if len(questions) == 1:
+                return [error]
+            return [outcome for question in questions for outcome in self._together([question])]
+        return [Answer(own, len(questions)) for own in actions[: len(questions)]]
+
+    def _tried(self, question: Question) -> Answer | BaseException:
+        try:
+            return self._alone(question) if self._memories is None else self._remembering(question)
+        except BaseException as error:
+            self._episode = self._at = None
+            return error
+
+    def _alone(self, question: Question) -> Answer:
+        item = question.item
+        if item.episode != self._episode:
+            self._episode = None
+            start(self._policy, item.episode)
+            self._episode = item.episode
+        return Answer(ask(self._policy, item.observation, item.query))
+
+    def _remembering(self, question: Question) -> Answer:
+        item, place, memories = question.item, question.place, self._memories
+        assert place is not None
+        assert memories is not None
+        if place.at is None or (place.client, place.at) != self._at:
+            memory = None if place.at is None else memories.find(place)
+            start(self._policy, item.episode)
+            if place.at is not None:
+                restore_memory(self._policy, memory)
+        self._at = None
+        actions = ask(self._policy, item.observation, item.query)
+        name = memories.add(place, copy_memory(self._policy))
+        self._at = (place.client, name)
+        return Answer(actions, memory=name)

@@ -1,0 +1,111 @@
+"""What a policy remembers of each client's episode, between the queries of the others.
+
+A memory never leaves the server. A client names the one that its query begins with, and gets the name of the
+one after it; so it can ask a query again, and go back to any memory that it has kept.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pytest_libero_max.errors import ServerError
+
+MOST_KEPT = 64
+"""So many memories a client may keep."""
+
+FORGOTTEN_AFTER_S = 3600.0
+"""A client that has not asked for so long is forgotten."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where in an episode a query stands.
+
+    Attributes:
+        client: The client's name for itself.
+        at: Name of the memory that the query begins with; None for the first of an episode.
+        keep: Names of further memories that the client may come back to.
+    """
+
+    client: str
+    at: str | None = None
+    keep: tuple[str, ...] = ()
+
+    @classmethod
+    def read(cls, value: Any) -> Place:
+        """The place that a request names.
+
+        Raises:
+            ServerError: It is none.
+        """
+        value = value if isinstance(value, Mapping) else {}
+        client, at, keep = value.get("client"), value.get("at"), value.get("keep", [])
+        if (
+            not (isinstance(client, str) and client)
+            or not (at is None or isinstance(at, str))
+            or not (isinstance(keep, list) and all(isinstance(name, str) for name in keep))
+            or len(keep) > MOST_KEPT
+        ):
+            raise ServerError(
+                "this policy has a memory, and a request must hold 'memory' with 'client', 'at' (None for "
+                f"the first query of an episode) and 'keep' (at most {MOST_KEPT} names)"
+            )
+        return cls(client, at, tuple(keep))
+
+
+@dataclass
+class _Client:
+    heard: float
+    memories: dict[str, object] = field(default_factory=dict)
+
+
+class Memories:
+    """The memories of all clients. One thread uses it.
+
+    Args:
+        clock: Seconds, growing.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._clients: dict[str, _Client] = {}
+        # A name of an earlier run of the server must not be taken for one of this run.
+        self._run, self._count = secrets.token_hex(4), 0
+
+    def __len__(self) -> int:
+        return sum(len(client.memories) for client in self._clients.values())
+
+    def find(self, place: Place) -> object:
+        """The memory that a query begins with, which has a name.
+
+        Raises:
+            ServerError: It is not here.
+        """
+        client = self._clients.get(place.client)
+        if client is None or place.at not in client.memories:
+            raise ServerError(
+                f"the memory {place.at!r} is not here: the server was started again, or has not heard of "
+                f"this client for {FORGOTTEN_AFTER_S:.0f} s"
+            )
+        return client.memories[place.at]
+
+    def add(self, place: Place, memory: object) -> str:
+        """Keep the memory after a query, and of the others those that the client still needs; its name."""
+        now = self._clock()
+        self._clients = {
+            name: client
+            for name, client in self._clients.items()
+            if name == place.client or now - client.heard <= FORGOTTEN_AFTER_S
+        }
+        client = self._clients.setdefault(place.client, _Client(now))
+        client.heard = now
+        needed = {place.at, *place.keep}
+        client.memories = {name: kept for name, kept in client.memories.items() if name in needed}
+        self._count += 1
+        name = f"{self._run}-{self._count}"
+        client.memories[name] = memory
+        return name

@@ -1,0 +1,22 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.servers.declared import declared_spec
+
+
+@pytest.mark.parametrize(
+    ("greeting", "message"),
+    [
+        ({}, "declares no spec"),
+        ({"spec": {"name": "x"}}, "declares no spec"),
+        ({"spec": {**PolicySpec("x").to_dict(), "horizon": 0}}, "cannot be used"),
+    ],
+)
+def test_another_server_is_not_taken_for_one(greeting: Any, message: str) -> None:
+    with pytest.raises(ServerError, match=message):
+        declared_spec(greeting)
