@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -148,7 +148,7 @@ class _Canvas:
             x = column * (self._size + _GAP_PX)
             self._draw_arm(frame, pen, (x, top), name, tick)
         self._draw_strip(pen, top + pictures, strip, tick.step)
-        return np.asarray(frame).copy()
+        return np.array(frame)
 
     def _title_lines(self) -> list[tuple[str, str]]:
         record = self._record
@@ -255,10 +255,10 @@ class _Canvas:
         return _ARMS[self._names.index(name) % len(_ARMS)]
 
     def _write(self, pen: ImageDraw.ImageDraw, place: tuple[float, float], words: str, color: str) -> None:
-        pen.text(place, words, fill=color, font=_font(self._font_px))
+        pen.bitmap((round(place[0]), round(place[1])), _written(words, self._font_px), fill=color)
 
     def _length(self, words: str) -> int:
-        return int(_font(self._font_px).getlength(words))
+        return _length(words, self._font_px)
 
     def _wrapped(self, words: str) -> list[str]:
         """A text in lines that fit the film; a word that does not fit is cut."""
@@ -329,6 +329,20 @@ def _line_px(size: int) -> int:
 
 def _even(length: int) -> int:
     return length + length % 2
+
+
+@lru_cache(maxsize=4096)
+def _written(words: str, size_px: int) -> Picture.Image:
+    """Words as a mask. The same words come back in every frame, and writing them takes the longest."""
+    mask = Picture.new("L", (_length(words, size_px) + 2, 2 * size_px))
+    ImageDraw.Draw(mask).text((0, 0), words, fill=255, font=_font(size_px))
+    return mask
+
+
+@lru_cache(maxsize=4096)
+def _length(words: str, size_px: int) -> int:
+    """Width of some words in pixels."""
+    return int(_font(size_px).getlength(words))
 
 
 @cache
