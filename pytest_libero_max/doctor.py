@@ -77,7 +77,7 @@ def _installation(root: Path | None, assets: Path | None) -> Iterator[Finding]:
     # Not at the top: a plain `libero-max` command has no use for it.
     from pytest_libero_max.worlds.libero.installation import (
         INSTALL,
-        NOISE_INSTALL,
+        NOISE_CURE,
         NOISE_REQUIREMENTS,
         REQUIREMENTS_INSTALL,
         find_installation,
@@ -104,6 +104,5 @@ def _installation(root: Path | None, assets: Path | None) -> Iterator[Finding]:
         if absent:
             yield Finding(
                 "note",
-                f"modules {', '.join(absent)}, for its sensor noise alone: `{NOISE_INSTALL}` and Debian's "
-                "libmagickwand-dev",
+                f"modules {', '.join(absent)}, for its sensor noise alone: {NOISE_CURE}",
             )

@@ -88,6 +88,7 @@ class Examiner:
     ) -> None:
         self.path = folder / inputs_digest(expert, substrate, options)[:16] / NAME
         self._report = report or _ignore
+        self._order = scene_order(substrate, options)
         self._known = read_examinations(self.path)
         use_one_blas_thread()
         context = multiprocessing.get_context("spawn")
@@ -110,7 +111,7 @@ class Examiner:
             AdapterError: The expert broke its contract, or cannot be loaded.
             SimulatorError: The simulation breaks after an event that passed.
         """
-        todo = sorted((case for case in cases if not self._knows(case)), key=_scene)
+        todo = sorted((case for case in cases if not self._knows(case)), key=self._order)
         if todo:
             self._measure(todo, len(cases))
         return {case.case_id: self._known[case.case_id] for case in cases}
@@ -177,11 +178,24 @@ def examining_code(package: Path) -> list[Path]:
     return [*rooms, *(package / "construction" / name for name in ("preflight.py", "examination.py"))]
 
 
+def scene_order(substrate: str, options: SubstrateOptions | None) -> Callable[[Case], tuple[Any, ...]]:
+    """What cases are sorted by, so that neighbours share a scene.
+
+    The installed LIBERO-Plus and LIBERO-PRO have catalogues of their own, which are not consulted.
+    """
+    own = options is not None and options.variations == "own"
+    return _installed_scene if substrate == "libero" and not own else _scene
+
+
 def _scene(case: Case) -> tuple[Any, ...]:
     if case.source == "libero":
         return case.suite, case.task_index, "", case.case_id
     variation = variation_of(case)
     return case.suite, variation.base_index, json.dumps(variation.scene, sort_keys=True), case.case_id
+
+
+def _installed_scene(case: Case) -> tuple[Any, ...]:
+    return case.suite, case.source, case.task_index, case.source_category or "", case.case_id
 
 
 _substrate: Substrate

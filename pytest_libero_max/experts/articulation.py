@@ -27,6 +27,7 @@ from pytest_libero_max.experts.scene_view import (
     Hand,
     Part,
     obstacles,
+    read_part,
     read_parts,
 )
 from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
@@ -48,7 +49,7 @@ _SLACK_M = 0.004  # fingers that hold a part are at most this much wider than it
 def articulate(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
     """The route to a drawer, door or knob in the state that a fact of the goal asks for."""
     (name, *_) = world.joints(fact.subject)
-    part = next(part for part in read_parts(world) if part.joint == name)
+    part = read_part(world, name)
     scene = obstacles(world)
     q, joint = float(world.data.joint(name).qpos[0]), world.model.joint(name)
     low, high = (float(bound) for bound in joint.range)
@@ -67,7 +68,8 @@ def open_door(world: PrivilegedWorld, owner: str, hand: Hand) -> Route:
     """The route that opens the door of a fixture wide; empty if it is open, or there is none."""
     if world.entities[owner].category != "microwave":
         return ()
-    door = next(part for part in read_parts(world) if part.entity == owner and part.joint is not None)
+    joints = (part.joint for part in read_parts(world) if part.entity == owner and part.joint is not None)
+    door = read_part(world, next(joints, None))
     if float(world.data.joint(door.joint).qpos[0]) < _WIDE_RAD:
         return ()
     return push_door(world, door, _WIDE_RAD - _MARGIN_RAD, hand)
@@ -148,7 +150,8 @@ def push_door(world: PrivilegedWorld, part: Part, target: float, hand: Hand) -> 
     joint = data.joint(part.joint)
     q, anchor = float(joint.qpos[0]), joint.xanchor[:2].copy()
     sense, out = math.copysign(1.0, joint.xaxis[2]), part.out[:2]
-    mine = (model.geom_bodyid == model.joint(part.joint).bodyid[0]) & (model.geom_contype != 0)
+    touchable = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    mine = (model.geom_bodyid == model.joint(part.joint).bodyid[0]) & touchable
     pane = max(np.flatnonzero(mine), key=lambda geom: float(np.prod(model.geom_size[geom])))
     middle = data.geom_xpos[pane][:2] - anchor
     along = middle - (middle @ out) * out

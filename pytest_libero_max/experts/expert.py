@@ -23,7 +23,7 @@ from pytest_libero_max.experts.scene_view import (
     owner_of,
     privileged_world,
     read_hand,
-    read_parts,
+    read_part,
     view_scene,
 )
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
@@ -91,7 +91,7 @@ def _before_the_drawer(world: PrivilegedWorld, fact: Fact) -> list[Fact]:
     drawn = float(world.data.joint(joint).qpos[0])
     if drawn <= DRAWER_NEARLY_OPEN_M:
         return []
-    handle = next(part for part in read_parts(world) if part.joint == joint)
+    handle = read_part(world, joint)
     off = world.position(fact.subject) - (handle.position - drawn * handle.motion)
     aside = float(np.linalg.norm(off[:2] - (off[:2] @ handle.out[:2]) * handle.out[:2]))
     in_the_way = off[2] < 0.0 and off @ handle.out < _BEFORE_M and aside < _BESIDE_M

@@ -66,8 +66,8 @@ def variation_of(case: Case) -> Variation:
         raise SubstrateError(
             f"case {case.case_id!r} names {said[0]!r} ({said[1]}, difficulty {said[2]}), but number "
             f"{case.task_index} of the embedded catalogue is {variation.name!r} ({variation.category}, "
-            f"difficulty {variation.difficulty}). Cases of the genuine "
-            "LIBERO-Plus and LIBERO-PRO need substrate libero."
+            f"difficulty {variation.difficulty}). Cases of the genuine LIBERO-Plus and LIBERO-PRO are played "
+            "on substrate libero, with their source variations as installed, not this package's own."
         )
     _require_same_goal(case, variation)
     return variation

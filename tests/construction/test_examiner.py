@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pytest_libero_max
-from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.changes import MoveObject
 from pytest_libero_max.construction.examination import Certificate, Examination
@@ -19,9 +19,12 @@ from pytest_libero_max.construction.examiner import (
     examining_code,
     inputs_digest,
     read_examinations,
+    scene_order,
 )
 from pytest_libero_max.construction.preflight import Problem
+from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.experts import noop
+from pytest_libero_max.worlds.kind import SubstrateOptions
 from tests.construction.test_preflight import case_of, insertion, move
 
 NOOP = Path(noop.__file__)
@@ -140,3 +143,20 @@ def test_what_the_substrate_lacks_is_said_of_each_case(tmp_path: Path) -> None:
     (problem,) = examination.problems
     assert problem.check == "substrate"
     assert "teapot_1" in problem.detail
+
+
+def test_genuine_cases_are_sorted_without_the_packages_own_catalogues(tmp_path: Path) -> None:
+    """No catalogue of this package knows the names of the installed LIBERO-Plus."""
+    raw = {**case_of("target_relocation", MoveObject("mug_1", (0.06, 0.0, 0.0))).record}
+    records = [
+        {**raw, "case_id": f"plus-{number}", "substrate_category": "Camera Viewpoints", "task_index": number}
+        | {"substrate_difficulty": 1, "task_suite_name": "libero_object", "task_name": "not_of_the_catalogue"}
+        for number in (7, 3)
+    ]
+    cases = [parse_case(record) for record in records]
+    with pytest.raises(SubstrateError):
+        sorted(cases, key=scene_order("embedded", None))
+    order = scene_order("libero", None)
+    assert [case.task_index for case in sorted(cases, key=order)] == [3, 7]
+    with pytest.raises(SubstrateError):
+        sorted(cases, key=scene_order("libero", SubstrateOptions(variations="own")))

@@ -40,7 +40,7 @@ def test_a_case_names_its_variation(variation: Variation) -> None:
     [
         (
             {"task_name": "something_view_0_0_100_0_0_initstate_4"},
-            "LIBERO-PRO need substrate libero",
+            "LIBERO-PRO are played on substrate libero, with their source variations as inst",
         ),
         ({"substrate_difficulty": 5, "task_index": 3}, "number 3 of the embedded catalogue is"),
         ({"task_index": 2402}, "has 2402 variations"),

@@ -1,7 +1,8 @@
-"""The handles of drawers and the knobs of a genuine scene.
+"""The handles of drawers and doors and the knobs of a genuine scene.
 
 The package does not say what its models are held by, so it is read off their collision boxes: a drawer has
-its handle foremost in the direction in which it opens, a knob has its bar on top.
+its handle foremost in the direction in which it opens, a door in the direction away from its fixture, and a
+knob has its bar on top.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import mujoco  # noqa: E402
 
 
 def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, GraspablePart]:
-    """Handles and knobs by name.
+    """Handles and knobs by name; a fixture whose parts cannot be made out has none.
 
     Args:
         env: The package's environment.
@@ -38,6 +39,8 @@ def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Graspabl
                 part = _part(model, name, f"{joint}_handle", number, out)
             elif ranges.get("default_turnon_ranges"):
                 part = _part(model, name, f"{joint}_knob", number, model.jnt_axis[number].copy())
+            elif ranges.get("default_open_ranges"):
+                part = _part(model, name, f"{joint}_handle", number, _outside(model, number))
             if part is not None:
                 found[part.name] = part
     return found
@@ -46,14 +49,15 @@ def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Graspabl
 def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array) -> GraspablePart:
     """The foremost box of a joint's body; ``out`` is in the frame of that body."""
     body = int(model.jnt_bodyid[joint])
-    boxes = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype != 0)).tolist()
+    boxes = _solid(model, body)
     turns = {box: _matrix(model.geom_quat[box]) for box in boxes}
     foremost = max(boxes, key=lambda box: model.geom_pos[box] @ out + _reach(model, box, turns[box], out))
     turn, size = turns[foremost], model.geom_size[foremost]
     across_out = np.abs(out @ turn) < 0.5
     along = turn[:, int(np.argmax(np.where(across_out, size, 0.0)))]
     position = model.geom_pos[foremost]
-    if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:  # held on its axis, so that turning it is enough
+    if np.allclose(out, model.jnt_axis[joint]) and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+        # A knob is held on its axis, so that turning it is enough.
         position = model.jnt_pos[joint] + out * ((position - model.jnt_pos[joint]) @ out)
     return GraspablePart(
         name=name,
@@ -65,6 +69,24 @@ def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array)
         out=_vector(out),
         width=2 * _reach(model, foremost, turn, np.cross(along, out)),
     )
+
+
+def _solid(model: mujoco.MjModel, body: int) -> list[int]:
+    """The geoms of a body that something can touch; LIBERO's microwave is touched and touches nothing."""
+    touchable = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    solid: list[int] = np.flatnonzero((model.geom_bodyid == body) & touchable).tolist()
+    return solid
+
+
+def _outside(model: mujoco.MjModel, joint: int) -> Array:
+    """Unit vector through a closed door, away from the fixture behind it, in the frame of its body."""
+    body = int(model.jnt_bodyid[joint])
+    pane = max(_solid(model, body), key=lambda geom: float(np.prod(model.geom_size[geom])))
+    fixture = np.mean(model.geom_pos[_solid(model, int(model.body_parentid[body]))], axis=0)
+    through: Array = _matrix(model.geom_quat[pane])[:, int(np.argmin(model.geom_size[pane]))]
+    turned = _matrix(model.body_quat[body])
+    away = model.body_pos[body] + turned @ model.geom_pos[pane] - fixture
+    return through if (turned @ through) @ away > 0 else -through
 
 
 def _reach(model: mujoco.MjModel, box: int, turn: Array, way: Array) -> float:

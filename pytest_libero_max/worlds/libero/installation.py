@@ -32,7 +32,7 @@ REQUIREMENTS_INSTALL = "pip install easydict future pyyaml matplotlib cloudpickl
 NOISE_REQUIREMENTS = ("skimage", "wand")
 """What LIBERO-Plus's sensor noise needs besides; Wand also needs ImageMagick's libraries."""
 
-NOISE_INSTALL = "pip install scikit-image wand"
+NOISE_CURE = "`pip install scikit-image wand`, and Debian's libmagickwand-dev or ImageMagick's own libraries"
 
 _ASSETS_CURES = {
     "hf-libero": "download the data set lerobot/libero-assets (`hf download --repo-type dataset "

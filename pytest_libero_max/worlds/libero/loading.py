@@ -27,6 +27,7 @@ from typing import Any
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.libero.installation import (
     INSTALL,
+    NOISE_CURE,
     REQUIREMENTS_INSTALL,
     Installation,
     importable,
@@ -198,10 +199,22 @@ def _stand_ins() -> dict[str, ModuleType]:
     """Modules in place of those that are imported, are not installed, and are not needed to build a scene."""
     found: dict[str, ModuleType] = {}
     for name, substitute in _OPTIONAL.items():
-        if name in sys.modules or importable(name.partition(".")[0]):
+        if name in sys.modules or _usable(name):
             continue
         found[name] = importlib.import_module(substitute) if substitute else _Nothing(name)
     return found
+
+
+def _usable(name: str) -> bool:
+    """Whether a module can be imported. Wand can be there without the library that it needs."""
+    package = name.partition(".")[0]
+    if package != "wand" or not importable(package):
+        return importable(package)
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        return False
+    return True
 
 
 class _Nothing(types.ModuleType):
@@ -210,18 +223,23 @@ class _Nothing(types.ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        return type(name, (_Unavailable,), {})
+        return type(name, (_Unavailable,), {"package": self.__name__.partition(".")[0]})
 
 
 class _Unavailable:
-    """Stands for a class or library of a module that is not installed."""
+    """Stands for a class or library of a module that is not installed.
 
+    Attributes:
+        package: Import name of the package; a class that is derived from this one keeps it.
+    """
+
+    package = ""
     MagickMotionBlurImage = types.SimpleNamespace()
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         raise SubstrateError(
-            f"{type(self).__name__} is needed, but its package is not installed. `libero-max doctor` says "
-            "how."
+            f"LIBERO-Plus's Sensor Noise needs the Python package {self.package!r}, which cannot be imported "
+            f"here: {NOISE_CURE}. Its other categories play without."
         )
 
 

@@ -9,7 +9,10 @@ import pytest
 from pytest_libero_max.benchmark.cases import parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.events.registry import resolve_event
+from pytest_libero_max.experts import articulation
+from pytest_libero_max.experts.scene_view import read_hand
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.sources.metadata import task_metadata
@@ -40,3 +43,12 @@ def test_the_expert_solves_genuine_tasks_and_finds_its_way_after_events(
     record = play_pair(case, substrate.world(case), policy)
     assert record.outcome == "preserved_success"
     assert record.triggered
+
+
+def test_a_part_that_the_scene_does_not_tell_of_is_named(
+    substrate: LiberoSubstrate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = substrate.task_world("libero_goal", 7, 195)
+    monkeypatch.setattr(world, "graspable_parts", {})
+    with pytest.raises(AdapterError, match="cannot move joint='flat_stove_1_button'"):
+        articulation.articulate(world, world.goal[0], read_hand(world))

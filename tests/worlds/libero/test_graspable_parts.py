@@ -52,3 +52,16 @@ def test_what_has_no_joint_has_no_part_to_hold(substrate: LiberoSubstrate) -> No
     world = substrate.task_world("libero_10", 5, 0)
     assert world.joints("desk_caddy_1") == ()
     assert dict(world.graspable_parts) == {}
+
+
+def test_a_door_is_pushed_from_outside_the_fixture_it_closes(substrate: LiberoSubstrate) -> None:
+    world = substrate.task_world("libero_10", 9, 0)
+    (joint,) = world.joints("microwave_1")
+    world.data.joint(joint).qpos[0] = 0.0
+    mujoco.mj_kinematics(world.model, world.data)
+    handle = world.graspable_parts[f"{joint}_handle"]
+    position, _, out = handle.world(world.data)
+    assert abs(out[2]) < 1e-6
+    assert (position - world.position("microwave_1")) @ out > 0.1
+    low, _ = world.model.joint(joint).range
+    assert (handle.motion(world.data) * low) @ out > 0.2  # it opens outwards

@@ -182,3 +182,26 @@ def test_missing_modules_are_named_with_the_cure(tmp_path: Path, monkeypatch: py
     message = r"needs the modules bddl, future.*easydict future"
     with pytest.raises(SubstrateError, match=message), loading.imported(found):
         pass
+
+
+def test_sensor_noise_names_the_package_that_it_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LIBERO-Plus derives a class of its own from Wand's; its name would say nothing."""
+    monkeypatch.setattr(loading, "importable", lambda name: False)
+    for name in ("wand", "wand.api", "wand.image"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    motion_image = type("MotionImage", (loading._stand_ins()["wand.image"].Image,), {})
+    with pytest.raises(SubstrateError, match=r"Sensor Noise needs the Python package 'wand'.*libmagickwand"):
+        motion_image()
+
+
+def test_wand_without_its_library_counts_as_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "wand").mkdir()
+    (tmp_path / "wand" / "__init__.py").write_text("")
+    (tmp_path / "wand" / "api.py").write_text("raise ImportError('MagickWand shared library not found.')")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for name in ("wand", "wand.api", "wand.image"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    found = loading._stand_ins()
+    assert "wand" not in found
+    assert {"wand.api", "wand.image"} <= found.keys()
+    monkeypatch.delitem(sys.modules, "wand")
