@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.libero.installation import Installation
 
 Level = Literal["ok", "note", "missing"]
 
@@ -39,10 +41,7 @@ def diagnose(options: SubstrateOptions | None = None) -> list[Finding]:
         options: Where to look for installations; by default where ``import libero`` would.
     """
     options = options or SubstrateOptions()
-    findings = [*_packages(), *_rendering()]
-    for root in options.installations or (None,):
-        findings += _installation(root, options.assets)
-    return findings
+    return [*_packages(), *_rendering(), *_installations(options)]
 
 
 def _packages() -> Iterator[Finding]:
@@ -73,36 +72,35 @@ def _rendering() -> Iterator[Finding]:
         yield Finding("missing", f"images: {error}")
 
 
-def _installation(root: Path | None, assets: Path | None) -> Iterator[Finding]:
+def _installations(options: SubstrateOptions) -> Iterator[Finding]:
     # Not at the top: a plain `libero-max` command has no use for it.
+    from pytest_libero_max.worlds.libero.coverage import coverage
+    from pytest_libero_max.worlds.libero.installation import find_installations
+
+    found: tuple[Installation, ...] = ()
+    try:
+        found = find_installations(options.installations, assets=options.assets)
+    except SubstrateError as error:
+        yield Finding("missing", str(error))
+    for one in found:
+        yield from _installation(one)
+    for source in coverage(found):
+        yield Finding("note" if source.missing else "ok", str(source))
+
+
+def _installation(found: Installation) -> Iterator[Finding]:
     from pytest_libero_max.worlds.libero.installation import (
-        INSTALL,
-        NOISE_CURE,
-        NOISE_REQUIREMENTS,
+        BDDL_INSTALL,
         REQUIREMENTS_INSTALL,
-        find_installation,
-        importable,
         missing_requirements,
     )
 
-    try:
-        found = find_installation(root, assets=assets)
-    except SubstrateError as error:
-        yield Finding("missing", str(error))
-        return
     yield Finding("ok", f"{found} in {found.root}")
     folders = f"its assets in {found.assets}, tasks in {found.bddl}, initial states in {found.states}"
     yield Finding("ok", folders)
-    missing = missing_requirements()
+    missing = missing_requirements(found.module)
     if "bddl" in missing:
-        yield Finding("missing", f"module bddl: `{INSTALL}`")
+        yield Finding("missing", f"module bddl: `{BDDL_INSTALL}`")
     others = [name for name in missing if name != "bddl"]
     if others:
         yield Finding("missing", f"modules {', '.join(others)}: `{REQUIREMENTS_INSTALL}`")
-    if found.flavour == "LIBERO-Plus":
-        absent = [name for name in NOISE_REQUIREMENTS if not importable(name)]
-        if absent:
-            yield Finding(
-                "note",
-                f"modules {', '.join(absent)}, for its sensor noise alone: {NOISE_CURE}",
-            )

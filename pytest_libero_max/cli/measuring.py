@@ -45,11 +45,10 @@ def add_commands(commands: Commands) -> None:
 
 def _bench_genuine(options: argparse.Namespace) -> None:
     from pytest_libero_max.bench.genuine import measure_genuine
-    from pytest_libero_max.worlds.libero.installation import find_installation
+    from pytest_libero_max.worlds.libero.installation import find_installations
     from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 
-    roots = options.libero or [None]
-    substrate = LiberoSubstrate([find_installation(root, assets=options.libero_assets) for root in roots])
+    substrate = LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))
     times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
     substrate.close()
     print("\n".join(times.lines()))

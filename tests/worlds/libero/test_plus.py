@@ -12,7 +12,7 @@ import pytest
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.libero.environment import Built
 from pytest_libero_max.worlds.libero.installation import Installation, find_installation
-from pytest_libero_max.worlds.libero.plus import noise_of, plus_task
+from pytest_libero_max.worlds.libero.plus import _Noise, noise_of, plus_task
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from tests.worlds.libero.data import DATA
 from tests.worlds.libero.reference import Reference, assert_same
@@ -165,3 +165,12 @@ def test_both_installations_play_in_one_process(installation: Installation) -> N
     assert digests[0][0] != digests[0][1]
     assert worlds[0].language != worlds[1].language
     substrate.close()
+
+
+def test_an_image_that_is_too_small_for_the_packages_noise_is_refused() -> None:
+    def glass_blur(picture: Any, severity: int) -> Any:
+        return np.array(picture)[223]
+
+    noise = _Noise(glass_blur, 1, "scene")
+    with pytest.raises(SubstrateError, match=r"glass_blur cannot be applied to an image of 128 px"):
+        noise(np.zeros((128, 128, 3), dtype=np.uint8), "agentview", 1)

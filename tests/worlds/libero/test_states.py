@@ -11,6 +11,7 @@ import pytest
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.libero.states import read_states
+from pytest_libero_max.worlds.libero.tasks import states_file
 from tests.worlds.libero.data import DATA, needs_data
 
 
@@ -97,3 +98,20 @@ def test_every_file_of_the_package_gives_the_array_that_torch_would() -> None:
         states = read_states(path)
         assert np.array_equal(states, np.load(path.with_suffix(".npy"), allow_pickle=False)), path.name
         assert not states[:, 0].any()
+
+
+def test_numpys_own_archives_are_read_without_unpickling(tmp_path: Path) -> None:
+    states = np.random.default_rng(0).normal(size=(3, 7))
+    np.savez(tmp_path / "a.pruned_init.npz", states=states)
+    assert np.array_equal(read_states(tmp_path / "a.pruned_init.npz"), states)
+    assert states_file(tmp_path / "a.pruned_init") == tmp_path / "a.pruned_init.npz"
+    marker = tmp_path / "ran"
+    np.savez(tmp_path / "b.pruned_init.npz", states=np.array([Surprise(marker)], dtype=object))
+    with pytest.raises(SubstrateError, match="is no file of initial states"):
+        read_states(tmp_path / "b.pruned_init.npz")
+    assert not marker.exists()
+    np.savez(tmp_path / "c.pruned_init.npz", other=states)
+    with pytest.raises(SubstrateError, match="is no file of initial states"):
+        read_states(tmp_path / "c.pruned_init.npz")
+    (tmp_path / "a.pruned_init").write_bytes(b"")
+    assert states_file(tmp_path / "a.pruned_init") == tmp_path / "a.pruned_init"
