@@ -89,7 +89,7 @@ def play_again(
             f"{case.digest[:12]}). Give the track or manifest of the run."
         )
     names = distinct_arms(record)
-    begin_world(case, world)
+    begin_world(case, world, record.policy.get("control", "delta"))
     link = first_link(world.digest())
     players = [
         _Player(name, record.arms[name], traces[name], case.item_id, link, world.snapshot()) for name in names

@@ -76,7 +76,7 @@ class ArmRecord:
             nothing happened. Where no query followed, all actions executed afterwards were stale.
         min_distance_m: Smallest distance of the end effector to the case's trigger entity.
         clipped_components: How many of the 7 * steps components of the executed actions are beyond +-1; the
-            controller clips them.
+            controller clips them. Under absolute control only those of the gripper are counted.
         contacts: What touches the trigger entity at the end.
         proof: The hash chain over the whole rollout, changes included, hexadecimal.
         shares: The earlier arm that this one equals bit for bit, because nothing happened in it that did not

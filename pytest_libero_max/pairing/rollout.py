@@ -14,7 +14,7 @@ from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, Asked, Memory
 from pytest_libero_max.pairing.prefix import BranchPoint, Firing, event_link, first_link, next_link
 from pytest_libero_max.pairing.queue import ActionQueue
 from pytest_libero_max.pairing.stage import Answer, Stage, apply_change
-from pytest_libero_max.worlds.contract import Array
+from pytest_libero_max.worlds.contract import Array, Control
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,7 @@ class RolloutResult:
         firings: The entries of the schedule that happened, in order.
         contacts: What touches the trigger entity at the end.
         proof: Last link of the hash chain, hexadecimal.
+        control: What the actions are.
     """
 
     success: bool
@@ -44,11 +45,16 @@ class RolloutResult:
     firings: tuple[Firing, ...]
     contacts: tuple[str, ...]
     proof: str
+    control: Control = "delta"
 
     @property
     def clipped_components(self) -> int:
-        """How many of the 7 * steps components of the executed actions are beyond +-1: they are clipped."""
-        return int((np.abs(self.actions) > 1.0).sum())
+        """How many of the 7 * steps components of the executed actions are beyond +-1: they are clipped.
+
+        Of poses only the gripper is.
+        """
+        clipped = self.actions if self.control == "delta" else self.actions[:, -1]
+        return int((np.abs(clipped) > 1.0).sum())
 
 
 class Rollout:
@@ -218,6 +224,7 @@ class Rollout:
             firings=tuple(self.firings),
             contacts=self._stage.world.contacts(self._stage.entity),
             proof=self._chain[-1].hex(),
+            control=self._stage.spec.control,
         )
 
     def _query(self) -> None:

@@ -17,7 +17,7 @@ from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.policies.check import Actions, ask, require_spec, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import NOOP_ACTION, World, WorldState
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
@@ -78,13 +78,15 @@ class Stage:
     def begin_world(self) -> None:
         """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
 
+        The control that the policy declares begins after them.
+
         Raises:
             SubstrateError: The scene has no such initial state.
             ChangeError: The setup does not fit this world.
             SimulatorError: The scene does not settle.
         """
         with self.clock("reset_s"):
-            begin_world(self.case, self.world)
+            begin_world(self.case, self.world, self.spec.control)
 
     def begin_policy(self) -> None:
         """Tell the policy that an episode begins; a privileged one gets the live world.
@@ -171,13 +173,14 @@ class Stage:
             )
 
 
-def begin_world(case: Case, world: World) -> None:
+def begin_world(case: Case, world: World, control: Control = "delta") -> None:
     """Bring a world to where the policy takes over; see :meth:`Stage.begin_world`."""
     world.reset(case.init_state_index)
     for change in case.event.setup:
         change_from_dict(change).apply(world)
     for _ in range(SETTLE_STEPS):
         world.step(NOOP_ACTION)
+    world.set_control(control)
 
 
 @dataclass(frozen=True)

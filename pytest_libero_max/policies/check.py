@@ -26,10 +26,13 @@ from pytest_libero_max.policies.contract import (
     Query,
     RemembersPolicy,
 )
-from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World
+from pytest_libero_max.worlds.contract import ACTION_DIM, FARTHEST_M, Observation, World
 from pytest_libero_max.worlds.rendering import gl
 
 Actions = NDArray[np.float64]
+
+MOST_TURN_RAD = 2 * np.pi + 1e-3
+"""No rotation of an absolute action is larger: that of either sign of a quaternion stays below."""
 
 
 def check_policy(policy: Any, where: str) -> Policy:
@@ -127,7 +130,8 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
     Components beyond +-1 are left alone: the controller clips them, as it does for LIBERO.
 
     Raises:
-        ActionError: Not numbers, not that shape, too few, too many, or not finite.
+        ActionError: Not numbers, not that shape, too few, too many, or not finite; or, of a policy under
+            absolute control, no pose that a hand could have.
     """
     expected = f"an (n, {ACTION_DIM}) array with {spec.query_interval} <= n <= {spec.horizon}"
     try:
@@ -168,7 +172,29 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
             f"policy {spec.name!r} returned actions[{row}, {column}]={actions[row, column]}, but every "
             "component must be finite. Find where the policy divides by zero or overflows."
         )
+    if spec.control == "absolute":
+        _check_poses(actions, spec)
     return actions
+
+
+def _check_poses(actions: Actions, spec: PolicySpec) -> None:
+    """Refuse poses that are metres away or have more than a whole turn.
+
+    Raises:
+        ActionError: There is one; names the row.
+    """
+    for what, columns, most, cure in (
+        ("position", slice(0, 3), FARTHEST_M, "metres from the world's origin. It is in other units, or"),
+        ("rotation", slice(3, 6), MOST_TURN_RAD, "rad. It is in degrees, or no axis times angle, or"),
+    ):
+        sizes = np.linalg.norm(actions[:, columns], axis=1)
+        row = int(sizes.argmax())
+        if sizes[row] > most:
+            raise ActionError(
+                f"policy {spec.name!r} (control='absolute') returned a {what} of size {sizes[row]:.4g} in "
+                f"actions[{row}], but a pose of the hand has at most {most:.4g} {cure} normalised still: "
+                "repair the adapter."
+            )
 
 
 def start(policy: Policy, episode: Episode) -> None:

@@ -6,14 +6,14 @@ import hashlib
 import operator
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, Observation, World
+from pytest_libero_max.worlds.contract import CAMERAS, Control, Observation, World
 
 Arm = Literal["base", "dynamic"]
 
@@ -36,6 +36,8 @@ class PolicySpec:
             digest. Kept with every result.
         suites: The LIBERO suites it can play, or None for all. Pairs of other suites are unsupported: they
             are skipped, and neither played nor failed.
+        control: What its actions are: movements (``delta``), or poses of the grip site in the world
+            (``absolute``: position in m, axis times angle in rad).
 
     Raises:
         AdapterError: A value breaks its rule.
@@ -50,6 +52,7 @@ class PolicySpec:
     repeatable: bool = True
     revision: str | None = None
     suites: tuple[str, ...] | None = None
+    control: Control = "delta"
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -60,6 +63,11 @@ class PolicySpec:
             raise AdapterError(
                 f"revision={self.revision!r} of policy {self.name!r}, but must be None or a string that is "
                 "not empty."
+            )
+        if self.control not in get_args(Control):
+            raise AdapterError(
+                f"control={self.control!r} of policy {self.name!r}. "
+                f"{did_you_mean(str(self.control), get_args(Control))}"
             )
         if self.suites is not None:
             object.__setattr__(self, "suites", self._known_suites())
@@ -106,10 +114,12 @@ class PolicySpec:
         return count
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as JSON types. ``suites`` is there only where the policy declares some."""
+        """The fields as JSON types; without ``suites`` if it is None, without ``control`` if it is delta."""
         values = {**asdict(self), "cameras": list(self.cameras)}
-        suites = values.pop("suites")
-        return values if suites is None else {**values, "suites": list(suites)}
+        suites, control = values.pop("suites"), values.pop("control")
+        if suites is not None:
+            values["suites"] = list(suites)
+        return values if control == "delta" else {**values, "control": control}
 
 
 @dataclass(frozen=True)
@@ -169,7 +179,7 @@ class Policy(Protocol):
         ...
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
-        """Actions for the coming steps, (n, 7) with Q <= n <= H, within [-1, 1]."""
+        """Actions for the coming steps, (n, 7) with Q <= n <= H, within [-1, 1] or poses, as declared."""
         ...
 
 

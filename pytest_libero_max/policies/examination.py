@@ -37,6 +37,9 @@ Level = Literal["ok", "note", "wrong"]
 FAR_BEYOND = 3.0
 """Components larger than this are no movements within [-1, 1] that overshoot, but other units."""
 
+FAR_AWAY_M = 0.5
+"""A hand that moves 5 cm in a step is not sent farther than this by the next action."""
+
 MIXED_UP = 0.05
 """Answers of a batch that differ by more from those given alone are no matter of rounding."""
 
@@ -174,7 +177,10 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
             "ok", "horizon", f"every query returns H={spec.horizon} actions; Q={spec.query_interval}"
         )
     everything = np.concatenate(answers)
-    yield _range(everything)
+    if spec.control == "absolute":
+        yield _poses([answer[0] for answer in answers], shown)
+    else:
+        yield _range(everything)
     yield _gripper(
         everything[:, 6], np.concatenate([answer[: spec.query_interval] for answer in answers])[:, 6]
     )
@@ -189,7 +195,8 @@ def _range(actions: Actions) -> Finding:
             "range",
             f"components up to {largest:.3g}",
             "movements within [-1, 1]",
-            "These are other units: un-normalise the actions, or do not un-normalise them twice.",
+            "These are other units: un-normalise the actions, or do not un-normalise them twice. Poses are "
+            'declared with PolicySpec(control="absolute").',
         )
     if not actions[:, :6].any():
         return Finding(
@@ -208,6 +215,21 @@ def _range(actions: Actions) -> Finding:
             "Look at the un-normalisation.",
         )
     return Finding("ok", "range", f"components up to {largest:.3g}, {share:.0%} of them clipped")
+
+
+def _poses(actions: list[Actions], shown: Shown) -> Finding:
+    """How far the hand is sent by the first action of each answer, under absolute control."""
+    hands = [observation["robot0_eef_pos"] for observation in shown.observations[: len(actions)]]
+    farthest = float(np.linalg.norm(np.array(actions)[:, :3] - hands, axis=1).max())
+    if farthest > FAR_AWAY_M:
+        return Finding(
+            "wrong",
+            "range",
+            f"the first pose of an answer is up to {farthest:.2g} m from the hand",
+            "poses in the world that begin near the hand",
+            "These are movements, of another frame, or normalised still.",
+        )
+    return Finding("ok", "range", f"poses; the first of an answer is up to {farthest:.2g} m from the hand")
 
 
 def _gripper(values: NDArray[Any], first: NDArray[Any]) -> Finding:

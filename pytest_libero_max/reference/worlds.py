@@ -29,6 +29,17 @@ ACTIONS = (
 )
 """The components of an action of LIBERO's controller, OSC_POSE, for one control step."""
 
+POSES = (
+    ("0 to 2", "Position of the grip site, m, world frame; the site is `robot0_eef_pos`."),
+    (
+        "3 to 5",
+        "Orientation of the grip site, axis times angle in rad, world frame. `grip_site_quaternion` of "
+        "`pieces.states` makes it of `robot0_eef_quat`, that of the hand, a quarter turn about z away.",
+    ),
+    ("6", "Gripper: above 0 closes it, below 0 opens it."),
+)
+"""The components of an action under absolute control."""
+
 SEMANTICS = (
     (
         "Reset",
@@ -88,6 +99,13 @@ names, of the size that the spec names. `image[::-1]` is the right way up.
 A policy returns an array (n, 7) with components within [-1, 1]; what lies beyond is clipped.
 
 {table(("Component", "Meaning"), ACTIONS)}
+
+A policy that declares `control="absolute"` returns poses instead, as LIBERO's controller takes them with
+`use_delta = False`. The settle steps before its first action are movements. Poses are not clipped; a position
+farther than {contract.FARTHEST_M:g} m from the world's origin, or a rotation by more than a whole turn, is an
+error of the adapter.
+
+{table(("Component", "Meaning"), POSES)}
 
 ## Published and corrected
 

@@ -190,7 +190,8 @@ def _policy(report: Json) -> str:
     if spec is None:
         return str(report["provenance"]["policy"]["reference"])
     privileged = ", privileged" if spec["privileged"] else ""
-    return f"{spec['name']} (H={spec['horizon']} Q={spec['query_interval']}{privileged})"
+    control = f", {spec['control']} control" if "control" in spec else ""
+    return f"{spec['name']} (H={spec['horizon']} Q={spec['query_interval']}{privileged}{control})"
 
 
 def _written(paths: Sequence[str]) -> list[str]:

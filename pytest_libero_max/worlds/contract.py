@@ -38,6 +38,15 @@ EntityKind = Literal["object", "fixture", "surface"]
 
 Semantics = Literal["published", "corrected"]
 
+Control = Literal["delta", "absolute"]
+"""What the first six components of an action are. ``delta``, LIBERO's default: a movement relative to where
+the hand is, in units of the controller. ``absolute``: a pose of the grip site in the world, position in m and
+axis times angle in rad. The seventh is the gripper in both."""
+
+FARTHEST_M = 3.0
+"""No position that an absolute action asks for is farther than this from the world's origin, m, which the
+arm never reaches."""
+
 Goal = tuple[tuple[str, ...], ...]
 """Predicates that must all hold, as BDDL writes them: ``(("on", "akita_black_bowl_1", "plate_1"),)``."""
 
@@ -89,6 +98,7 @@ class WorldState:
         filters: Active pixel filters with the step at which each was added.
         parked: Names of the entities taken out of the scene with the pose (7, m and wxyz) each had then.
         assigned: Instruction and goal that were given in place of the task's own, None where they were not.
+        control: What actions are taken for.
     """
 
     scene: str
@@ -99,6 +109,7 @@ class WorldState:
     filters: tuple[tuple[PixelFilter, int], ...]
     parked: tuple[tuple[str, tuple[float, ...]], ...]
     assigned: tuple[str | None, Goal | None] = (None, None)
+    control: Control = "delta"
 
     def differing(self, other: WorldState) -> tuple[str, ...]:
         """Names of what is not bit for bit the same in another state; model fields by their own names."""
@@ -106,7 +117,7 @@ class WorldState:
             name for name, value in self.model.items() if value.tobytes() != other.model[name].tobytes()
         ]
         arrays = [name for name in ("physics", "controller") if _bytes(self, name) != _bytes(other, name)]
-        plain = ("scene", "steps", "filters", "parked", "assigned")
+        plain = ("scene", "steps", "filters", "parked", "assigned", "control")
         values = [name for name in plain if getattr(self, name) != getattr(other, name)]
         return (*arrays, *fields, *values)
 
@@ -137,6 +148,11 @@ class World(Protocol):
     @property
     def assigned(self) -> tuple[str | None, Goal | None]:
         """Instruction and goal given since reset in place of the task's own; None where they were not."""
+        ...
+
+    @property
+    def control(self) -> Control:
+        """What the actions of :meth:`step` are taken for; ``delta`` after a reset."""
         ...
 
     @property
@@ -183,11 +199,19 @@ class World(Protocol):
         ...
 
     def step(self, action: Sequence[float] | Array) -> None:
-        """Play one control step (50 ms) of a (7,) action; the controller clips components beyond +-1.
+        """Play one control step (50 ms) of a (7,) action; the controller clips movements beyond +-1.
 
         Raises:
             ActionError: Wrong shape or a component that is not finite.
             SimulatorError: The state is no longer finite.
+        """
+        ...
+
+    def set_control(self, control: Control) -> None:
+        """Take the actions of all further steps for movements or for poses, until the next reset.
+
+        Raises:
+            SubstrateError: There is no such mode.
         """
         ...
 

@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from hashlib import blake2b
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from pytest_libero_max.worlds.contract import (
     ACTION_DIM,
     CAMERAS,
     Array,
+    Control,
     Entity,
     Goal,
     Image,
@@ -114,6 +115,7 @@ class MujocoWorld(ABC):
         self._filters: tuple[tuple[PixelFilter, int], ...] = ()
         self._parked: dict[str, tuple[float, ...]] = {}
         self._assigned: tuple[str | None, Goal | None] = (None, None)
+        self._control: Control = "delta"
         self._renderer: Renderer | None = None
         self._guard: ModelGuard | None = None
         self._compiled = {field: getattr(model, field).copy() for field in ALTERABLE}
@@ -144,7 +146,10 @@ class MujocoWorld(ABC):
 
     @abstractmethod
     def _control_step(self, action: Array) -> None:
-        """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent."""
+        """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent.
+
+        ``_control`` says what the action is.
+        """
 
     @abstractmethod
     def _proprioception(self) -> dict[str, Array]:
@@ -172,6 +177,10 @@ class MujocoWorld(ABC):
     @property
     def assigned(self) -> tuple[str | None, Goal | None]:
         return self._assigned
+
+    @property
+    def control(self) -> Control:
+        return self._control
 
     @property
     def semantics(self) -> Semantics:
@@ -207,6 +216,7 @@ class MujocoWorld(ABC):
         mujoco.mj_resetData(self._model, self._data)
         self._write_start(qpos)
         self._steps, self._filters, self._parked, self._assigned = 0, (), {}, (None, None)
+        self._control = "delta"
         self._settle()
         self._reset_controller()
         self._after_step()
@@ -225,6 +235,11 @@ class MujocoWorld(ABC):
                 )
         self._after_step()
 
+    def set_control(self, control: Control) -> None:
+        if control not in get_args(Control):
+            raise SubstrateError(f"control={control!r}. {did_you_mean(str(control), get_args(Control))}")
+        self._control = control
+
     def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
         observation: dict[str, NDArray[Any]] = dict(self._proprioception())
         for camera in cameras:
@@ -241,6 +256,7 @@ class MujocoWorld(ABC):
             filters=self._filters,
             parked=tuple(self._parked.items()),
             assigned=self._assigned,
+            control=self._control,
         )
 
     def restore(self, state: WorldState) -> None:
@@ -254,7 +270,7 @@ class MujocoWorld(ABC):
         mujoco.mj_setState(self._model, self._data, state.physics.copy(), _STATE)  # it wants a writable array
         self._set_controller_state(state.controller)
         self._steps, self._filters, self._parked = state.steps, state.filters, dict(state.parked)
-        self._assigned = state.assigned
+        self._assigned, self._control = state.assigned, state.control
         self._settle()
 
     def digest(self) -> bytes:
@@ -265,6 +281,8 @@ class MujocoWorld(ABC):
         fingerprint.update(self._controller_state().tobytes())
         rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
         fingerprint.update(repr(rest).encode())
+        if self._control != "delta":
+            fingerprint.update(self._control.encode())
         return fingerprint.digest()
 
     def take_back_writes(self) -> tuple[str, ...]:

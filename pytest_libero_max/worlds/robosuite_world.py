@@ -64,7 +64,7 @@ class RobosuiteWorld(MujocoWorld):
         self._stepper.restore(state)
 
     def _control_step(self, action: Array) -> None:
-        self._stepper.step(action)
+        self._stepper.step(action, self._control)
 
     def _proprioception(self) -> dict[str, Array]:
         stepper, data = self._stepper, self._data

@@ -30,7 +30,7 @@ from numba.core.cgutils import ir
 from numba.extending import intrinsic
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.contract import ACTION_DIM, Array
+from pytest_libero_max.worlds.contract import ACTION_DIM, Array, Control
 from pytest_libero_max.worlds.rendering import gl
 
 gl.import_robosuite()
@@ -42,6 +42,7 @@ from robosuite.utils.control_utils import (  # noqa: E402
     orientation_error,
     set_goal_orientation,
 )
+from robosuite.utils.transform_utils import axisangle2quat, quat2mat  # noqa: E402
 
 ARM_DOFS = 7
 
@@ -127,17 +128,20 @@ class Stepper:
         self._goal_ori[:] = state[:9].reshape(3, 3)
         self._grip[:] = state[9:]
 
-    def step(self, action: Array) -> None:
+    def step(self, action: Array, control: Control = "delta") -> None:
         """Play one control step of a (7,) float64 action; derived data are up to date before and after."""
-        self.play(self.aim(action), action, self.substeps)
+        self.play(self.aim(action, control), action, self.substeps)
 
-    def aim(self, action: Array) -> Array:
-        """Set the goal from the present kinematics; the goal position (3,), m, world.
+    def aim(self, action: Array, control: Control = "delta") -> Array:
+        """Set the goal, of a movement from the present kinematics; the goal position (3,), m, world.
 
         A substrate that has to reproduce an environment whose controller starts from kinematics of
         another pose, as LIBERO's does after ``set_init_state``, plays that substep with robosuite's own
         controller and the remaining ones with :meth:`play`.
         """
+        if control == "absolute":
+            self._goal_ori[:] = quat2mat(axisangle2quat(action[3 : ACTION_DIM - 1]))
+            return action[:3].copy()
         delta = self._controller.scale_action(action[: ACTION_DIM - 1])
         if not all(math.isclose(part, 0.0) for part in delta[3:]):
             now = self._data.site_xmat[self._site].reshape(3, 3)

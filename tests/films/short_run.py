@@ -15,6 +15,7 @@ from pytest_libero_max.events.schedules import Arm, arms_of
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.pairing.trace import ArmTrace, traces_of, write_trace
+from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore
 from pytest_libero_max.worlds.tiny import world as tiny
@@ -54,13 +55,15 @@ class Played:
         return traces_of(self.pair)
 
 
-def play(folder: Path, arms: tuple[Arm, ...] | None = None, wait: int = 0) -> Played:
+def play(
+    folder: Path, arms: tuple[Arm, ...] | None = None, wait: int = 0, policy: Policy | None = None
+) -> Played:
     """Play the first case of a manifest of tiny cases, which is written into the folder."""
     manifest = folder / "tiny.json"
     manifest.write_text(json.dumps(tiny_manifest(events=("target_relocation",))))
     case = load_manifest(manifest).cases[0]
     world = tiny.TinyWorld()
-    policy = Approaching(wait, horizon=5, interval=3)
+    policy = Approaching(wait, horizon=5, interval=3) if policy is None else policy
     settings = PairSettings(fingerprints=tiny.TinySubstrate().fingerprint())
     return Played(case, world, measure_pair(case, world, policy, settings, arms=arms or arms_of(case)))
 

@@ -13,6 +13,7 @@ from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again
 from pytest_libero_max.worlds.contract import CAMERAS
 from pytest_libero_max.worlds.tiny.world import TinyWorld
+from tests.pairing.actors import Posing
 
 from .short_run import BUDGET, SIZE, Played, play
 
@@ -104,6 +105,15 @@ def test_a_replay_that_reaches_other_states_is_refused(played: Played, arm: str,
     traces[arm] = replace(traces[arm], actions=actions)
     with pytest.raises(ProtocolError, match=where):
         list(play_again(played.case, played.world, played.record, traces, SIZE))
+
+
+def test_recorded_poses_are_played_as_poses(tmp_path: Path) -> None:
+    played = play(tmp_path, policy=Posing(5, 3))
+    assert played.record.trigger_step is not None
+    assert [tick.step for tick in _ticks(played, every=4)] == [0, 4, 8]
+    movements = replace(played.record, policy={**played.record.policy, "control": "delta"})
+    with pytest.raises(ProtocolError, match="is not what was recorded"):
+        list(play_again(played.case, played.world, movements, played.traces, SIZE))
 
 
 def test_another_version_of_the_case_is_refused(played: Played) -> None:

@@ -91,6 +91,21 @@ class Approaching:
         return np.where(steps[:, None] < self.wait, NOOP_ACTION, (0.35, 0.53, -0.77, 0, 0, 0, -1.0))
 
 
+class Posing(Approaching):
+    """Sends the hand to ``box_1`` under absolute control; its gripper commands are beyond 1."""
+
+    def __init__(self, horizon: int = 1, interval: int = 1) -> None:
+        super().__init__(horizon=horizon, interval=interval)
+        self.spec = replace(self.spec, control="absolute")
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        super().predict(observation, query)
+        share = np.linspace(0.2, 1.0, self.length)[:, None]
+        way = np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]
+        hand = observation["robot0_eef_pos"] + share * way
+        return np.concatenate([hand, np.tile([0.0, 2.5, 0.0, -1.5], (self.length, 1))], axis=1)
+
+
 class Solvable(TinyWorld):
     """A tiny world whose task is solved when ``solved`` says so."""
 

@@ -23,12 +23,13 @@ from pytest_libero_max.pairing.runner import (
     measure_pair,
     play_pair,
     play_prefix,
+    return_to,
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.worlds.contract import CAMERAS
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
-from .actors import BUDGET, Approaching, Looking, Solvable, make_case, policy_steps, shorten
+from .actors import BUDGET, Approaching, Looking, Posing, Solvable, make_case, policy_steps, shorten
 
 BOTH = (PairSettings("fork"), PairSettings("replay"))
 
@@ -75,6 +76,33 @@ def test_fork_and_replay_measure_the_same_pair(world: TinyWorld, case: Case, pol
     assert fork.base.actions[:shared].tobytes() == fork.dynamic.actions[:shared].tobytes()
     assert fork.base.end_effector[:shared].tobytes() == fork.dynamic.end_effector[:shared].tobytes()
     assert fork.record.dynamic_digest != fork.record.base_digest
+
+
+def test_fork_and_replay_measure_the_same_pair_under_absolute_control(world: TinyWorld) -> None:
+    case = make_case("target_relocation", distance_m=0.15)
+    fork, replay = (measure_pair(case, world, Posing(8, 5), how) for how in BOTH)
+    assert fork.record.identity() == replay.record.identity()
+    assert fork.record.trigger_step is not None
+    assert fork.record.policy["control"] == "absolute"
+    assert PairRecord.from_dict(fork.record.to_dict()) == fork.record
+    assert np.linalg.norm(fork.base.end_effector[-1] - [0.1, -0.1, 0.5]) < 0.05
+    assert fork.record.arms["base"].clipped_components == fork.base.steps  # the gripper's alone
+    assert world.snapshot().control == "absolute"
+    movements = play_pair(case, world, Approaching())
+    assert world.snapshot().control == "delta"
+    assert "control" not in movements.policy
+
+
+def test_the_pieces_play_under_the_control_of_the_policy(world: TinyWorld) -> None:
+    case, policy = make_case("target_relocation", distance_m=0.15), Posing(8, 5)
+    pair = measure_pair(case, world, policy)
+    branch = play_prefix(case, world, policy)
+    assert branch is not None
+    assert pair.dynamic is not None
+    world.reset(0)
+    return_to(branch, case, world, policy)
+    inject(case, world)
+    assert continue_rollout(branch, case, world, policy).proof == pair.dynamic.proof
 
 
 def test_a_pair_does_not_depend_on_what_its_world_played_before(world: TinyWorld) -> None:

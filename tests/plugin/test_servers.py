@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pytest_libero_max.policies.servers.codecs import JSON_NUMPY
 from tests.policies.servers import fakes
 
 Run = Callable[..., pytest.RunResult]
@@ -42,6 +44,25 @@ def test_a_served_policy_plays_pairs_by_its_address(run: Run, results: Results, 
     assert {pair["policy"]["revision"][:13] for pair in pairs} == {"profile blind"}
     assert all(pair["policy"]["horizon"] == 10 for pair in pairs)
     assert report["provenance"]["policy"]["reference"].startswith("openpi://127.0.0.1")
+
+
+def test_a_policy_of_poses_plays_pairs_and_header_and_records_say_so(run: Run, results: Results) -> None:
+    def answer(request: Any) -> Any:
+        position = JSON_NUMPY.decode(json.loads(request[1]["proprio"]))[:3]
+        goals = position + np.linspace(0.1, 1.0, 30)[:, None] * (np.array([0.1, -0.1, 0.5]) - position)
+        arms = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.2, *[0.0] * 10], (30, 1))
+        arms[:, :3] = goals
+        return {"action": arms.tolist()}
+
+    with fakes.http(answer) as port:
+        result = run("--libero-max-profile=xvla", "-k", "distractor_burst", policy=f"http://127.0.0.1:{port}")
+    result.assert_outcomes(passed=2)
+    result.stdout.fnmatch_lines(["x-vla (H=30 Q=30, absolute control) on tiny, *"])
+    pairs, report = results()
+    assert {pair["policy"]["control"] for pair in pairs} == {"absolute"}
+    assert all(pair["arms"]["dynamic"]["firings"] for pair in pairs)
+    assert report["policy"]["control"] == "absolute"
+    assert report["clipped_actions"]["pairs"] == 0
 
 
 def test_a_server_that_is_killed_and_started_again_costs_no_pair(

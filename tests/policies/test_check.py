@@ -20,6 +20,7 @@ from pytest_libero_max.policies.check import (
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 
 SPEC = PolicySpec("p", horizon=4, query_interval=2)
+ABSOLUTE = PolicySpec("p", horizon=4, query_interval=2, control="absolute")
 QUERY = Query(3, 6, "do it", 0)
 EPISODE = Episode("libero_spatial", 0, "do it", 195, 220)
 
@@ -210,6 +211,27 @@ def test_any_real_numbers_of_the_right_shape_are_actions(
 
 def test_a_single_action_may_be_a_vector_where_q_is_one() -> None:
     assert check_actions(np.arange(7), PolicySpec("p")).tolist() == [[0, 1, 2, 3, 4, 5, 6]]
+
+
+def test_poses_of_a_hand_are_actions_under_absolute_control() -> None:
+    poses = np.array([[0.4, -0.3, 1.2, 0.0, 6.2, 0.0, 1.0], [1.0, 1.0, 2.6, 3.1, 0.2, 0.1, -1.0]])
+    assert np.array_equal(check_actions(poses, ABSOLUTE), poses)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        (0, 3.1, r"a position of size 3\.1 in actions\[1\], but a pose of the hand has at most 3 metres"),
+        (2, 950.0, "other units"),
+        (4, 180.0, r"a rotation of size 180 in actions\[1\].* at most 6\.284 rad.*degrees"),
+        (5, np.nan, "must be finite"),
+    ],
+)
+def test_a_pose_that_no_hand_could_have_is_refused(column: int, value: float, message: str) -> None:
+    poses = np.zeros((3, 7))
+    poses[1, column] = value
+    with pytest.raises(ActionError, match=message):
+        check_actions(poses, ABSOLUTE)
 
 
 def test_actions_beyond_one_are_the_controllers_business() -> None:

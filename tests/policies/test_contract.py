@@ -40,6 +40,13 @@ def test_a_revision_is_text(value: Any) -> None:
         PolicySpec("p", revision=value)
 
 
+def test_only_a_control_that_is_not_delta_is_written() -> None:
+    assert "control" not in PolicySpec("p").to_dict()
+    assert PolicySpec("p", control="absolute").to_dict()["control"] == "absolute"
+    with pytest.raises(AdapterError, match=r"control='absolut' of policy 'p'\. Did you mean 'absolute'"):
+        PolicySpec("p", control="absolut")  # type: ignore[arg-type]
+
+
 def test_a_policy_supports_all_suites_or_those_it_names() -> None:
     assert "suites" not in PolicySpec("p").to_dict()
     assert PolicySpec("p").supports("libero_10")

@@ -6,6 +6,7 @@ import copy
 import re
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -339,6 +340,41 @@ def test_a_policy_without_seeds_is_not_blamed_for_what_it_declares(shown: Shown)
     found = bad(examine(policy, shown))
     assert [finding.level for finding in found] == ["note"]
     assert "repeatable=False says so" in found[0].observed
+
+
+class Posing(Sound):
+    """Under absolute control; stays near the hand."""
+
+    def __init__(self) -> None:
+        self.spec = replace(SPEC, control="absolute")
+
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        actions = super().chunk(observation, query)
+        actions[:, :3] = observation["robot0_eef_pos"] + 0.05 * actions[:, :3]
+        actions[:, 3:6] *= 3.0
+        return actions
+
+
+class MovingAsPosing(Sound):
+    def __init__(self) -> None:
+        self.spec = replace(SPEC, control="absolute")
+
+
+class PosingAsMoving(Posing):
+    def __init__(self) -> None:
+        self.spec = SPEC
+
+    def chunk(self, observation: Observation, query: Query) -> Any:
+        return super().chunk(observation, query) + np.array([0, 0, 0, 3.0, 0, 0, 0])
+
+
+def test_poses_are_judged_by_where_the_hand_is(shown: Shown) -> None:
+    assert not bad(examine(Posing(), shown))
+    (moving,) = bad(examine(MovingAsPosing(), shown))
+    assert (moving.level, moving.subject) == ("wrong", "range")
+    assert "m from the hand" in moving.observed
+    (posing,) = bad(examine(PosingAsMoving(), shown))
+    assert 'declared with PolicySpec(control="absolute")' in posing.mistake
 
 
 def test_a_policy_that_tells_nothing_is_asked_to(shown: Shown) -> None:

@@ -40,3 +40,14 @@ def random_actions(seed: int, count: int) -> Array:
     actions[count // 4 : count // 2, 3:6] = 0.0
     actions[::5, 6] = 0.0
     return actions
+
+
+def random_poses(near: Array, seed: int, count: int) -> Array:
+    """(count, 7): poses within 10 cm of a position, m, turned in all ways, once not at all."""
+    generator = np.random.default_rng(seed)
+    poses = generator.uniform(-1.4, 1.4, (count, 7))
+    poses[:, :3] = near + 0.07 * poses[:, :3]
+    poses[:, 3:6] *= 2.0
+    poses[count // 2, 3:6] = 0.0
+    poses[::5, 6] = 0.0
+    return poses

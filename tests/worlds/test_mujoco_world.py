@@ -49,6 +49,7 @@ def disturb(world: TinyWorld) -> None:
     world.place("box_1", (0.2, 0.2, 0.6))
     world.park("clutter_1", AWAY)
     world.add_filter(Darker(0.5))
+    world.set_control("absolute")
 
 
 def test_tiny_world_is_a_world(world: TinyWorld) -> None:
@@ -392,6 +393,33 @@ def test_actions_move_the_hand_and_the_fingers(world: TinyWorld) -> None:
     closed = world.observe(cameras=())["robot0_gripper_qpos"]
     assert abs(opened).sum() > 0.06 > 0.02 > abs(closed).sum()
     assert mujoco.__version__.startswith("3.3.")
+
+
+def test_under_absolute_control_the_hand_goes_where_it_is_told(world: TinyWorld) -> None:
+    world.set_control("absolute")
+    for _ in range(40):
+        world.step((0.1, -0.2, 0.55, 9.0, 9.0, 9.0, 1.0))
+    assert world.end_effector() == pytest.approx((0.1, -0.2, 0.55), abs=2e-3)
+    assert np.ptp(world.observe(())["robot0_gripper_qpos"]) < 2e-3
+
+
+def test_control_belongs_to_the_state_and_ends_with_the_episode(world: TinyWorld) -> None:
+    delta, digest = world.snapshot(), world.digest()
+    world.set_control("delta")
+    assert world.digest() == digest
+    world.set_control("absolute")
+    absolute = world.snapshot()
+    assert absolute.differing(delta) == ("control",)
+    assert world.digest() != digest
+    world.reset(0)
+    assert world.snapshot().control == "delta"
+    assert world.digest() == digest
+    world.restore(absolute)
+    assert world.snapshot().control == "absolute"
+    world.restore(delta)
+    assert world.digest() == digest
+    with pytest.raises(SubstrateError, match=r"control='absolut'\. Did you mean 'absolute'"):
+        world.set_control("absolut")  # type: ignore[arg-type]
 
 
 def test_observations_do_not_follow_the_world(world: TinyWorld) -> None:

@@ -6,20 +6,23 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.policies.pieces.states import grip_site_quaternion, rotation_matrix
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Array, Control
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.embedded.tasks import SUITES, tasks
 from pytest_libero_max.worlds.stepping import Stepper
 from tests.worlds.reference import twin
-from tests.worlds.states import integration_state, random_actions
+from tests.worlds.states import integration_state, random_actions, random_poses
 
 TASKS = [(suite, index) for suite in SUITES for index in range(len(tasks(suite)))]
 
 
-def assert_same_steps(world: EmbeddedWorld, env: Any, seed: int, count: int) -> None:
-    for number, action in enumerate(random_actions(seed, count)):
+def assert_same_steps(world: EmbeddedWorld, env: Any, actions: Array) -> None:
+    for number, action in enumerate(actions):
         env.step(action)
         world.step(action)
         ours, theirs = world.snapshot().physics, integration_state(env.sim.model._model, env.sim.data._data)
@@ -34,14 +37,14 @@ def test_a_step_has_the_bits_of_robosuites_own(suite: str, index: int) -> None:
     scene = build_scene(suite, index)
     world = EmbeddedWorld(scene)
     world.reset(index % 10)
-    assert_same_steps(world, twin(scene, world), index, 8)
+    assert_same_steps(world, twin(scene, world), random_actions(index, 8))
 
 
 @pytest.mark.parametrize(("suite", "index"), [("libero_spatial", 5), ("libero_object", 2)])
 def test_equal_bits_last(suite: str, index: int) -> None:
     scene = build_scene(suite, index)
     world = EmbeddedWorld(scene)
-    assert_same_steps(world, twin(scene, world), 7, 80)
+    assert_same_steps(world, twin(scene, world), random_actions(7, 80))
 
 
 def test_equal_bits_in_the_middle_of_things() -> None:
@@ -52,7 +55,33 @@ def test_equal_bits_in_the_middle_of_things() -> None:
         world.step((0.2, 0.0, -1.0, 0.0, 0.1, 0.0, 1.0))
     assert "gripper0" in world.contacts("main_table")
     assert world.snapshot().controller[9:].any()
-    assert_same_steps(world, twin(scene, world), 3, 20)
+    assert_same_steps(world, twin(scene, world), random_actions(3, 20))
+
+
+@pytest.mark.parametrize(("suite", "index"), [("libero_spatial", 5), ("libero_object", 2)])
+def test_poses_have_the_bits_of_robosuites_own_control_with_use_delta_off(suite: str, index: int) -> None:
+    scene = build_scene(suite, index)
+    world = EmbeddedWorld(scene)
+    for _ in range(3):
+        world.step(NOOP_ACTION)
+    env = twin(scene, world)
+    world.set_control("absolute")
+    env.robots[0].controller.use_delta = False
+    began = world.end_effector()
+    assert_same_steps(world, env, random_poses(began, index, 12))
+    assert np.linalg.norm(world.end_effector() - began) > 0.02
+
+
+def test_under_absolute_control_the_hand_goes_where_it_is_told() -> None:
+    world = EmbeddedWorld(build_scene("libero_spatial", 0))
+    goal, turn = world.end_effector() + np.array([0.06, -0.04, -0.05]), (0.3, 3.0, 0.1)
+    world.set_control("absolute")
+    for _ in range(40):
+        world.step((*goal, *turn, -1.0))
+    seen = world.observe(())
+    assert seen["robot0_eef_pos"] == pytest.approx(goal, abs=5e-3)
+    matrix = rotation_matrix(grip_site_quaternion(seen["robot0_eef_quat"]))
+    assert matrix == pytest.approx(Rotation.from_rotvec(turn).as_matrix(), abs=0.05)
 
 
 def test_derived_data_belong_to_the_end_of_the_step() -> None:
@@ -68,14 +97,17 @@ def test_derived_data_belong_to_the_end_of_the_step() -> None:
     assert np.array_equal(world.data.contact.dist, fresh.contact.dist)
 
 
-def test_a_restored_world_continues_with_the_same_bits() -> None:
+@pytest.mark.parametrize("control", ["delta", "absolute"])
+def test_a_restored_world_continues_with_the_same_bits(control: Control) -> None:
     world = EmbeddedWorld(build_scene("libero_spatial", 3))
     for action in random_actions(1, 7):
         world.step(action)
+    world.set_control(control)
     state, futures = world.snapshot(), []
+    actions = random_actions(2, 10) if control == "delta" else random_poses(world.end_effector(), 2, 10)
     for _ in range(2):
         digests = []
-        for action in random_actions(2, 10):
+        for action in actions:
             world.step(action)
             digests.append(world.digest())
         futures.append(digests)

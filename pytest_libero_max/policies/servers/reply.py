@@ -43,13 +43,6 @@ class Reply:
             self._statistics = read_statistics(
                 profile.folder / file, profile.get("actions", "statistics_key"), rule
             )
-        control = profile.get("actions", "control", "delta")
-        if control != "delta":
-            raise AdapterError(
-                f"Profile {profile.name!r} has control={control!r}: its actions are poses in the world. "
-                "Worlds take movements relative to where the hand is, as LIBERO's controller does by "
-                "default, so these actions cannot be played exactly yet."
-            )
 
     def read(self, reply: Any, least: int, most: int) -> Actions:
         """The actions of a reply, (n, 7) float64, with ``least`` <= n <= ``most``.

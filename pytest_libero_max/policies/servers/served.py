@@ -155,6 +155,7 @@ def load_served(
         image_size=profile.get("policy", "image_size", 256),
         repeatable=profile.get("policy", "repeatable", False),
         suites=profile.get("policy", "suites"),
+        control=profile.get("actions", "control", "delta"),
         revision=profile.get("policy", "revision") or f"profile {profile.name} {profile.digest[:12]}",
     )
     link, adapt = _link(address, profile, spec, request)
@@ -224,11 +225,12 @@ def _link(
 
             return StarvlaLink(address), None
         case "vla-eval":
-            from pytest_libero_max.policies.servers.vla_eval import VlaEvalLink, wanted
+            from pytest_libero_max.policies.servers.vla_eval import VlaEvalLink, returns_poses, wanted
 
             def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
                 layout = wanted(profile.tables.get("request", {}), greeting)
-                return layout, replace(spec, cameras=request.cameras_of(layout))
+                spec = replace(spec, cameras=request.cameras_of(layout))
+                return layout, replace(spec, control="absolute") if returns_poses(greeting) else spec
 
             return VlaEvalLink(address, spec.query_interval), adapt
         case "http":

@@ -106,19 +106,22 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
     Raises:
         ServerError: The greeting is damaged.
-        AdapterError: The server's actions cannot be played: poses in the world, or another gripper.
+        AdapterError: The server's gripper is another one.
     """
-    parameters = greeting.get("observation_params") or {}
-    formats = greeting.get("action_spec") or {}
-    if not isinstance(parameters, dict) or not isinstance(formats, dict):
-        raise ServerError("the greeting's 'observation_params' and 'action_spec' must be maps")
+    parameters, formats = _declared(greeting)
     capabilities = greeting.get("capabilities")
     if isinstance(capabilities, dict) and capabilities.get("memory"):
         raise AdapterError(
             "The policy behind this server has a memory, which would be emptied before every query of this "
             "protocol. Ask the server of `libero-max serve` with openpi:// and --libero-max-profile=served."
         )
-    _require_playable(parameters, formats)
+    gripper = _format(formats, "gripper")
+    if gripper not in (None, "raw", "binary_close_positive"):
+        raise AdapterError(
+            f"The server's gripper has the format {gripper!r}, but LIBERO's is 'binary_close_positive': +1 "
+            "closes. Start the server so that it converts it, as vla-eval's own configuration for LIBERO "
+            "does."
+        )
     observation = dict(layout["observation"])
     if not parameters.get("send_wrist_image"):
         observation["images"] = {key: image for key, image in observation["images"].items() if key != "wrist"}
@@ -129,19 +132,26 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
     return {**layout, "observation": observation}
 
 
-def _require_playable(parameters: dict[Any, Any], formats: dict[Any, Any]) -> None:
-    names = ("position", "gripper")
-    position, gripper = (
-        formats[name].get("format") if isinstance(formats.get(name), dict) else None for name in names
-    )
-    if parameters.get("absolute_action") or position == "absolute_xyz":
-        raise AdapterError(
-            "The server's actions are poses in the world (absolute_action). Worlds take movements relative "
-            "to where the hand is, so these actions cannot be played exactly yet."
-        )
-    if gripper not in (None, "raw", "binary_close_positive"):
-        raise AdapterError(
-            f"The server's gripper has the format {gripper!r}, but LIBERO's is 'binary_close_positive': +1 "
-            "closes. Start the server so that it converts it, as vla-eval's own configuration for LIBERO "
-            "does."
-        )
+def returns_poses(greeting: Any) -> bool:
+    """Whether the server's greeting says that its actions are poses in the world.
+
+    Raises:
+        ServerError: The greeting is damaged.
+    """
+    parameters, formats = _declared(greeting)
+    return bool(parameters.get("absolute_action")) or _format(formats, "position") == "absolute_xyz"
+
+
+def _declared(greeting: Any) -> tuple[dict[Any, Any], dict[Any, Any]]:
+    """What a server asks for, and what it says about its actions."""
+    parameters = greeting.get("observation_params") or {}
+    formats = greeting.get("action_spec") or {}
+    if not isinstance(parameters, dict) or not isinstance(formats, dict):
+        raise ServerError("the greeting's 'observation_params' and 'action_spec' must be maps")
+    return parameters, formats
+
+
+def _format(formats: dict[Any, Any], name: str) -> Any:
+    """The format of one part of the actions; None where the server does not say."""
+    part = formats.get(name)
+    return part.get("format") if isinstance(part, dict) else None

@@ -63,6 +63,7 @@ class Session:
     def greeting(self) -> dict[str, Any]:
         """What the server says about itself."""
         spec = self._spec
+        poses = {"absolute_action": True} if spec.control == "absolute" else {}
         return {
             "harness_version": "pytest-libero-max",
             "protocol_version": PROTOCOL_VERSION,
@@ -72,6 +73,7 @@ class Session:
                 "send_wrist_image": CAMERAS[1] in spec.cameras,
                 "send_state": True,
                 "quat_no_antipodal": True,
+                **poses,
             },
         }
 

@@ -293,12 +293,13 @@ class LiberoWorld(RobosuiteWorld):
         """The goal of the step, and how many substeps have been played to get it."""
         stepper = self._stepper
         if not self._stale:
-            return stepper.aim(action), 0
+            return stepper.aim(action, self._control), 0
         self._stale = False
         robot = self._env.robots[0]
         for name, value in self._kinematics.items():
             setattr(robot.controller, name, value.copy(order="K"))
         robot.controller.new_update = False
+        robot.controller.use_delta = self._control == "delta"
         robot.gripper.current_action = np.zeros(2)
         self._seen_qpos[:] = self._data.qpos
         robot.control(action, policy_step=True)

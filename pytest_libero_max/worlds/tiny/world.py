@@ -137,9 +137,10 @@ _ENTITIES = {
 class TinyWorld(MujocoWorld):
     """A floating hand over a table; see the module's text.
 
-    Actions are LIBERO's: the first three components move the hand (clipped to +-1, 5 cm at most), the
-    next three are accepted and without effect, the seventh opens (negative) or closes (positive) the
-    fingers. The task is solved while ``box_1`` rests on ``plate_1``.
+    Actions are LIBERO's: the first three components move the hand (clipped to +-1, 5 cm at most) or, under
+    absolute control, say where it shall be (m), the next three are accepted and without effect, the seventh
+    opens (negative) or closes (positive) the fingers. The task is solved while ``box_1`` rests on
+    ``plate_1``.
     """
 
     def __init__(self) -> None:
@@ -174,7 +175,10 @@ class TinyWorld(MujocoWorld):
 
     def _control_step(self, action: Array) -> None:
         self._opening = float(np.clip(self._opening - 0.25 * np.sign(action[6]), -1.0, 1.0))
-        target = self._data.qpos[self._hand] + STEP_M * np.clip(action[:3], -1.0, 1.0)
+        if self._control == "absolute":
+            target = action[:3] - _HAND_START_M
+        else:
+            target = self._data.qpos[self._hand] + STEP_M * np.clip(action[:3], -1.0, 1.0)
         self._data.ctrl[:3] = np.clip(target, np.negative(_REACH_M), _REACH_M)
         self._data.ctrl[3:] = (0.02 * (1.0 + self._opening), -0.02 * (1.0 + self._opening))
         mujoco.mj_step(self._model, self._data, _SUBSTEPS)

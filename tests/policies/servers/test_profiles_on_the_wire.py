@@ -12,8 +12,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.profile import load_profile, profile_names
 from pytest_libero_max.policies.servers.codecs import JSON_NUMPY, MSGPACK_NUMPY
 from pytest_libero_max.policies.servers.served import load_served
@@ -153,6 +153,43 @@ def check_vla_eval(request: Any) -> None:
     assert request["task_description"] == "put the Box on the plate"
 
 
+def check_xvla(request: Any) -> None:
+    path, body = request
+    assert path == "/act"
+    assert set(body) == {"domain_id", "proprio", "language_instruction", "image0", "image1"}
+    assert body["domain_id"] == 3
+    assert body["language_instruction"] == "put the Box on the plate"
+    assert all(isinstance(body[key], str) for key in ("proprio", "image0", "image1"))
+    scene, wrist, proprio = (
+        JSON_NUMPY.decode(json.loads(body[key])) for key in ("image0", "image1", "proprio")
+    )
+    assert is_turned(scene, 0, 256)
+    assert is_turned(wrist[::-1, ::-1], 1, 256)  # the wrist's is sent as the world delivers it
+    assert proprio.dtype == np.float64
+    assert proprio.shape == (20,)
+    matrix = Rotation.from_quat([0.64, 0.288, 0.384, -0.6]).as_matrix() @ QUARTER_TURN
+    assert np.allclose(proprio[:9], [*POSITION, *matrix[:, 0], *matrix[:, 1]], atol=1e-6)
+    assert not proprio[9:].any()
+
+
+QUARTER_TURN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""From the hand to the grip site, about z."""
+
+POSE = [0.15, -0.25, 0.65, *(np.array([0.6, 0.0, 0.8]) * 2.5), 1.0]
+"""A position in reach of the tiny world's hand, a rotation, and the gripper closing."""
+
+
+def poses(chunk: int) -> Any:
+    return np.repeat(np.array([POSE]), chunk, axis=0)
+
+
+def as_rotation_6d(chunk: int) -> Any:
+    """The same as X-VLA says it: two arms, columns of any length, the chance that the gripper closes."""
+    matrix = Rotation.from_rotvec(POSE[3:6]).as_matrix()
+    first, second = 1.7 * matrix[:, 0], 0.6 * matrix[:, 1] + 0.3 * matrix[:, 0]
+    return np.repeat(np.array([[*POSE[:3], *first, *second, 0.7, *[9.0] * 10]]), chunk, axis=0)
+
+
 def opening_first(chunk: int) -> Any:
     """Actions whose gripper is 0 for closed and 1 for open."""
     actions = np.repeat(CLOSING, chunk, axis=0)
@@ -197,7 +234,7 @@ def serve(name: str, look: Look) -> Iterator[str]:
     def vla_eval(request: Any) -> Any:
         if "episode_start" not in request:
             look(request)
-        return closing(chunk)
+        return poses(chunk) if name == "vla_eval_xvla" else closing(chunk)
 
     normalised = np.concatenate([np.repeat(CLOSING, chunk, axis=0), np.zeros((chunk, 1))], axis=1)
     normalised[:, 6] = -1.0  # below a half: flag 0, closed
@@ -214,14 +251,18 @@ def serve(name: str, look: Look) -> Iterator[str]:
     elif profile.protocol == "http":
         actions = opening_first(chunk) if name == "openvla_oft" else closing(chunk)
         rows = [JSON_NUMPY.encode(row) for row in actions]
+        if name == "xvla":
+            with fakes.http(answer({"action": as_rotation_6d(chunk).tolist()})) as port:
+                yield f"http://127.0.0.1:{port}"
+            return
         with fakes.http(answer(rows if name == "openvla_oft" else {"actions": actions.tolist()})) as port:
             yield f"http://127.0.0.1:{port}"
     elif profile.protocol == "gr00t":
         with fakes.zeromq(gr00t, MSGPACK_NUMPY) as port:
             yield f"gr00t://127.0.0.1:{port}"
     else:
-        wants = {"observation_params": {"send_wrist_image": True, "send_state": True}}
-        with fakes.vla_eval(vla_eval, chunk, wants) as port:
+        wants = {"send_wrist_image": True, "send_state": True, "absolute_action": name == "vla_eval_xvla"}
+        with fakes.vla_eval(vla_eval, chunk, {"observation_params": wants}) as port:
             yield f"vla-eval://127.0.0.1:{port}"
 
 
@@ -248,7 +289,7 @@ CHECKS: dict[str, Look] = {
     "vla_eval": check_vla_eval,
     "vla_eval_pi05": check_vla_eval,
 }
-REFUSED = ("xvla", "vla_eval_xvla")
+POSING: dict[str, Look] = {"xvla": check_xvla, "vla_eval_xvla": check_vla_eval}
 ELSEWHERE = ("served",)
 """Tested in ``test_host.py``, with its real server."""
 TABLES_THAT_DIFFER = {"policy", "native", "sources"}
@@ -294,16 +335,33 @@ def _missing(name: str) -> tuple[int | None, int | None]:
     return (8 if "policy.horizon" in unknown else None, 4 if "policy.query_interval" in unknown else None)
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_a_policy_whose_actions_are_poses_is_refused_with_the_reason(name: str) -> None:
-    scheme = {"http": "http", "vla-eval": "vla-eval"}[load_profile(name).protocol]
-    with pytest.raises(AdapterError, match="poses in the world"):
-        load_served(f"{scheme}://127.0.0.1:1", name)
+@pytest.mark.parametrize("name", POSING)
+def test_a_policy_whose_actions_are_poses_sends_the_hand_there(name: str, world: TinyWorld) -> None:
+    seen: list[Any] = []
+    with serve(name, seen.append) as address:
+        policy = load_served(address, name)
+        policy.reset(fakes.EPISODE)
+        actions = policy.predict(fakes.observation(), fakes.query())
+        policy.client.close()
+    POSING[name](seen[0])
+    assert len(seen) == 1
+    assert len(actions) == policy.spec.query_interval == policy.spec.horizon == 30
+    assert policy.spec.control == "absolute"
+    assert np.allclose(actions, POSE, atol=1e-6)
+    world.reset(0)
+    for _ in range(8):
+        world.step((0, 0, 0, 0, 0, 0, -1))
+    world.set_control(policy.spec.control)
+    for action in actions:
+        world.step(action)
+    after = world.observe(())
+    assert after["robot0_eef_pos"] == pytest.approx(POSE[:3], abs=5e-3)
+    assert np.ptp(after["robot0_gripper_qpos"]) < 2e-3
 
 
 def test_every_other_profile_asks_as_a_tested_one() -> None:
     generic = load_profile("vla_eval").tables
-    for name in set(profile_names()) - CHECKS.keys() - {*REFUSED, *ELSEWHERE}:
+    for name in set(profile_names()) - CHECKS.keys() - POSING.keys() - {*ELSEWHERE}:
         tables = load_profile(name).tables
         assert {key: tables[key] for key in tables.keys() - TABLES_THAT_DIFFER} == {
             key: generic[key] for key in generic.keys() - TABLES_THAT_DIFFER

@@ -96,10 +96,26 @@ def test_the_sign_of_the_quaternion_is_kept_where_the_server_asks_for_that(kept:
 
 
 @pytest.mark.parametrize(
+    ("greeting", "profile", "control"),
+    [
+        ({"observation_params": {"absolute_action": True}}, "vla_eval_pi05", "absolute"),
+        ({"action_spec": {"position": {"format": "absolute_xyz"}}}, "vla_eval_pi05", "absolute"),
+        ({"action_spec": {"position": {"format": "delta_xyz"}}}, "vla_eval_pi05", "delta"),
+        ({}, "vla_eval_xvla", "absolute"),
+    ],
+)
+def test_a_server_that_asks_for_it_is_played_under_absolute_control(
+    greeting: dict[str, Any], profile: str, control: str
+) -> None:
+    with fakes.vla_eval(Model(), None, greeting) as port:
+        policy = connect(port, profile)
+        policy.client.close()
+    assert policy.spec.control == control
+
+
+@pytest.mark.parametrize(
     ("greeting", "message"),
     [
-        ({"observation_params": {"absolute_action": True}}, "poses in the world"),
-        ({"action_spec": {"position": {"format": "absolute_xyz"}}}, "poses in the world"),
         ({"action_spec": {"gripper": {"format": "continuous_01"}}}, "format 'continuous_01'"),
     ],
 )

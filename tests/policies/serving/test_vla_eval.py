@@ -14,7 +14,7 @@ from pytest_libero_max.policies.contract import PolicySpec, query_seed
 from pytest_libero_max.policies.pieces.images import rotate_180
 from pytest_libero_max.policies.pieces.states import axis_angle
 from pytest_libero_max.policies.servers.codecs import VLA_EVAL, pack, unpack
-from pytest_libero_max.policies.servers.vla_eval import wanted
+from pytest_libero_max.policies.servers.vla_eval import returns_poses, wanted
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.policies.serving.vla_eval import WITH_IMAGES, Session, quaternion
 from tests.policies.servers import fakes
@@ -122,6 +122,13 @@ def test_the_memory_lasts_for_the_episode_of_the_connection() -> None:
         one.reply("episode_start", TASK)
         seen.append(float(act(one)[0]))
     assert seen == [0.0] * 4 + [0.01] * 2 + [0.0] * 4 + [0.01] * 2 + [0.0]
+
+
+def test_the_greeting_of_a_policy_of_poses_asks_for_absolute_control() -> None:
+    with session(Told(control="absolute")) as talk:
+        answer = talk.reply("hello", {})
+    assert answer is not None
+    assert returns_poses(answer[1])
 
 
 def test_the_greeting_asks_for_what_the_policy_wants() -> None:

@@ -18,7 +18,7 @@ from pytest_libero_max.worlds.libero.world import LiberoWorld
 from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
 from tests.worlds.libero.data import DATA, TASKS, needs_package
 from tests.worlds.libero.reference import Reference, assert_same
-from tests.worlds.states import differing, every_array, random_actions
+from tests.worlds.states import differing, every_array, random_actions, random_poses
 
 pytestmark = needs_package
 
@@ -66,6 +66,32 @@ def test_equal_bits_last(installation: Installation, suite: str, index: int) -> 
         reference.step(action)
         world.step(action)
         assert_same(world, reference, f"step {number}")
+
+
+@pytest.mark.parametrize("settling", [0, 2])
+def test_poses_have_the_bits_of_the_packages_own_step_with_use_delta_off(
+    installation: Installation, settling: int
+) -> None:
+    world = make_world(installation, "libero_spatial", 4)
+    reference = Reference(installation, task_of(installation, "libero_spatial", 4), SEED)
+    world.reset(3)
+    reference.start(world.initial_state(3))
+    for _ in range(settling):
+        reference.step(NOOP_ACTION)
+        world.step(NOOP_ACTION)
+    world.set_control("absolute")
+    reference.env.robots[0].controller.use_delta = False
+    for number, action in enumerate(random_poses(world.end_effector(), 1, 8)):
+        reference.step(action)
+        world.step(action)
+        assert_same(world, reference, f"step {number}")
+    world.reset(3)
+    reference.env.robots[0].controller.use_delta = True
+    reference.env.reset()
+    reference.start(world.initial_state(3))
+    reference.step(NOOP_ACTION)
+    world.step(NOOP_ACTION)
+    assert_same(world, reference, "the first movement of the next episode")
 
 
 @pytest.mark.parametrize(("suite", "index"), [("libero_spatial", 0), ("libero_object", 1)])
