@@ -82,6 +82,8 @@ def _film(options: argparse.Namespace) -> int:
             else:
                 seconds, kilobytes = time.perf_counter() - begin, path.stat().st_size / 1000
                 print(f"{number}/{len(records)} {path} ({kilobytes:.0f} kB, {seconds:.1f} s)", flush=True)
+    if options.output is None and refused < len(records):
+        print(f"libero-max report {options.run_folder} links the films in report.html.")
     if not records:
         print(f"No pair of this run is selected by --select={options.select}.")
     return 1 if refused else 0

@@ -31,6 +31,9 @@ def available_format() -> str:
 def write_film(path: Path, frames: Iterable[Image], hz: float, overwrite: bool = False) -> None:
     """Write a film; the folder is made if missing. A film that cannot be completed leaves no file.
 
+    An MP4 takes the frames one by one. A WebP holds them all until it is written: 290 MB for 220 steps with
+    pictures of 256 pixels.
+
     Args:
         path: Ends in ``.mp4`` or ``.webp``, which says the format.
         frames: (H, W, 3) uint8, all of one size with even sides; at least one.

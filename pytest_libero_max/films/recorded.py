@@ -11,7 +11,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.errors import OptionError, ProtocolError, ReportError, did_you_mean
+from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.files import available_format, write_film
 from pytest_libero_max.films.replay import distinct_arms, play_again
@@ -159,17 +159,24 @@ def open_recorded(
         assets: Models and textures for it. None: where the run found them.
 
     Raises:
-        ReportError: The pairs cannot be read.
+        ReportError: The pairs cannot be read, or the run kept no traces.
         ManifestError: The cases cannot be read.
         SubstrateError: The substrate cannot be opened.
     """
     stored = read_pairs(folder)
     provenance = stored.run.provenance
+    home = pairs_file(folder).parent
+    if not (home / TRACES_NAME).is_dir():
+        raise ReportError(
+            f"{home} has no {TRACES_NAME}, so the actions of its pairs are not known. Play the run again "
+            "with --libero-max-traces=all."
+        )
+    cases_played = _cases(provenance["case_set"], cases)
     substrate = open_substrate(
         provenance["substrate"]["name"], _options(provenance["substrate"], installations, assets)
     )
     try:
-        yield RecordedRun(pairs_file(folder).parent, stored, _cases(provenance["case_set"], cases), substrate)
+        yield RecordedRun(home, stored, cases_played, substrate)
     finally:
         substrate.close()
 
@@ -206,7 +213,10 @@ def _cases(case_set: Json, asked: str | None) -> dict[str, Case]:
         if not asked:
             raise ReportError(f"The run names its cases {case_set['name']!r}. Give its track or manifest.")
     is_file = Path(asked).suffix in (".json", ".gz")
-    manifest = load_manifest(Path(asked).expanduser()) if is_file else load_track(asked)
+    try:
+        manifest = load_manifest(Path(asked).expanduser()) if is_file else load_track(asked)
+    except ManifestError as error:
+        raise ManifestError(f"{error} Name the track or manifest of the run with --cases.") from error
     return {case.case_id: case for case in manifest}
 
 

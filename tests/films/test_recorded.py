@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -11,8 +12,10 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.films.recorded import SELECTIONS, chosen, selected
+from pytest_libero_max.films.recorded import SELECTIONS, chosen, open_recorded, selected
 from pytest_libero_max.report.store import read_pairs
+from pytest_libero_max.worlds.kind import SubstrateOptions
+from pytest_libero_max.worlds.tiny.world import TinySubstrate
 
 from .short_run import SIZE, Played, store
 
@@ -71,13 +74,59 @@ def test_another_process_and_folder_make_the_same_film(run: Path, tmp_path: Path
     assert one.read_bytes() == other.read_bytes()
 
 
-def test_without_a_trace_there_is_no_film_and_the_cure_is_said(
+def test_without_traces_there_is_no_film_and_the_cure_is_said(
     played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = store(played, tmp_path / "run", tmp_path / "tiny.json", trace=False)
     assert _film(run, "--select=all") == 1
-    assert "--libero-max-traces=all" in capsys.readouterr().out
+    assert "has no traces" in capsys.readouterr().err
+    (run / "traces").mkdir()
+    assert _film(run, "--select=all") == 1
+    assert "has no trace (" in (out := capsys.readouterr().out)
+    assert "--libero-max-traces=all" in out
     assert not (run / "films").exists()
+
+
+def test_the_cases_of_a_run_can_be_named_where_they_are_now(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moved = tmp_path / "moved.json"
+    (tmp_path / "tiny.json").rename(moved)
+    assert _film(run, "--select=all") == 1
+    assert "with --cases" in capsys.readouterr().err
+    assert _film(run, "--select=all", "--cases", moved) == 0
+    assert _film(run, "--select=all", "--cases", "smoke", "--overwrite") == 1
+    assert "is not among the cases" in capsys.readouterr().out
+
+
+def test_the_substrate_is_opened_as_the_run_opened_it(
+    run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    told = SubstrateOptions((Path("here"),), Path("models"), "corrected", "clean", "own")
+    described = {
+        "name": "libero",
+        "roots": ["here"],
+        "assets": "models",
+        "semantics": "corrected",
+        "instruction_source": "clean",
+        "source_variations": "own",
+    }
+    first = json.loads((run / "pairs.jsonl").read_text().splitlines()[0])
+    first["provenance"]["substrate"] = described
+    (run / "pairs.jsonl").write_text(json.dumps(first) + "\n")
+    asked: list[tuple[str, SubstrateOptions]] = []
+
+    def opened(name: str, options: SubstrateOptions) -> TinySubstrate:
+        asked.append((name, options))
+        return TinySubstrate()
+
+    monkeypatch.setattr("pytest_libero_max.films.recorded.open_substrate", opened)
+    with open_recorded(run):
+        pass
+    with open_recorded(run, installations=(tmp_path,), assets=tmp_path):
+        pass
+    elsewhere = replace(told, installations=(tmp_path,), assets=tmp_path)
+    assert asked == [("libero", told), ("libero", elsewhere)]
 
 
 def test_a_replay_that_reaches_another_state_is_refused_with_what_differs(
