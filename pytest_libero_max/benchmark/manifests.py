@@ -1,7 +1,9 @@
 """Manifests: frozen sets of cases.
 
-The file format is that of the manifests released by the authors of LIBERO-MAX, so theirs load here and ours
-load there; a manifest that is read and written again has the same bytes.
+The file format is that of the manifests that the authors of LIBERO-MAX released as version 3.0.0 and that are
+scored by the completion of the task; a manifest that is read and written again has the same bytes. Not played
+are their pairs that are scored by the policy's intent (``intent_96.json``), and their cases of version 1.0.0,
+which have a third draw of the parameters (``core.json``).
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from pytest_libero_max.benchmark.documents import (
     require_object,
     require_text,
 )
+from pytest_libero_max.benchmark.releases import Recognition, recognise
 from pytest_libero_max.errors import ManifestError
 
 SCORING_TRACK = "physical_completion"
@@ -37,6 +40,8 @@ class Manifest:
     version: str
     protocol: Json
     cases: tuple[Case, ...]
+    recognition: Recognition | None = field(default=None, compare=False)
+    """What its file has to do with the released ones; None where nothing, or where there is no file."""
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -93,10 +98,13 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
         raise ManifestError(
             f"{path}: not a JSON document ({error}). The file is damaged or is not a manifest; restore it."
         ) from error
+    named = document.get("benchmark_id") if isinstance(document, dict) else None
+    recognition = recognise(content, path, named)
     try:
-        return parse_manifest(document)
+        return replace(parse_manifest(document), recognition=recognition)
     except ManifestError as error:
-        raise ManifestError(f"{path}: {error}") from error
+        what = "" if recognition is None else f" ({recognition})"
+        raise ManifestError(f"{path}{what}: {error}") from error
 
 
 def _unreadable(path: Path, error: Exception) -> ManifestError:

@@ -113,6 +113,7 @@ class RunController:
         if settings.shard is not None:
             asked.append(f"shard {settings.shard[0]} of {settings.shard[1]}")
         details = [f"{len(manifest)} cases, digest {manifest.digest[:12]}"]
+        details += [] if manifest.recognition is None else [str(manifest.recognition)]
         details += [f"selection: {', '.join(asked)}"] if asked else []
         details += [f"{len(self.measured)} measured before"] if self.measured else []
         return [
@@ -194,6 +195,7 @@ class RunController:
                 "digest": manifest.digest,
                 "limit": settings.limit,
                 **({} if settings.manifest is None else {"path": str(settings.manifest)}),
+                **({} if manifest.recognition is None else {"released_as": str(manifest.recognition)}),
             },
             selection=selection.to_dict(),
             protocol={"prefix": settings.prefix, "noise_floor": settings.noise_floor},

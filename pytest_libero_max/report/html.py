@@ -206,6 +206,8 @@ def _provenance(report: Json) -> list[str]:
     origin = report["provenance"]
     rows = [(name, version or "not installed") for name, version in origin["versions"].items()]
     rows += [("case set", f"{origin['case_set']['name']}, {origin['case_set']['digest'][:12]}")]
+    if "released_as" in origin["case_set"]:
+        rows.append(("case set is", origin["case_set"]["released_as"]))
     if report["selection"]:
         rows += [("selection", f"{selection_text(report)}, {report['selection']['digest'][:12]}")]
     rows += [("MUJOCO_GL", origin["gl_backend"] or "not set"), ("command", shlex.join(origin["command"]))]

@@ -70,6 +70,8 @@ def markdown(report: Json) -> str:
     lines += ["", "## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
     digests = [("case set", provenance["case_set"]["digest"])]
+    if "released_as" in provenance["case_set"]:
+        digests.append(("case set is", provenance["case_set"]["released_as"]))
     if report["selection"]:
         digests.append(("selected cases", report["selection"]["digest"]))
     lines += _table(("Part", "Version"), [*versions, *digests])

@@ -74,7 +74,10 @@ def test_every_released_change_survives_reading_and_writing() -> None:
 
 
 def test_the_manifest_keeps_its_bytes() -> None:
-    assert load_manifest(MANIFEST).to_json() == MANIFEST.read_text()
+    manifest = load_manifest(MANIFEST)
+    assert manifest.to_json() == MANIFEST.read_text()
+    assert manifest.recognition is not None
+    assert manifest.recognition.identical
 
 
 def test_derived_metadata_equals_the_catalogue(catalog: list[Json]) -> None:

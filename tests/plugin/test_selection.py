@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.cli import main
+from tests.plugin.conftest import tiny_manifest
 
 Run = Callable[..., pytest.RunResult]
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
@@ -115,3 +116,18 @@ def test_shards_are_joined_and_a_forgotten_one_is_named(
     report = results("whole")[1]
     assert report["pairs"]["complete"]
     assert report["selection"]["text"] == "8 of 16 cases of manifest tiny.json (selection: -k v0)"
+
+
+def test_a_manifest_like_a_released_one_is_told_from_it_in_header_and_reports(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    (pytester.path / "tiny.json").write_text(
+        json.dumps({**tiny_manifest(), "benchmark_id": "libero-max-8000"})
+    )
+    text = "like the authors' libero_max_8000.json 3.0.0, but NOT that file: its SHA-256 is another"
+    done = run("--libero-max-limit=1")
+    done.stdout.fnmatch_lines([f"*manifest tiny.json (16 cases, digest *; {text}*"])
+    folder = pytester.path / "libero-max-results"
+    assert results()[1]["provenance"]["case_set"]["released_as"] == text
+    assert text in (folder / "report.md").read_text()
+    assert text.replace("'", "&#x27;") in (folder / "report.html").read_text()
