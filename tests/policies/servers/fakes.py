@@ -31,11 +31,11 @@ def query(index: int = 0) -> Query:
     return Query(index, 5 * index, "put the Box on the plate", 1234 + index)
 
 
-def observation() -> dict[str, NDArray[Any]]:
+def observation(size: int = 256) -> dict[str, NDArray[Any]]:
     """A red square in the first corner of the scene's image, a green one in the wrist's, and w < 0."""
-    scene, wrist = np.zeros((2, 256, 256, 3), dtype=np.uint8)
-    scene[:32, :32, 0] = 255
-    wrist[:32, :32, 1] = 255
+    scene, wrist = np.zeros((2, size, size, 3), dtype=np.uint8)
+    scene[: size // 8, : size // 8, 0] = 255
+    wrist[: size // 8, : size // 8, 1] = 255
     return {
         "agentview_image": scene,
         "robot0_eye_in_hand_image": wrist,

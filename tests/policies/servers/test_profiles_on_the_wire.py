@@ -6,6 +6,7 @@ import base64
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import load_profile, profile_names
-from pytest_libero_max.policies.servers.codecs import JSON_NUMPY, MSGPACK_NUMPY
+from pytest_libero_max.policies.servers.codecs import JSON_NUMPY, MSGPACK_NUMPY, OPENPI, pack, unpack
+from pytest_libero_max.policies.servers.reply import Reply
+from pytest_libero_max.policies.servers.request import Request
 from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.policies.serving import openpi
+from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.policies.servers import fakes
 
@@ -153,6 +160,48 @@ def check_vla_eval(request: Any) -> None:
     assert request["task_description"] == "put the Box on the plate"
 
 
+def check_wrapped(
+    request: Any,
+    side: int = 256,
+    state: Any = (*POSITION, *AXIS_ANGLE, *FINGERS),
+    dtype: str = "float64",
+    prompt: str = "put the Box on the plate",
+) -> None:
+    assert set(request) == {"prompt", "observation", "query", "episode"}
+    assert request["prompt"] == prompt
+    assert request["query"] == {"index": 0, "step": 0, "seed": 1234}
+    assert request["episode"]["instruction"] == "put the Box on the plate"
+    seen = request["observation"]
+    assert set(seen) == {"image", "wrist_image", "state"}
+    assert is_turned(seen["image"], 0, side)
+    assert is_turned(seen["wrist_image"], 1, side)
+    assert seen["state"].dtype == dtype
+    assert seen["state"].shape == (len(state),)
+    assert np.allclose(seen["state"], state, atol=1e-6)
+
+
+def check_cosmos_policy(request: Any) -> None:
+    mirrored = {
+        key: value[:, ::-1] if key != "state" else value for key, value in request["observation"].items()
+    }
+    state = (*FINGERS, *POSITION, 0.64, 0.288, 0.384, -0.6)
+    check_wrapped({**request, "observation": mirrored}, state=state)
+
+
+def check_fastwam(request: Any) -> None:
+    seen = request["observation"]
+    assert set(seen) == {"image", "state"}
+    assert seen["image"].shape == (224, 448, 3)
+    images = {"image": seen["image"][:, :224], "wrist_image": seen["image"][:, 224:]}
+    check_wrapped({**request, "observation": {**seen, **images}}, 224, dtype="float32", prompt=FILMED)
+
+
+FILMED = (
+    "A video recorded from a robot's point of view executing the following instruction: put the Box on the "
+    "plate"
+)
+
+
 def check_xvla(request: Any) -> None:
     path, body = request
     assert path == "/act"
@@ -242,7 +291,8 @@ def serve(name: str, look: Look) -> Iterator[str]:
     if name == "starvla":
         data = {"actions": opening_first(chunk)[None]}
     if profile.protocol == "openpi":
-        with fakes.openpi(answer({"actions": closing(chunk), "policy_timing": {"infer_ms": 1.0}})) as port:
+        actions = opening_first(chunk) if name in ("fastwam", "lightwam") else closing(chunk)
+        with fakes.openpi(answer({"actions": actions, "policy_timing": {"infer_ms": 1.0}})) as port:
             yield f"openpi://127.0.0.1:{port}"
     elif profile.protocol == "starvla":
         reply = {"status": "ok", "ok": True, "type": "inference_result", "data": data}
@@ -288,7 +338,25 @@ CHECKS: dict[str, Look] = {
     "gr00t_n17_nested": check_gr00t,
     "vla_eval": check_vla_eval,
     "vla_eval_pi05": check_vla_eval,
+    "wrapped": check_wrapped,
+    "cosmos_policy": check_cosmos_policy,
+    "fastwam": check_fastwam,
+    "lightwam": partial(check_wrapped, dtype="float32", prompt=FILMED),
+    "smolvla": partial(check_wrapped, side=360, dtype="float32"),
+    "molmoact2": partial(check_wrapped, side=360, dtype="float32"),
+    "xiaomi_robotics_0": partial(
+        check_wrapped,
+        state=(*POSITION, *AXIS_ANGLE, *FINGERS, *[0.0] * 24),
+        prompt="Put the box on the plate.",
+    ),
 }
+WRAPPED = [
+    name
+    for name, profile in ((name, load_profile(name)) for name in CHECKS)
+    if "query" in profile.tables["request"]
+]
+UNKNOWN = ("himem_wam",)
+"""Of policies whose code could not be read."""
 POSING: dict[str, Look] = {"xvla": check_xvla, "vla_eval_xvla": check_vla_eval}
 ELSEWHERE = ("served",)
 """Tested in ``test_host.py``, with its real server."""
@@ -311,7 +379,7 @@ def test_the_server_is_sent_what_its_policy_expects_and_its_actions_do_what_it_m
     with serve(name, seen.append) as address:
         policy = load_served(address, playable(name, tmp_path), *_missing(name))
         policy.reset(fakes.EPISODE)
-        actions = policy.predict(fakes.observation(), fakes.query())
+        actions = policy.predict(fakes.observation(policy.spec.image_size), fakes.query())
         policy.client.close()
     CHECKS[name](seen[0])
     assert len(seen) == 1
@@ -359,9 +427,45 @@ def test_a_policy_whose_actions_are_poses_sends_the_hand_there(name: str, world:
     assert np.ptp(after["robot0_gripper_qpos"]) < 2e-3
 
 
+class Kept:
+    """Keeps what it is asked."""
+
+    def __init__(self, name: str) -> None:
+        horizon, interval = (load_profile(name).get("policy", key) for key in ("horizon", "query_interval"))
+        self.spec = PolicySpec(name, 8, 4) if horizon == "?" else PolicySpec(name, horizon, interval)
+        self.asked: list[Any] = []
+
+    def reset(self, episode: Any) -> None:
+        pass
+
+    def predict(self, observation: Any, query: Any) -> Any:
+        self.asked.append((observation, query))
+        return closing(self.spec.horizon)
+
+
+@pytest.mark.parametrize("name", WRAPPED)
+def test_an_adapter_behind_our_own_server_is_shown_what_its_profile_has_prepared(name: str) -> None:
+    profile, policy = load_profile(name), Kept(name)
+    observation = fakes.observation(profile.get("policy", "image_size"))
+    request = Request(profile).build(observation, fakes.query(), fakes.EPISODE)
+    host = Host(policy, "x")
+    with host.open():
+        reply = openpi.answer(host, unpack(pack(request, OPENPI), OPENPI))
+    assert Reply(profile).read(reply, policy.spec.query_interval, policy.spec.horizon).shape[1] == 7
+    ((seen, query),) = policy.asked
+    CHECKS[name]({**request, "observation": seen})
+    assert (query.seed, query.instruction) == (1234, request["prompt"])
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_a_policy_whose_code_could_not_be_read_names_what_it_needs(name: str) -> None:
+    with pytest.raises(AdapterError, match=r"does not know .*inputs\.image\.steps.*actions\.steps"):
+        load_served("openpi://127.0.0.1:1", name)
+
+
 def test_every_other_profile_asks_as_a_tested_one() -> None:
     generic = load_profile("vla_eval").tables
-    for name in set(profile_names()) - CHECKS.keys() - POSING.keys() - {*ELSEWHERE}:
+    for name in set(profile_names()) - CHECKS.keys() - POSING.keys() - {*UNKNOWN, *ELSEWHERE}:
         tables = load_profile(name).tables
         assert {key: tables[key] for key in tables.keys() - TABLES_THAT_DIFFER} == {
             key: generic[key] for key in generic.keys() - TABLES_THAT_DIFFER
