@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pytest_libero_max.cli import main
 from pytest_libero_max.films import files, recorded
 from pytest_libero_max.report.store import read_pairs
 from pytest_libero_max.worlds.contract import Image
@@ -45,6 +46,16 @@ def test_measured_pairs_are_filmed_and_the_report_links_the_films(
     assert [record.identity() for record in read_pairs(_folder(pytester)).records] == filmed
     assert sorted(path.name for path in (_folder(pytester) / "films.1").iterdir()) == films
     assert "href='films/" not in (_folder(pytester) / "report.html").read_text()
+
+
+def test_a_film_made_later_from_the_traces_is_the_same(run: Run, pytester: pytest.Pytester) -> None:
+    run("-k", PAIR, "--libero-max-film=all", "--libero-max-traces=all").assert_outcomes(passed=1)
+    folder = _folder(pytester)
+    later = ["--select=all", "--size=32", "--every=9", f"--output={pytester.path / 'later'}"]
+    assert main(["film", str(folder), *later]) == 0
+    (one,), (other,) = (folder / "films").iterdir(), (pytester.path / "later").iterdir()
+    assert one.name == other.name
+    assert one.read_bytes() == other.read_bytes()
 
 
 @pytest.mark.parametrize("which", ["none", "regressions", "changed"])
