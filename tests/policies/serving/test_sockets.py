@@ -15,6 +15,7 @@ import pytest
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.examination import examine, made_up
 from pytest_libero_max.policies.loading import forget_adapter
 from pytest_libero_max.policies.servers import link
 from pytest_libero_max.policies.servers.declared import RememberingPolicy
@@ -24,9 +25,10 @@ from pytest_libero_max.policies.serving.batching import Batching
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.policies.serving.metrics import Metrics
 from pytest_libero_max.policies.serving.sockets import serving
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.policies.servers import fakes
 from tests.policies.serving.policies import Batched, Counting, at_once
-from tests.policies.test_examination import Sound
+from tests.policies.test_examination import Copied, Sound
 
 
 @pytest.fixture(autouse=True)
@@ -143,6 +145,19 @@ def test_policies_with_memory_are_served_to_many_clients() -> None:
         for client in clients:
             client.client.close()
     assert seen == [[0, 1, 2, 3, 4, 5, 0, 3], [0, 1]]
+
+
+@pytest.mark.parametrize("kind", [Batched, Copied])
+def test_a_sound_policy_is_as_sound_behind_a_server(kind: type[Sound]) -> None:
+    policy, world = kind(), TinyWorld()
+    policy.spec = PolicySpec("sound", 8, 4, image_size=32)
+    with served(policy) as client:
+        findings = examine(client, made_up(client, world))
+    world.close()
+    # The notes are about what is sent: images as they are delivered, which the adapter turns.
+    wrong = [finding for finding in findings if finding.level == "wrong"]
+    assert not wrong, "\n".join(map(str, wrong))
+    assert {finding.subject: finding.level for finding in findings}["memory"] == "ok"
 
 
 def test_a_memory_that_is_not_copied_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
