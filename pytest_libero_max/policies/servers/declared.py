@@ -52,6 +52,27 @@ def as_declared(profile: Profile, request: Request, horizon: int | None, query_i
     return adapt
 
 
+def as_prepared(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+    """What a server of `libero-max serve` adds to the spec of a profile that prepares the observation.
+
+    H, Q and images are the profile's. What tells weights apart, the suites, whether answers repeat and the
+    control are the adapter's to know. Other servers say nothing of it.
+
+    Raises:
+        ServerError: The server declares a spec that breaks a rule.
+    """
+    if "libero_max" not in greeting:
+        return None, spec
+    declared = declared_spec(greeting)
+    return None, replace(
+        spec,
+        revision=f"{declared.revision}, {spec.revision}",
+        suites=spec.suites if declared.suites is None else declared.suites,
+        repeatable=spec.repeatable and declared.repeatable,
+        control=spec.control if declared.control == "delta" else declared.control,
+    )
+
+
 @dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
 class Kept:
     """A memory that a server keeps for as long as this object lives.

@@ -160,10 +160,11 @@ def load_served(
     )
     link, adapt = _link(address, profile, spec, request)
     kinds = [ServedPolicy]
-    if profile.get("policy", "declared_by_server", False):
-        from pytest_libero_max.policies.servers.declared import RememberingPolicy, as_declared
+    if address.protocol == "openpi":
+        from pytest_libero_max.policies.servers.declared import RememberingPolicy, as_declared, as_prepared
 
-        adapt = as_declared(profile, request, horizon, query_interval)
+        by_server = profile.get("policy", "declared_by_server", False)
+        adapt = as_declared(profile, request, horizon, query_interval) if by_server else as_prepared
         kinds.append(RememberingPolicy)
 
     def connected(kind: type[ServedPolicy]) -> ServedPolicy:

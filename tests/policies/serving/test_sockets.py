@@ -79,6 +79,44 @@ def test_it_is_told_each_episode_once_and_sees_only_the_images_that_it_wants() -
     assert told.keys == fakes.observation().keys() - {"agentview_image"}
 
 
+def test_a_profile_that_prepares_what_is_shown_takes_from_the_adapter_what_it_alone_knows() -> None:
+    class Prepared(Sound):
+        def __init__(self) -> None:
+            self.spec = PolicySpec("mine", 8, 4, revision="r1", repeatable=False, suites=("libero_goal",))
+            self.keys: set[str] = set()
+
+        def chunk(self, observation: Any, query: Any) -> Any:
+            self.keys = set(observation)
+            return np.zeros((8, 7))
+
+    prepared = Prepared()
+    with serving(Host(prepared, "x"), port=0) as (port, _):
+        policy = load_served(f"openpi://127.0.0.1:{port}", "wrapped", 8, 2)
+        policy.reset(fakes.EPISODE)
+        policy.predict(fakes.observation(), fakes.query())
+        policy.client.close()
+    spec = policy.spec
+    assert prepared.keys == {"image", "wrist_image", "state"}
+    assert (spec.name, spec.horizon, spec.query_interval, spec.image_size) == ("wrapped", 8, 2, 256)
+    assert spec.revision is not None
+    assert spec.revision.startswith("r1, profile wrapped ")
+    assert (spec.repeatable, spec.suites, spec.control) == (False, ("libero_goal",), "delta")
+
+
+def test_an_adapter_with_memory_keeps_it_behind_such_a_profile() -> None:
+    with serving(Host(Counting(), "x"), port=0) as (port, _):
+        policy = load_served(f"openpi://127.0.0.1:{port}", "wrapped", 8, 4)
+        assert isinstance(policy, RememberingPolicy)
+        policy.reset(fakes.EPISODE)
+        counts = [policy.predict(fakes.observation(), fakes.query())[0, 0] for _ in range(2)]
+        memory = policy.snapshot()
+        counts.append(policy.predict(fakes.observation(), fakes.query())[0, 0])
+        policy.restore(memory)
+        counts.append(policy.predict(fakes.observation(), fakes.query())[0, 0])
+        policy.client.close()
+    assert counts == pytest.approx([0.0, 0.01, 0.02, 0.02])
+
+
 def test_h_and_q_of_the_server_may_be_overridden() -> None:
     with serving(Host(Sound(), "x"), port=0) as (port, _):
         policy = load_served(f"openpi://127.0.0.1:{port}", "served", None, 2)
