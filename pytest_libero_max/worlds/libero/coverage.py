@@ -98,7 +98,7 @@ def _has_task(found: Installation, suite: str, index: int) -> bool:
 def _pro(found: Installation | None, category: str) -> Coverage:
     source, total = f"LIBERO-PRO {category}", len(SUITE_BUDGETS) * _TASKS
     if found is None:
-        return Coverage(source, 0, total, f"Install it: `{INSTALL}` and `{ASSETS_INSTALL}`")
+        return Coverage(source, 0, total, f"Install LIBERO-PRO, with its models as above: `{INSTALL}`")
     if category == "object" and found.flavour != "LIBERO-PRO":
         return Coverage(source, 0, total, f"Its objects are in LIBERO-PRO alone: `{INSTALL}`")
     tasks = [(suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS)]

@@ -152,7 +152,7 @@ def test_what_a_scene_is_made_of_and_is_not_there_is_named(
 ) -> None:
     substrate = LiberoSubstrate([plus_checkout(installation, tmp_path)])
     with pytest.raises(
-        SubstrateError, match=r"lacks '.*/yellow_book\.xml'.*download assets\.zip of the data set"
+        SubstrateError, match=r"lacks '.*/yellow_book\.xml'.*unpack assets\.zip of the data set"
     ):
         substrate.plus_world(SUITE, 1, 195)
 
