@@ -1,0 +1,50 @@
+"""The packages of ``.ci/genuine.txt`` as they are installed, with no folder named."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_libero_max.worlds.contract import NOOP_ACTION
+from pytest_libero_max.worlds.libero.coverage import coverage
+from pytest_libero_max.worlds.libero.installation import importable, installed_assets
+from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+from tests.worlds.libero.made_up import pro_case
+
+SUITE = "libero_object"
+
+pytestmark = pytest.mark.skipif(
+    installed_assets() is None or not importable("liberoplus"),
+    reason="needs the packages of .ci/genuine.txt: LIBERO-PRO's, with its models, and LIBERO-Plus's",
+)
+
+
+def test_libero_pro_and_libero_plus_are_whole_but_for_what_no_package_has() -> None:
+    found = {one.source: one for one in coverage(LiberoSubstrate().installations)}
+    for source, one in found.items():
+        if "Plus" not in source:
+            assert (one.playable, one.total) == (40, 40), source
+    assert sum(one.total for source, one in found.items() if "Plus" in source) == 10_030
+    assert found["LIBERO-Plus Light Conditions"].playable == 0
+    layouts = found["LIBERO-Plus Objects Layout"]
+    assert (layouts.playable, layouts.total) == (696, 1525)
+
+
+def test_a_case_of_each_source_plays_on_its_own_data() -> None:
+    substrate = LiberoSubstrate()
+    worlds = {
+        "LIBERO": substrate.task_world(SUITE, 0, 195),
+        "object": substrate.world(pro_case("object", SUITE, 0)),
+        "task": substrate.world(pro_case("task", SUITE, 0)),
+        "Camera Viewpoints": substrate.plus_world(SUITE, 646, 195),
+    }
+    digests = set()
+    for world in worlds.values():
+        world.reset(0)
+        world.step(NOOP_ACTION)
+        assert not world.succeeded()
+        digests.add(world.digest())
+    assert len(digests) == len(worlds)
+    assert "alphabet_soup_1" in worlds["LIBERO"].entities
+    assert worlds["task"].language == "Pick the cream cheese and place it in the basket"
+    assert worlds["Camera Viewpoints"].language.endswith("view 0 0 100 2 4 initstate 0")
+    substrate.close()
