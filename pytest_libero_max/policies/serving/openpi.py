@@ -92,7 +92,7 @@ def _item(request: Any) -> BatchItem:
                 _integer(episode, "max_steps"),
             ),
         )
-    except (KeyError, TypeError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise ServerError(
             f"a request that is not that of the profile 'served' ({type(error).__name__}: {error})"
         ) from error

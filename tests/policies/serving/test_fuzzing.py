@@ -9,7 +9,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
@@ -99,6 +99,7 @@ def altered(value: Any, way: tuple[Any, ...], new: Any, drop: bool) -> Any:
 
 
 @given(st.sampled_from(sorted(places(request()), key=str)), VALUES, st.booleans())
+@example(("query",), np.zeros(()), False)
 @settings(max_examples=EXAMPLES, deadline=None)
 def test_any_request_is_answered_or_refused(way: tuple[Any, ...], value: Any, drop: bool) -> None:
     host = Host(Blind(), "x")
