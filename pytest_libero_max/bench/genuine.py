@@ -77,18 +77,18 @@ class GenuineTimes:
 def measure_genuine(
     substrate: LiberoSubstrate, suite: str = "libero_spatial", *, steps: int = 60, repeats: int = 1
 ) -> GenuineTimes:
-    """Time control steps and one smoke pair of a suite on a genuine scene.
+    """Time control steps and one pair of the original track, of a suite, on a genuine scene.
 
     Args:
         substrate: Where the scene comes from.
-        suite: Of which suite the first ``camera_shift`` pair of the smoke track is played.
+        suite: Of which suite the first ``camera_shift`` pair of the original track is played.
         steps: Control steps to measure, with random actions.
         repeats: Pairs to measure; 0 leaves them out.
 
     Raises:
         SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
     """
-    cases = (case for case in load_track("smoke") if case.suite == suite)
+    cases = (case for case in load_track("original") if case.suite == suite)
     case = next(case for case in cases if case.event.name == "camera_shift")
     world = substrate.world(case)
     plain, seeing = (_package_env(substrate, case, images) for images in (False, True))

@@ -82,12 +82,12 @@ class PairTimes:
 
 
 def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTimes:
-    """Time one smoke pair of a suite with a policy that costs nothing, in turns with the plain loop.
+    """Time a pair of the original track with a policy that costs nothing, in turns with the plain loop.
 
     Raises:
         SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
     """
-    cases = (case for case in load_track("smoke") if case.suite == suite)
+    cases = (case for case in load_track("original") if case.suite == suite)
     case = next(case for case in cases if case.event.name == "camera_shift")
     scene = build_scene(case.suite, case.task_index)
     world = EmbeddedWorld(scene)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,17 +34,31 @@ def add_commands(commands: Commands) -> None:
 
     build = commands.add_parser(
         "build",
-        help="Build every track from nothing: select, preflight, replace, certify, freeze",
-        description="Interrupted, it goes on where it was when it is started again.",
+        help="Build every track from nothing: select, preflight, replace, freeze",
+        description="No policy has a part in it. Interrupted, it goes on where it stopped.",
     )
     build.add_argument("folder", type=Path, metavar="FOLDER", help="Where the tracks are written")
-    _add_examination(build, default="expert")
+    _add_examination(build)
     build.set_defaults(run=_build)
+
+    certify = commands.add_parser(
+        "certify",
+        help="Let the scripted expert play the frozen cases that have no certificate yet",
+        description="Interrupted, it goes on where it stopped.",
+    )
+    certify.add_argument("folder", type=Path, metavar="FOLDER", help="The tracks, as build wrote them")
+    certify.add_argument(
+        "tracks", nargs="*", metavar="TRACK", help="Which tracks (default: original and max)"
+    )
+    _add_expert(certify, default="expert")
+    _add_examination(certify)
+    certify.set_defaults(run=_certify)
 
     preflight = commands.add_parser("preflight", help="Examine the cases of a track or manifest")
     preflight.add_argument("cases", metavar="TRACK|MANIFEST", help="A track's name or a manifest's path")
     preflight.add_argument("--limit", type=int, metavar="N", help="Only N of them, spread evenly")
-    _add_examination(preflight, default=None)
+    _add_expert(preflight, default=None)
+    _add_examination(preflight)
     add_substrate(preflight)
     preflight.set_defaults(run=_preflight)
 
@@ -72,16 +87,19 @@ def add_commands(commands: Commands) -> None:
     show.set_defaults(run=_show)
 
 
-def _add_examination(command: argparse.ArgumentParser, *, default: str | None) -> None:
+def _add_expert(command: argparse.ArgumentParser, *, default: str | None) -> None:
     command.add_argument(
         "--expert",
         metavar="POLICY",
         default=default,
-        help="Privileged policy that solves the tasks, as for pytest --libero-max-policy: events are tried "
-        "where its approach triggers them, and a case that it completes is certified (default: "
-        + (default or "none; the hand then goes straight to the target, and nothing is certified")
+        help="Privileged policy that solves the tasks, as for pytest --libero-max-policy: it plays each case "
+        "that passes, and one that it completes is certified. It decides nothing else (default: "
+        + (default or "none; then nothing is certified")
         + ")",
     )
+
+
+def _add_examination(command: argparse.ArgumentParser) -> None:
     command.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
     command.add_argument(
         "--work",
@@ -127,24 +145,41 @@ def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verification import verify
 
-    with Examiner(options.work, options.expert, options.jobs, _print_progress()) as examiner:
-        print(f"Examinations are kept in {examiner.path}", flush=True)
+    with Examiner(options.work, options.jobs, _print_progress()) as examiner:
+        print(f"What is found is kept in {examiner.path()}", flush=True)
         write_release(build_release(examiner.examine), options.folder)
     write_overview(options.folder)
     print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
 
 
+def _certify(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.examiner import Examiner
+    from pytest_libero_max.construction.overview import certificate_lines, write_overview
+    from pytest_libero_max.construction.release import add_certificates, read_certificates
+
+    tracks = options.tracks or ("original", "max")
+    with Examiner(options.work, options.jobs, _print_progress()) as examiner:
+        print(f"What is found is kept in {examiner.path(options.expert)}", flush=True)
+        add_certificates(options.folder, tracks, partial(examiner.certify, expert=options.expert))
+    write_overview(options.folder)
+    print("\n".join(certificate_lines(read_certificates(options.folder))))
+
+
 def _preflight(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.sampling import stratified
     from pytest_libero_max.construction.examiner import Examiner
-    from pytest_libero_max.construction.overview import examination_lines
+    from pytest_libero_max.construction.overview import certificate_lines, preflight_lines
 
     cases = _manifest(options.cases).cases
     if options.limit is not None:
         cases = stratified(cases, options.limit)
     where = options.substrate, substrate_options(options)
-    with Examiner(options.work, options.expert, options.jobs, _print_progress(), *where) as examiner:
-        print("\n".join(examination_lines(examiner.examine(cases))))
+    with Examiner(options.work, options.jobs, _print_progress(), *where) as examiner:
+        found = examiner.examine(cases)
+        print("\n".join(preflight_lines(found)), flush=True)
+        if options.expert is not None:
+            passed = [case for case in cases if found[case.case_id].passed]
+            print("\n".join(["", *certificate_lines(examiner.certify(passed, options.expert))]))
 
 
 def _print_progress() -> Callable[[Progress], None]:

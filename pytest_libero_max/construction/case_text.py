@@ -10,14 +10,21 @@ from pathlib import Path
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.changes.registry import change_from_dict
-from pytest_libero_max.construction.examination import Certificate
-from pytest_libero_max.construction.preflight import straight_approach
+from pytest_libero_max.construction.certificates import Certificate, Ending
+from pytest_libero_max.construction.preflight import approach
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.pieces.images import png_file
 from pytest_libero_max.sources import variation_metadata, variation_of
 from pytest_libero_max.sources.metadata import task_metadata
 from pytest_libero_max.worlds.contract import CAMERAS, Image, World
+
+_ENDINGS: Mapping[Ending, str] = {
+    "solved": "completes Dynamic",
+    "not_triggered": "does not come near the trigger entity",
+    "base_unsolved": "completes neither Dynamic nor Base",
+    "unsolved": "completes Base and does not complete Dynamic",
+}
 
 
 def find_case(manifest: Manifest, name: str) -> Case:
@@ -81,7 +88,7 @@ def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image
 def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> list[Path]:
     """Write ``<item id>--<camera>-before.png`` and ``-after.png`` for each camera.
 
-    Nobody plays: the hand goes straight to the trigger entity.
+    Nobody plays: the hand goes to the trigger entity on a way of the preflight.
 
     Args:
         folder: Made if missing.
@@ -93,7 +100,7 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
         The paths of the files.
 
     Raises:
-        OptionError: One of them exists, or the hand does not come near the trigger entity on that way.
+        OptionError: One of them exists, or the hand does not come near the trigger entity.
         ReportError: They cannot be written.
         ChangeError: The event does not fit this world.
         SimulatorError: The simulation broke, or the renderer does not answer.
@@ -106,10 +113,11 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
     for path in paths.values():
         if path.exists():
             raise OptionError(f"{path} exists. Remove it or give another folder.")
-    if not straight_approach(world, case):
+    if approach(world, case) is None:
         raise OptionError(
             f"{case.item_id}: the hand does not come within {case.event.trigger.distance_m} m of "
-            f"{case.event.trigger.entity} on the straight way. Film a pair of it with libero-max film."
+            f"{case.event.trigger.entity} on any of the ways of the preflight. Film a pair of it with "
+            "libero-max film."
         )
     for camera, pictures in event_pictures(world, case, size).items():
         for when, picture in zip(("before", "after"), pictures, strict=True):
@@ -148,9 +156,11 @@ def _scene(case: Case) -> str:
 
 def _certificate(found: Certificate | None) -> str:
     if found is None:
-        return "none, since it is not one of the frozen cases"
+        return "none, since the expert has not played this case"
+    if found.ending == "not_triggered":
+        return f"the expert {_ENDINGS[found.ending]}"
     how = f"event after {found.trigger_step} steps, {found.steps} steps in all"
-    return f"the expert {'completes' if found.solved else 'does not complete'} Dynamic ({how})"
+    return f"the expert {_ENDINGS[found.ending]} ({how})"
 
 
 def _first_paragraph(text: str | None) -> str:

@@ -1,4 +1,4 @@
-"""Examine many cases in worker processes, and keep each result in a file as soon as it is known."""
+"""Examine and certify many cases in worker processes, and keep each result as soon as it is known."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
-from pytest_libero_max.construction.examination import Examination, examine
-from pytest_libero_max.construction.preflight import Problem
+from pytest_libero_max.construction.certificates import Certificate, certify
+from pytest_libero_max.construction.preflight import Preflight, Problem, preflight
 from pytest_libero_max.errors import ChangeError, SubstrateError
 from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.contract import Policy
@@ -32,45 +33,45 @@ if TYPE_CHECKING:
 BATCH = 12
 """Cases that a process takes at a time: neighbours share scenes."""
 
-NAME = "examinations.jsonl"
+EXAMINATIONS, CERTIFICATES = "examinations.jsonl", "certificates.jsonl"
 
-_EXAMINING_ROOMS = ("changes", "events", "pairing", "policies", "worlds")
+_ROOMS = ("changes", "events", "pairing", "policies", "worlds")
+_MODULES = ("preflight.py", "visibility.py", "certificates.py")
+
+Found = TypeVar("Found", Preflight, Certificate)
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far an examination is.
+    """How far the work is.
 
     Attributes:
-        done: Cases examined, in this session or before.
-        total: Cases to examine in all.
-        failed: How many did not pass in this session.
+        verb: What is done to them: ``examined`` or ``certified``.
+        done: Cases done, in this session or before.
+        total: Cases to do in all.
         seconds_left: At the pace of this session.
     """
 
+    verb: str
     done: int
     total: int
-    failed: int
     seconds_left: float
 
     def __str__(self) -> str:
-        left = f"{self.seconds_left / 60:.0f} min left"
-        return f"{self.done} of {self.total} cases examined, {self.failed} failed, {left}"
+        return f"{self.done} of {self.total} cases {self.verb}, {self.seconds_left / 60:.0f} min left"
 
 
 class Examiner:
-    """Examines cases, and remembers what it found.
+    """Examines and certifies cases, and remembers what it found.
 
-    What was found is kept in a folder named by everything that it depends on: scenes, versions, code and the
-    expert's files. An interrupted examination goes on where it stopped; after any other change it begins
-    again in another folder.
+    What was found is kept in folders named by everything that it depends on: scenes, versions, code and, for
+    certificates, the expert's files. Interrupted work goes on where it stopped; after any other change it
+    begins again in another folder.
 
-    Close it, or use it in a ``with`` statement: it keeps its processes for the next examination.
+    Close it, or use it in a ``with`` statement: it keeps its processes for the next cases.
 
     Args:
-        folder: Where to keep examinations.
-        expert: Adapter of the scripted expert, as on the command line of a run; None: the hand goes straight
-            to the target, and no case gets a certificate.
+        folder: Where to keep what was found.
         jobs: Processes.
         report: Told about the progress.
         substrate: What builds the worlds.
@@ -80,19 +81,18 @@ class Examiner:
     def __init__(
         self,
         folder: Path,
-        expert: str | None,
         jobs: int,
         report: Callable[[Progress], None] | None = None,
         substrate: str = "embedded",
         options: SubstrateOptions | None = None,
     ) -> None:
-        self.path = folder / inputs_digest(expert, substrate, options)[:16] / NAME
+        self._folder, self._substrate, self._options = folder, substrate, options
+        self._digests: dict[str | None, str] = {}
         self._report = report or _ignore
         self._order = scene_order(substrate, options)
-        self._known = read_examinations(self.path)
         use_one_blas_thread()
         context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(jobs, context, _begin, (expert, substrate, options))
+        self._pool = ProcessPoolExecutor(jobs, context, _begin, (substrate, options))
 
     def __enter__(self) -> Examiner:
         return self
@@ -104,53 +104,83 @@ class Examiner:
         """End the processes; cases that wait are not begun."""
         self._pool.shutdown(cancel_futures=True)
 
-    def examine(self, cases: Sequence[Case]) -> Mapping[str, Examination]:
-        """Examinations by case id, in the order of the cases.
+    def path(self, expert: str | None = None) -> Path:
+        """Where examinations are kept, or the certificates of an expert."""
+        if expert not in self._digests:  # takes seconds, and a build asks for it in every round
+            self._digests[expert] = inputs_digest(expert, self._substrate, self._options)
+        name = EXAMINATIONS if expert is None else CERTIFICATES
+        return self._folder / self._digests[expert][:16] / name
+
+    def examine(self, cases: Sequence[Case]) -> Mapping[str, Preflight]:
+        """Preflights by case id, in the order of the cases. No policy has a part in them."""
+        return self._find("examined", cases, Ledger(self.path(), Preflight), _examine)
+
+    def certify(self, cases: Sequence[Case], expert: str) -> Mapping[str, Certificate]:
+        """Certificates by case id, in the order of the cases.
+
+        Args:
+            cases: What to play.
+            expert: Adapter of the scripted expert, as on the command line of a run.
 
         Raises:
             AdapterError: The expert broke its contract, or cannot be loaded.
-            SimulatorError: The simulation breaks after an event that passed.
+            SimulatorError: A simulation breaks.
         """
-        todo = sorted((case for case in cases if not self._knows(case)), key=self._order)
-        if todo:
-            self._measure(todo, len(cases))
-        return {case.case_id: self._known[case.case_id] for case in cases}
+        ledger = Ledger(self.path(expert), Certificate)
+        return self._find("certified", cases, ledger, partial(_certify, expert))
 
-    def _knows(self, case: Case) -> bool:
-        known = self._known.get(case.case_id)
-        return known is not None and known.case_digest == case.digest
-
-    def _measure(self, todo: list[Case], total: int) -> None:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        done, failed, began = total - len(todo), 0, time.monotonic()
-        with self.path.open("a", encoding="utf-8") as file:
-            for examination in self._examinations(todo):
-                file.write(json.dumps(examination.to_dict()) + "\n")
-                file.flush()
-                self._known[examination.case_id] = examination
-                done, failed = done + 1, failed + (not examination.passed)
-                pace = (time.monotonic() - began) / (done - total + len(todo))
-                self._report(Progress(done, total, failed, pace * (total - done)))
-
-    def _examinations(self, cases: Sequence[Case]) -> Iterator[Examination]:
-        """In the order in which they come."""
-        records = [case.record for case in cases]
-        batches = (records[first : first + BATCH] for first in range(0, len(records), BATCH))
-        for future in as_completed([self._pool.submit(_examine, batch) for batch in batches]):
-            yield from future.result()
+    def _find(
+        self,
+        verb: str,
+        cases: Sequence[Case],
+        ledger: Ledger[Found],
+        find: Callable[[Sequence[Json]], list[Found]],
+    ) -> dict[str, Found]:
+        todo = [case for case in sorted(cases, key=self._order) if ledger.of(case) is None]
+        batches = [todo[first : first + BATCH] for first in range(0, len(todo), BATCH)]
+        waiting = {self._pool.submit(find, [case.record for case in batch]): batch for batch in batches}
+        began, before, done = time.monotonic(), len(cases) - len(todo), 0
+        for future in as_completed(waiting):
+            for case, found in zip(waiting[future], future.result(), strict=True):
+                ledger.add(case, found)
+                done += 1
+                seconds_left = (time.monotonic() - began) / done * (len(todo) - done)
+                self._report(Progress(verb, before + done, len(cases), seconds_left))
+        return {case.case_id: ledger.found[case.case_id] for case in cases}
 
 
-def read_examinations(path: Path) -> dict[str, Examination]:
-    """The examinations of a file by case id; a last line that was cut off is removed from it."""
-    if not path.exists():
-        return {}
-    cut_torn_line(path)
-    examinations = (Examination.from_dict(json.loads(line)) for line in path.read_bytes().splitlines())
-    return {examination.case_id: examination for examination in examinations}
+class Ledger(Generic[Found]):
+    """What was found about cases, in a file that has a line for each as soon as it is known.
+
+    Args:
+        path: The file, which need not exist. A last line that was cut off is removed from it.
+        kind: What a line holds.
+    """
+
+    def __init__(self, path: Path, kind: type[Found]) -> None:
+        self._path = path
+        self._digests: dict[str, str] = {}
+        self.found: dict[str, Found] = {}
+        if path.exists():
+            cut_torn_line(path)
+            for line in path.read_bytes().splitlines():
+                case_id, digest, found = json.loads(line)
+                self._digests[case_id], self.found[case_id] = digest, kind.from_dict(found)
+
+    def of(self, case: Case) -> Found | None:
+        """What was found about this very case."""
+        return self.found[case.case_id] if self._digests.get(case.case_id) == case.digest else None
+
+    def add(self, case: Case, found: Found) -> None:
+        """Keep what was found about a case."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps([case.case_id, case.digest, found.to_dict()]) + "\n")
+        self._digests[case.case_id], self.found[case.case_id] = case.digest, found
 
 
 def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions | None) -> str:
-    """SHA-256 of everything but the case that an examination depends on, hexadecimal.
+    """SHA-256 of everything but the case that a preflight or an expert's certificate depends on, hexadecimal.
 
     Versions, scenes, variations, the expert's code and the code that plays: after a change of any of them,
     old examinations no longer hold. Comments, docstrings and layout do not count.
@@ -174,8 +204,8 @@ def examining_code(package: Path) -> list[Path]:
     Args:
         package: The folder of :mod:`pytest_libero_max`.
     """
-    rooms = [path for room in _EXAMINING_ROOMS for path in (package / room).rglob("*.py")]
-    return [*rooms, *(package / "construction" / name for name in ("preflight.py", "examination.py"))]
+    rooms = [path for room in _ROOMS for path in (package / room).rglob("*.py")]
+    return [*rooms, *(package / "construction" / name for name in _MODULES)]
 
 
 def scene_order(substrate: str, options: SubstrateOptions | None) -> Callable[[Case], tuple[Any, ...]]:
@@ -199,18 +229,21 @@ def _installed_scene(case: Case) -> tuple[Any, ...]:
 
 
 _substrate: Substrate
-_expert: Policy | None
 
 
-def _begin(expert: str | None, substrate: str, options: SubstrateOptions | None) -> None:
-    """Set up a process: the worlds, and a policy that never asks for images."""
-    global _substrate, _expert
+def _begin(substrate: str, options: SubstrateOptions | None) -> None:
+    """Set up a process."""
+    global _substrate
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _substrate = open_substrate(substrate, options)
-    _expert = None
-    if expert is not None:
-        _expert = load_policy(expert)
-        _expert.spec = replace(_expert.spec, cameras=())
+
+
+@cache
+def _expert(name: str) -> Policy:
+    """The expert of a process; it is never shown an image."""
+    expert = load_policy(name)
+    expert.spec = replace(expert.spec, cameras=())
+    return expert
 
 
 def _end_with_parent() -> None:
@@ -221,15 +254,19 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _examine(records: Sequence[Json]) -> list[Examination]:
-    return [_examination(case) for case in map(parse_case, records)]
+def _examine(records: Sequence[Json]) -> list[Preflight]:
+    return [_preflight(case) for case in map(parse_case, records)]
 
 
-def _examination(case: Case) -> Examination:
+def _preflight(case: Case) -> Preflight:
     try:
-        return examine(_substrate.world(case), case, _expert)
+        return preflight(_substrate.world(case), case)
     except (SubstrateError, ChangeError) as error:  # the substrate lacks something that the case needs
-        return Examination(case.case_id, case.digest, (Problem("substrate", str(error)),), None)
+        return Preflight((Problem("substrate", str(error)),))
+
+
+def _certify(expert: str, records: Sequence[Json]) -> list[Certificate]:
+    return [certify(_substrate.world(case), case, _expert(expert)) for case in map(parse_case, records)]
 
 
 def _ignore(progress: Progress) -> None:

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track, track_names
-from pytest_libero_max.construction.configurations import cell_of
-from pytest_libero_max.construction.examination import Certificate, Examination
-from pytest_libero_max.construction.preflight import CHECKS
-from pytest_libero_max.construction.release import read_certificates, read_rejected
+from pytest_libero_max.construction.certificates import ENDINGS, Certificate
+from pytest_libero_max.construction.configurations import Cell, cell_of
+from pytest_libero_max.construction.preflight import CHECKS, Preflight
+from pytest_libero_max.construction.release import read_certificates, read_rejected, read_sights
+from pytest_libero_max.construction.visibility import IMAGE_SIZE, MIN_PIXELS, Sight
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 
 OVERVIEW = "README.md"
-
-_WORST = 5  # cells that are named
 
 
 def write_overview(folder: Path) -> None:
@@ -39,7 +38,8 @@ def overview_lines(folder: Path) -> list[str]:
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
     whole = tracks["max"]
-    lines = ["## Tracks", "", "| track | cases | Plus | PRO | unmodified | events | digest |"]
+    lines = [f"Version {whole.version}.", "", "## Tracks", ""]
+    lines += ["| track | cases | Plus | PRO | unmodified | events | digest |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: | --- |")
     for name, manifest in tracks.items():
         count = Counter(case.source for case in manifest)
@@ -48,37 +48,88 @@ def overview_lines(folder: Path) -> list[str]:
         lines.append(f"| {name} | {numbers} | `{manifest.digest[:16]}` |")
     lines += ["", "## Rejected by the preflight", "", "First reason of each rejected case, by event.", ""]
     lines += _rejections({name: problems[0].check for name, problems in rejected.items()})
-    lines += [
-        "",
+    lines += ["", *_out_of_sight_lines(whole, read_sights(folder))]
+    return [*lines, "", *_certificate_lines(whole, certificates)]
+
+
+def _certificate_lines(whole: Manifest, certificates: Mapping[str, Certificate]) -> list[str]:
+    """How the expert did: by event with the ways in which it failed, then solved cases by cell."""
+    lines = [
         "## Certificates",
         "",
-        "Cases of `max` whose Dynamic episode the scripted expert completes.",
+        "Cases of `max` whose Dynamic episode the scripted expert completes. In the others it never comes",
+        "near the trigger entity (*not triggered*), does not complete the task without the event either",
+        "(*Base unsolved*), or completes it without the event only (*unsolved*). None of this decides which",
+        "cases are used. Why a case is unsolved was not examined, unless `reports/construction.md` says it.",
+        "",
+        "| event | cases | not played | solved | not triggered | Base unsolved | unsolved |",
+        "| --- |" + " ---: |" * (2 + len(ENDINGS)),
     ]
-    by_event = _count(((case.event.name, case) for case in whole), certificates)
-    by_category = _count(((case.source_category, case) for case in whole), certificates)
-    by_cell = _count(((str(cell_of(case)), case) for case in whole), certificates)
-    lines += ["", *_shares("event", by_event), "", *_shares("category", by_category)]
-    worst = sorted(by_cell, key=lambda cell: (by_cell[cell][0] / by_cell[cell][1], cell))[:_WORST]
-    shares = "; ".join(f"{cell}: {by_cell[cell][0]}/{by_cell[cell][1]}" for cell in worst)
-    return [*lines, "", f"The cells with the smallest shares: {shares}"]
+    played = {case.case_id: certificates.get(case.case_id) for case in whole}
+    for event in (*BENCHMARK_EVENTS, ""):
+        found = [played[case.case_id] for case in whole if event in ("", case.event.name)]
+        count = Counter("not_played" if one is None else one.ending for one in found)
+        numbers = " | ".join(str(count[ending]) for ending in ("not_played", *ENDINGS))
+        lines.append(f"| {event or 'all'} | {count.total()} | {numbers} |")
+    solved, of = Counter[Cell](), Counter[Cell]()
+    for case in whole:
+        certificate = played[case.case_id]
+        if certificate is not None:
+            of[cell_of(case)] += 1
+            solved[cell_of(case)] += certificate.solved
+    lines += ["", "Solved cases of those played, by cell: variant 0 and variant 1 of each event.", ""]
+    lines += [f"| category | {' | '.join(BENCHMARK_EVENTS)} |", "| --- |" + " ---: |" * len(BENCHMARK_EVENTS)]
+    for category in dict.fromkeys(case.source_category for case in whole):
+        cells = [[Cell(category, event, variant) for variant in (0, 1)] for event in BENCHMARK_EVENTS]
+        row = [" ".join(f"{solved[cell]}/{of[cell]}" for cell in pair) for pair in cells]
+        lines.append(f"| {category} | {' | '.join(row)} |")
+    return lines
 
 
-def examination_lines(examinations: Mapping[str, Examination]) -> list[str]:
+def _out_of_sight_lines(whole: Manifest, sights: Mapping[str, tuple[Sight, ...]]) -> list[str]:
+    """How many events take target or receptacle out of view, by event and by suite."""
+    lines = [
+        "## Out of sight after the event",
+        "",
+        "Cases of `max` in which the target or the receptacle is seen just before the event and not just",
+        f"after it: *seen* means {MIN_PIXELS} pixels or more of {IMAGE_SIZE} x {IMAGE_SIZE}. *Agent* counts",
+        "the agent's image, *both* the cases in which neither of a policy's two cameras sees it any more.",
+        "Only camera shifts may do that: the authors keep every camera shift, and so do these tracks.",
+        "",
+        "| event | suite | cases | target, agent | target, both | receptacle, agent | receptacle, both |",
+        "| --- | --- |" + " ---: |" * 5,
+    ]
+    rows: dict[tuple[str, str], Counter[str]] = {}
+    for case in whole:
+        row = rows.setdefault((case.event.name, case.suite), Counter())
+        row["cases"] += 1
+        for sight in sights.get(case.case_id, ()):
+            row[f"{sight.role}, agent"] += sight.before[0] >= MIN_PIXELS > sight.after[0]
+            row[f"{sight.role}, both"] += sight.seen_before and not sight.seen_after
+    for (event, suite), row in sorted(rows.items()):
+        if row.total() > row["cases"]:
+            numbers = (
+                row[f"{role}, {where}"] for role in ("target", "receptacle") for where in ("agent", "both")
+            )
+            lines.append(f"| {event} | {suite} | {row['cases']} | {' | '.join(map(str, numbers))} |")
+    return lines
+
+
+def preflight_lines(preflights: Mapping[str, Preflight]) -> list[str]:
     """What was found when some cases were examined: totals, then each case that failed."""
-    failed = {name: found.problems for name, found in sorted(examinations.items()) if found.problems}
-    certificates = {
-        name: found.certificate for name, found in sorted(examinations.items()) if found.certificate
-    }
-    lines = [f"{len(examinations) - len(failed)} of {len(examinations)} cases pass the preflight."]
+    failed = {name: found.problems for name, found in sorted(preflights.items()) if found.problems}
+    lines = [f"{len(preflights) - len(failed)} of {len(preflights)} cases pass the preflight."]
     if failed:
         lines += ["", *_rejections({name: problems[0].check for name, problems in failed.items()}), ""]
         lines += [f"{name}: {'; '.join(map(str, problems))}" for name, problems in failed.items()]
-    if certificates:
-        lost = [name for name, found in certificates.items() if not found.solved]
-        won, of = len(certificates) - len(lost), len(certificates)
-        lines += ["", f"The expert completes {won} of the {of} that pass."]
-        lines += [f"not completed: {name}" for name in lost]
     return lines
+
+
+def certificate_lines(certificates: Mapping[str, Certificate]) -> list[str]:
+    """How the expert did on some cases: the total, then each case that it did not complete."""
+    lost = {name: found.ending for name, found in sorted(certificates.items()) if not found.solved}
+    lines = [f"The expert completes {len(certificates) - len(lost)} of the {len(certificates)} that pass."]
+    return [*lines, *(f"{name}: {ending.replace('_', ' ')}" for name, ending in lost.items())]
 
 
 def manifest_lines(manifest: Manifest) -> list[str]:
@@ -106,23 +157,4 @@ def _rejections(checks: Mapping[str, str]) -> list[str]:
         count = Counter(check for name, check in checks.items() if not event or f"-{event}-" in name)
         numbers = " | ".join(str(count[check]) for check in seen)
         lines.append(f"| {event or 'all'} | {count.total()} | {numbers} |")
-    return lines
-
-
-def _count(
-    keyed: Iterable[tuple[str, Case]], certificates: Mapping[str, Certificate]
-) -> dict[str, tuple[int, int]]:
-    """Solved and all cases by key."""
-    solved, played = Counter[str](), Counter[str]()
-    for key, case in keyed:
-        played[key] += 1
-        solved[key] += certificates[case.case_id].solved
-    return {key: (solved[key], played[key]) for key in played}
-
-
-def _shares(title: str, counts: Mapping[str, tuple[int, int]]) -> list[str]:
-    lines = [f"| {title} | solved | cases | share |", "| --- | ---: | ---: | ---: |"]
-    total = sum(won for won, _ in counts.values()), sum(of for _, of in counts.values())
-    for name, (won, of) in {**counts, "all": total}.items():
-        lines.append(f"| {name} | {won} | {of} | {100 * won / of:.1f}% |")
     return lines

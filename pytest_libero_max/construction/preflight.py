@@ -1,32 +1,42 @@
 """Check in the simulator whether a case is physically sensible, before any policy is scored on it.
 
-The event is applied twice: at the start, and in the very situation in which it will happen, with the hand
-on its way to the trigger entity. Both times the world is held still afterwards, once with and once without
-the event, and what differs decides. Limits of settling and of the image are those of the benchmark's authors;
-clearance, reach, view and the situation of the trigger are checked in addition.
+An event that moves something is applied twice: at the start, and where it will happen, with the hand within
+the trigger distance; any other only there. The world is held still afterwards, once with and once without the
+event, and what differs decides. Pictures are looked at where the event will happen.
+Limits of settling and of the image are those of the benchmark's authors; clearance, reach, visibility and the
+situation of the trigger are checked in addition. The hand comes to the trigger on fixed ways that owe nothing
+to any policy, so no policy's skill decides which cases pass.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import hypot, tan
+from math import dist, hypot
 from typing import Literal, get_args
 
 import numpy as np
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes import Change, change_from_dict
+from pytest_libero_max.construction.visibility import (
+    IMAGE_SIZE,
+    MIN_PIXELS,
+    Pixels,
+    Sight,
+    look,
+    pixels_of,
+    sights,
+)
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.worlds.contract import (
     CAMERAS,
     CONTROL_HZ,
     NOOP_ACTION,
-    Array,
     Image,
     World,
-    WorldState,
 )
 
 MAX_SHIFT_M = 0.02
@@ -63,16 +73,35 @@ Check = Literal[
 
 CHECKS: tuple[Check, ...] = get_args(Check)
 
-Approach = Callable[[World, Case], bool]
-"""Brings a world from anywhere to the step at which the case's event fires; False if it never does."""
-
-_IMAGE_SIZE = 256
 _HOLD_AT_START = 2  # control steps: the authors' 50 simulation steps
 _HOLD_AT_TRIGGER = CONTROL_HZ
-_APPROACH_STEPS = 100
-_ABOVE_M = (0.0, 0.0, 0.1)
 _STEP_M = 0.05  # what the controller makes of a full translation action
 _BASE_BODY = "robot0_base"
+
+_APPROACH_STEPS = 160
+_HIGH_M = 0.35  # above the trigger entity: over everything that stands on a table
+_NEAR_M = 0.01
+_TILT_STEPS = 2  # of a full rotation action, together 1 rad
+
+
+@dataclass(frozen=True)
+class _Aim:
+    """Where the hand goes, from the trigger entity, m, and how it is turned: rotation actions about x and y.
+
+    The robot stands at negative x and looks along x. Beside a cabinet the fingers point at it, or the hand is
+    too wide to come near.
+    """
+
+    offset_m: tuple[float, float, float]
+    tilt: tuple[float, float] = (0.0, 0.0)
+
+
+_AIMS = {
+    "above": _Aim((0.0, 0.0, 0.1)),
+    "left": _Aim((0.0, 0.16, 0.03), (-1.0, 0.0)),
+    "right": _Aim((0.0, -0.16, 0.03), (1.0, 0.0)),
+    "in front": _Aim((-0.16, 0.0, 0.03), (0.0, -1.0)),
+}
 
 
 @dataclass(frozen=True)
@@ -91,76 +120,103 @@ class Problem:
         return self.detail
 
 
-def problems(world: World, case: Case, approach: Approach | None = None) -> tuple[Problem, ...]:
-    """The checks that a case fails; empty if it passes.
+@dataclass(frozen=True)
+class Preflight:
+    """What was found out about a case.
+
+    Attributes:
+        problems: The checks that it fails; it passes where there are none.
+        sights: What the cameras show of target and receptacle at the event; empty where it was not tried
+            there.
+    """
+
+    problems: tuple[Problem, ...]
+    sights: tuple[Sight, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether the case can be used."""
+        return not self.problems
+
+    def to_dict(self) -> Json:
+        """As JSON values; :meth:`from_dict` reads them."""
+        return {
+            "problems": [[problem.check, problem.detail] for problem in self.problems],
+            "sights": [[one.role, one.entity, one.before, one.after] for one in self.sights],
+        }
+
+    @classmethod
+    def from_dict(cls, value: Json) -> Preflight:
+        return cls(
+            tuple(Problem(check, detail) for check, detail in value["problems"]),
+            tuple(Sight(role, name, tuple(one), tuple(two)) for role, name, one, two in value["sights"]),
+        )
+
+
+def preflight(world: World, case: Case) -> Preflight:
+    """Try a case's event at the start and at its trigger.
 
     The conditions: the hand comes within the trigger distance; neither the approach nor the event solves the
     task; what the event moves or brings in keeps clear of everything, is seen by a camera, stays where it was
     put, keeps the contact with its support and reaches no new one; nothing else is pushed; a moved target or
-    receptacle stays within reach; the agent's camera sees a scene before and after, and the event in it; the
-    simulation stays finite.
+    receptacle stays within reach; a camera still sees target and receptacle, if one did before the event,
+    unless the event turns the camera itself; the agent's camera sees a scene before and after, and the event
+    in it; the simulation stays finite.
 
     Args:
-        world: The world that plays the case. It is reset; if the case passes, it is left where the event
-            fires, without the event.
-        case: The case.
-        approach: How the hand gets there from the initial state; by default :func:`straight_approach`. The
-            trigger is looked at only if nothing was wrong at the start.
+        world: The world that plays the case. It is reset and left anywhere.
+        case: The case. An event that moves nothing is tried at its trigger only, and one that does there only
+            if nothing was wrong at the start.
     """
-    approach = approach or straight_approach
     try:
-        before = _look_before(world, case)
-        _begin(world, case)
-        found = tuple(_problems_here(world, case, before, _HOLD_AT_START))
-        if found:
-            return found
-        if not approach(world, case):
+        touched = _touching(world, case)
+        if touched:
+            _begin(world, case)
+            found = _try_here(world, case, touched, _HOLD_AT_START)
+            if found.problems:
+                return found
+        if approach(world, case) is None:
             trigger = case.event.trigger
-            ended = " before the task is solved" if world.succeeded() else ""
-            detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}{ended}"
-            return (Problem("trigger", detail),)
-        return tuple(_problems_here(world, case, before, _HOLD_AT_TRIGGER))
+            detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}"
+            return Preflight((Problem("trigger", f"{detail} on any of {len(_WAYS)} ways"),))
+        return _try_here(world, case, touched, _HOLD_AT_TRIGGER)
     except SimulatorError as error:
-        return (Problem("simulation", f"the simulation breaks: {error}"),)
+        return Preflight((Problem("simulation", f"the simulation breaks: {error}"),))
 
 
-def straight_approach(world: World, case: Case) -> bool:
-    """Start the case and drive the hand in a straight line to above the trigger entity.
+_WAYS = tuple((name, high) for name in _AIMS for high in (False, True))
+
+
+def approach(world: World, case: Case) -> tuple[str, bool] | None:
+    """Start the case and drive the open hand within the trigger distance, on the first way that leads there.
+
+    The ways: straight to a place above, left, right or in front of the trigger entity, or first up, then
+    across and down. One on which the task is solved is none.
 
     Returns:
-        Whether it came within the trigger distance.
+        The way, as the place and whether it led up first; None where none leads there.
     """
-    _begin(world, case)
+    for name, high in _WAYS:
+        _begin(world, case)
+        if _go(world, case, _AIMS[name], high) and not world.succeeded():
+            return name, high
+    return None
+
+
+def _go(world: World, case: Case, aim: _Aim, high: bool) -> bool:
     trigger = Proximity(case.event.trigger.entity, case.event.trigger.distance_m)
-    for _ in range(_APPROACH_STEPS):
+    goal = world.position(trigger.entity) + aim.offset_m
+    top = float(world.position(trigger.entity)[2]) + _HIGH_M
+    points = [np.array([*world.end_effector()[:2], top]), np.array([*goal[:2], top])] if high else []
+    for step in range(_APPROACH_STEPS):
         if trigger.reached(world):
             return True
-        way = world.position(trigger.entity) + _ABOVE_M - world.end_effector()
-        world.step([*(way / max(_STEP_M, float(abs(way).max()))), 0.0, 0.0, 0.0, NOOP_ACTION[-1]])
+        if points and float(abs(points[0] - world.end_effector()).max()) < _NEAR_M:
+            points.pop(0)
+        way = (points[0] if points else goal) - world.end_effector()
+        tilt = aim.tilt if step < _TILT_STEPS else (0.0, 0.0)
+        world.step([*(way / max(_STEP_M, float(abs(way).max()))), *tilt, 0.0, NOOP_ACTION[-1]])
     return False
-
-
-@dataclass(frozen=True)
-class _Before:
-    """The scene without the event, as far as it concerns the entities that the event moves or brings in.
-
-    Attributes:
-        touching: What each touched before the setup.
-        settling: How far what the setup takes away would have moved in its place, and how far down, m. The
-            initial states of LIBERO-Object begin with objects a little inside the floor, which throws them
-            up; an event that brings them back there is not worse than the task itself.
-    """
-
-    touching: Mapping[str, set[str]]
-    settling: Mapping[str, tuple[float, float]]
-
-
-def _look_before(world: World, case: Case) -> _Before:
-    world.reset(case.init_state_index)
-    moved = _moved(change_from_dict(case.event.change))
-    touching = {name: set(world.contacts(name)) for name in moved}
-    settling = _drift(world, _HOLD_AT_TRIGGER) if case.event.setup else {}
-    return _Before(touching, settling)
 
 
 def _begin(world: World, case: Case) -> None:
@@ -174,44 +230,94 @@ def _moved(change: Change) -> list[str]:
     return sorted(factor.removeprefix("pose:") for factor in change.factors if factor.startswith("pose:"))
 
 
-def _problems_here(world: World, case: Case, before: _Before, steps: int) -> list[Problem]:
-    """Apply the event to the world as it is, check, hold still, check again; then restore the world."""
-    here = world.snapshot()
-    found = list(_apply_and_look(world, case, before, steps))
-    world.restore(here)
-    return list(dict.fromkeys(found))
+def _touching(world: World, case: Case) -> dict[str, set[str]]:
+    """What each entity that the event moves or brings in touches before the setup."""
+    world.reset(case.init_state_index)
+    return {name: set(world.contacts(name)) for name in _moved(change_from_dict(case.event.change))}
 
 
-def _apply_and_look(world: World, case: Case, before: _Before, steps: int) -> Iterable[Problem]:
+def _settling(world: World, case: Case, steps: int) -> dict[str, tuple[float, float]]:
+    """How far everything moves, and how far down, in the first steps of the episode without the setup, m.
+
+    The initial states of LIBERO-Object begin with objects a little inside the floor, which throws them up: an
+    event that brings them back there is not worse than the task itself at the same moment.
+    """
+    world.reset(case.init_state_index)
+    return _drift(world, steps)
+
+
+def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: int) -> Preflight:
+    """Apply the event to the world as it is, check, hold still, check again.
+
+    What is wrong with the geometry is found at once. The rest is looked at only where nothing is, and
+    pictures only at the trigger.
+    """
     change = change_from_dict(case.event.change)
     entities = _moved(change)
+    if world.succeeded():
+        return Preflight((Problem("solved", "the task is solved before the event"),))
     touching = {
-        name: before.touching[name] | (set() if name in world.parked else set(world.contacts(name)))
+        name: touched[name] | (set() if name in world.parked else set(world.contacts(name)))
         for name in entities
     }
-    if world.succeeded():
-        yield Problem("solved", "the task is solved before the event")
-        return
-    if not entities:  # nothing that it does can move anything
-        image = _look(world)
-        change.apply(world)
-        yield from _image_problems(image, _look(world))
-        return
-    image, here = _look(world), world.snapshot()
-    calm = {**before.settling, **_drift(world, steps)}
-    world.restore(here)
+    here = world.snapshot()
     places = _positions(world)
     change.apply(world)
-    now = _positions(world)
-    if places.keys() == now.keys() and all((now[name] == places[name]).all() for name in now):
-        yield from _image_problems(*_looks_later(world, here, steps))  # it set things in motion
-    else:
-        yield from _image_problems(image, _look(world))
-    for name in entities:
-        yield from _too_close(world, name, touching[name])
-        yield from _out_of_view(world, name)
-    yield from _out_of_reach(world, change)
+    moving = bool(entities) and _positions(world) == places  # it sets in motion what stays where it was
+    found = [problem for name in entities for problem in _too_close(world, name, touching[name])]
+    found += _out_of_reach(world, change)
+    if world.succeeded():
+        found.append(Problem("solved", "the event solves the task"))
+    if found:
+        return Preflight(tuple(found))
+    found_sights: tuple[Sight, ...] = ()
+    if steps == _HOLD_AT_TRIGGER:
+        seen_after, image_after = look(world), _image(world)
+        world.restore(here)
+        found_sights = sights(world, case, look(world), seen_after)
+        found += _hidden(change, entities, seen_after, found_sights)
+        if not moving:
+            found += _image_problems(_image(world), image_after)
+    if entities:
+        world.restore(here)
+        found += _motion_problems(world, case, change, touching, steps, moving)
+    return Preflight(tuple(dict.fromkeys(found)), found_sights)
+
+
+def _hidden(
+    change: Change, entities: Iterable[str], seen: Pixels, found: Iterable[Sight]
+) -> Iterable[Problem]:
+    """What no camera shows after the event: what it moves or brings in, and what was seen before it.
+
+    The authors keep every shift of a camera, and so do we.
+    """
+    if change.operation == "shift_camera":
+        return
+    lost = {sight.entity for sight in found if sight.seen_before and not sight.seen_after}
+    for name in sorted({*lost, *(name for name in entities if max(pixels_of(name, seen)) < MIN_PIXELS)}):
+        pixels = ", ".join(map(str, pixels_of(name, seen)))
+        yield Problem("view", f"{name} has {pixels} pixels in the cameras after the event")
+
+
+def _motion_problems(
+    world: World,
+    case: Case,
+    change: Change,
+    touching: Mapping[str, set[str]],
+    steps: int,
+    moving: bool,
+) -> Iterable[Problem]:
+    """What goes wrong while the world is held still after the event, and does not without it."""
+    here = world.snapshot()
+    calm = _drift(world, steps)
+    calm_image = _image(world) if moving and steps == _HOLD_AT_TRIGGER else None
+    if case.event.setup:
+        calm = {**_settling(world, case, steps), **calm}
+    world.restore(here)
+    change.apply(world)
     disturbed = _drift(world, steps)
+    if calm_image is not None:
+        yield from _image_problems(calm_image, _image(world))
     if world.succeeded():
         yield Problem("solved", "the event solves the task")
     for name, (shift, drop) in disturbed.items():
@@ -222,11 +328,11 @@ def _apply_and_look(world: World, case: Case, before: _Before, steps: int) -> It
                 f"{name} moves by {shift * 1000:.0f} mm, {drop * 1000:.0f} mm of it down, after the event"
             )
             yield Problem("settling", detail)
-    for name in entities:
+    for name in touching:
         support = world.entities[name].support
         if support in touching[name] and support not in world.contacts(name):
             yield Problem("support", f"{name} has lost its support {support}")
-    yield from _overlaps(world, entities, touching)
+    yield from _overlaps(world, touching)
 
 
 def _hold(world: World, steps: int) -> None:
@@ -234,21 +340,9 @@ def _hold(world: World, steps: int) -> None:
         world.step(NOOP_ACTION)
 
 
-def _look(world: World) -> Image:
-    image: Image = world.observe(CAMERAS[:1], _IMAGE_SIZE)[f"{CAMERAS[0]}_image"]
+def _image(world: World) -> Image:
+    image: Image = world.observe(CAMERAS[:1], IMAGE_SIZE)[f"{CAMERAS[0]}_image"]
     return image
-
-
-def _looks_later(world: World, calm: WorldState, steps: int) -> tuple[Image, Image]:
-    """What is seen after the world was held still for some steps: from ``calm``, and from now on."""
-    changed = world.snapshot()
-    _hold(world, steps)
-    after = _look(world)
-    world.restore(calm)
-    _hold(world, steps)
-    before = _look(world)
-    world.restore(changed)
-    return before, after
 
 
 def _image_problems(before: Image, after: Image) -> Iterable[Problem]:
@@ -265,23 +359,27 @@ def _drift(world: World, steps: int) -> dict[str, tuple[float, float]]:
     """How far every object in the scene moves, and how far down, while the world is held still, m."""
     start = _positions(world)
     _hold(world, steps)
-    end = _positions(world)
-    return {
-        name: (float(np.linalg.norm(end[name] - position)), float(position[2] - end[name][2]))
-        for name, position in start.items()
-    }
+    return _moves(start, _positions(world))
 
 
-def _positions(world: World) -> dict[str, Array]:
+def _moves(
+    start: Mapping[str, tuple[float, ...]], end: Mapping[str, tuple[float, ...]]
+) -> dict[str, tuple[float, float]]:
+    """How far everything has moved, and how far down, m."""
+    return {name: (dist(position, end[name]), position[2] - end[name][2]) for name, position in start.items()}
+
+
+def _positions(world: World) -> dict[str, tuple[float, ...]]:
+    """(3,) m of every object in the scene."""
     return {
-        name: world.position(name)
+        name: tuple(world.position(name).tolist())
         for name, entity in world.entities.items()
         if entity.kind == "object" and name not in world.parked
     }
 
 
-def _overlaps(world: World, entities: Iterable[str], touching: Mapping[str, set[str]]) -> Iterable[Problem]:
-    for name in entities:
+def _overlaps(world: World, touching: Mapping[str, set[str]]) -> Iterable[Problem]:
+    for name in touching:
         new = set(world.contacts(name)) - touching[name] - {world.entities[name].support}
         if new:
             yield Problem("contact", f"{name} touches {', '.join(sorted(new))}")
@@ -307,18 +405,6 @@ def _too_close(world: World, name: str, touching: set[str]) -> Iterable[Problem]
         if gap < MIN_CLEARANCE_M:
             detail = f"{name} is {gap * 1000:.0f} mm from {owners.get(root, 'the robot')}"
             yield Problem("clearance", detail)
-
-
-def _out_of_view(world: World, name: str) -> Iterable[Problem]:
-    """Whether the entity's place is outside of the picture of every camera of a policy."""
-    model, data, position = world.model, world.data, world.position(name)
-    for camera in CAMERAS:
-        number = model.camera(camera).id
-        right, up, back = data.cam_xmat[number].reshape(3, 3).T @ (position - data.cam_xpos[number])
-        edge = -back * tan(np.radians(model.cam_fovy[number]) / 2)
-        if back < 0 and max(abs(right), abs(up)) <= edge:
-            return
-    yield Problem("view", f"{name} is in the picture of no camera after the event")
 
 
 def _out_of_reach(world: World, change: Change) -> Iterable[Problem]:

@@ -1,4 +1,7 @@
-"""The files of the benchmark: tracks, rejected cases, certificates and checksums."""
+"""The files of the benchmark: tracks, rejected cases, what is seen of each case, certificates and checksums.
+
+Certificates come last, into a folder whose tracks are frozen: nothing that an expert does can reach them.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +18,22 @@ from pytest_libero_max.benchmark.tracks import (
     write_checksums,
     write_frozen,
 )
-from pytest_libero_max.construction.examination import Certificate, Examination
-from pytest_libero_max.construction.preflight import Check, Problem
+from pytest_libero_max.construction.certificates import Certificate, Ending
+from pytest_libero_max.construction.original import select_original
+from pytest_libero_max.construction.preflight import Check, Preflight, Problem
 from pytest_libero_max.construction.selection import select
-from pytest_libero_max.construction.smoke import select_smoke
 from pytest_libero_max.construction.splits import SPLITS, full
-from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.construction.visibility import Sight
+from pytest_libero_max.worlds.contract import CAMERAS
 
-REJECTED, CERTIFICATES = "rejected.tsv.gz", "certificates.tsv.gz"
-FILES = (REJECTED, CERTIFICATES, *(f"{name}.json.gz" for name in ("smoke", "max", *SPLITS)))
+REJECTED, CERTIFICATES, SIGHTS = "rejected.tsv.gz", "certificates.tsv.gz", "visibility.tsv.gz"
+FILES = (REJECTED, CERTIFICATES, SIGHTS, *(f"{name}.json.gz" for name in ("original", "max", *SPLITS)))
 """Everything that has a checksum."""
+
+_SIGHT_COLUMNS = (
+    *("case_id", "role", "entity"),
+    *(f"{camera}_{when}" for when in ("before", "after") for camera in CAMERAS),
+)
 
 
 @dataclass(frozen=True)
@@ -34,55 +43,93 @@ class Release:
     Attributes:
         tracks: Manifests by name.
         rejected: The problems of the cases that were replaced, by id.
-        certificates: How the expert did on each case of ``smoke`` and ``max``, by id.
+        sights: What the cameras show of target and receptacle at the event of each of these cases, by id.
     """
 
     tracks: Mapping[str, Manifest]
     rejected: Mapping[str, tuple[Problem, ...]]
-    certificates: Mapping[str, Certificate]
+    sights: Mapping[str, tuple[Sight, ...]]
 
 
-def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Examination]]) -> Release:
+def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) -> Release:
     """Choose the cases of every track.
 
     Args:
-        examine: The examinations on some cases by id. Certificates in them are kept, and decide nothing.
+        examine: The preflights of some cases by id.
 
     Raises:
         ManifestError: There are not enough cases that pass.
     """
-    examinations: dict[str, Examination] = {}
+    examinations: dict[str, Preflight] = {}
 
     def failing(cases: Sequence[Case]) -> list[str]:
         found = examine(cases)
         examinations.update(found)
         return [case_id for case_id, examination in found.items() if not examination.passed]
 
-    smoke = select_smoke(failing)
+    original = select_original(failing)
     whole = full(select(failing))
-    used = sorted(case.case_id for manifest in (smoke, whole) for case in manifest)
     return Release(
-        tracks={"smoke": smoke, "max": whole, **{name: split(whole) for name, split in SPLITS.items()}},
+        tracks={
+            "original": original,
+            "max": whole,
+            **{name: split(whole) for name, split in SPLITS.items()},
+        },
         rejected={name: found.problems for name, found in sorted(examinations.items()) if found.problems},
-        certificates={name: _certificate(examinations[name]) for name in used},
+        sights={name: examinations[name].sights for name in sorted(_ids(original, whole))},
     )
 
 
+def _ids(*tracks: Manifest) -> set[str]:
+    return {case.case_id for track in tracks for case in track}
+
+
 def write_release(release: Release, folder: Path) -> None:
-    """Write all files of a release."""
+    """Write all files of a release, with an empty table of certificates."""
     folder.mkdir(parents=True, exist_ok=True)
     rejected = (
         (name, problem.check, problem.detail)
         for name, problems in release.rejected.items()
         for problem in problems
     )
-    certificates = (
-        (name, str(int(one.solved)), str(one.trigger_step), str(one.steps))
-        for name, one in release.certificates.items()
+    sights = (
+        (name, one.role, one.entity, *map(str, (*one.before, *one.after)))
+        for name, found in release.sights.items()
+        for one in found
     )
     _write_table(folder / REJECTED, ("case_id", "check", "detail"), rejected)
-    _write_table(folder / CERTIFICATES, ("case_id", "solved", "trigger_step", "steps"), certificates)
+    _write_table(folder / SIGHTS, _SIGHT_COLUMNS, sights)
+    _write_certificates(folder, {})
     _write_tracks(folder, release.tracks)
+
+
+def add_certificates(
+    folder: Path, names: Iterable[str], certify: Callable[[Sequence[Case]], Mapping[str, Certificate]]
+) -> None:
+    """Let an expert play the cases of some tracks of a folder that have no certificate yet.
+
+    Args:
+        folder: Frozen tracks.
+        names: Which tracks.
+        certify: How the expert does on some cases, by id.
+
+    Raises:
+        ManifestError: A file is missing or is not the one that was frozen.
+        OptionError: There is no such track.
+    """
+    found = read_certificates(folder)
+    cases = {case.case_id: case for name in names for case in load_track(name, folder)}
+    new = certify([case for case_id, case in sorted(cases.items()) if case_id not in found])
+    _write_certificates(folder, {**found, **new})
+    write_checksums(folder, FILES)
+
+
+def _write_certificates(folder: Path, certificates: Mapping[str, Certificate]) -> None:
+    rows = (
+        (name, one.ending, _text(one.trigger_step), _text(one.steps))
+        for name, one in sorted(certificates.items())
+    )
+    _write_table(folder / CERTIFICATES, ("case_id", "ending", "trigger_step", "steps"), rows)
 
 
 def write_splits(folder: Path) -> None:
@@ -108,21 +155,37 @@ def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
 
 
 def read_certificates(folder: Path) -> dict[str, Certificate]:
-    """How the expert did on each case of ``smoke`` and ``max``, by id.
+    """How the expert did on the cases that it has played, by id.
 
     Raises:
         ManifestError: The table is missing or is not the one that was frozen.
     """
     return {
-        name: Certificate(solved == "1", int(trigger), int(steps))
-        for name, solved, trigger, steps in _read_table(folder / CERTIFICATES)
+        name: Certificate(cast(Ending, ending), _number(trigger), _number(steps))
+        for name, ending, trigger, steps in _read_table(folder / CERTIFICATES)
     }
 
 
-def _certificate(examination: Examination) -> Certificate:
-    if examination.certificate is None:
-        raise ManifestError(f"case {examination.case_id!r} passed the preflight, but has no certificate.")
-    return examination.certificate
+def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
+    """What the cameras show of target and receptacle at the event of each case, by id.
+
+    Raises:
+        ManifestError: The table is missing or is not the one that was frozen.
+    """
+    found: dict[str, tuple[Sight, ...]] = {}
+    for name, role, entity, *pixels in _read_table(folder / SIGHTS):
+        numbers = tuple(map(int, pixels))
+        sight = Sight(role, entity, numbers[: len(CAMERAS)], numbers[len(CAMERAS) :])
+        found[name] = (*found.get(name, ()), sight)
+    return found
+
+
+def _text(number: int | None) -> str:
+    return "" if number is None else str(number)
+
+
+def _number(text: str) -> int | None:
+    return int(text) if text else None
 
 
 def _write_tracks(folder: Path, tracks: Mapping[str, Manifest]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.construction.case_text import event_pictures
-from pytest_libero_max.construction.preflight import straight_approach
+from pytest_libero_max.construction.preflight import approach
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate, World
 from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
@@ -16,7 +16,7 @@ _PAIRS_A_ROW = 2
 
 
 def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None:
-    """Render one smoke case for each event variant before and after its event, and write one file.
+    """Render a case of the original track for each event variant before and after it, and write one file.
 
     Each variant has four pictures side by side: the agent's view before and after, the wrist's before and
     after.
@@ -26,7 +26,7 @@ def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None
         substrate: What builds the worlds.
         size: Side of one picture in pixels.
     """
-    cases = {(case.event.name, case.event.variant): case for case in load_track("smoke")}
+    cases = {(case.event.name, case.event.variant): case for case in load_track("original")}
     pictures: list[Image] = []
     for name in BENCHMARK_EVENTS:
         for variant in (0, 1):
@@ -36,7 +36,7 @@ def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None
 
 
 def _before_and_after(world: World, case: Case, size: int) -> list[Image]:
-    straight_approach(world, case)
+    approach(world, case)
     title = f"{case.event.name} v{case.event.variant}"
     return [
         captioned(picture, title if camera == CAMERAS[0] else "", f"{label}, {camera}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 
@@ -15,10 +16,12 @@ from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
 SUBSTRATE = "pytest-libero-max embedded"
-BENCHMARK, VERSION = "libero-max-embedded", "1.0.0"
+BENCHMARK, VERSION = "libero-max-embedded", "2.0.0"
 
 LITE_SEED = 20260830
 LITE_PER_EVENT = {"plus": 70, "pro": 30}
+
+SMOKE_SAMPLER = "libero-max-embedded-smoke-v2.0"
 
 DEVELOPMENT = 16
 SAMPLER = "libero-max-embedded-recovery-v1.0"
@@ -54,6 +57,39 @@ def lite(whole: Manifest) -> Manifest:
         chosen += _by_id(draw.sample(_by_id(pool), count))
     contract = f"100 cases of each event: 70 LIBERO-Plus and 30 LIBERO-PRO; seed {LITE_SEED}"
     return _split("lite", contract, chosen)
+
+
+def smoke(whole: Manifest) -> Manifest:
+    """One case of each event, variant and source: 32 cases over all suites.
+
+    Each is the case whose suite, then source category the track has used least so far, counted for each
+    source on its own; a hash decides between equals.
+    """
+    used: Counter[object] = Counter()
+    chosen: list[Case] = []
+    for source, event, variant in product(LITE_PER_EVENT, sorted(BENCHMARK_EVENTS), (0, 1)):
+        pool = (
+            case
+            for case in whole
+            if (case.source, case.event.name, case.event.variant) == (source, event, variant)
+        )
+        best = min(pool, key=lambda case: (*(used[key] for key in _spread(case)), _smoke_rank(case)))
+        used.update(_spread(best))
+        chosen.append(best)
+    contract = (
+        f"{SMOKE_SAMPLER}; one case of each event, variant and source; least used suite of the source, "
+        "least used source category, then SHA-256 rank"
+    )
+    return _split("smoke", contract, _by_id(chosen))
+
+
+def _spread(case: Case) -> tuple[tuple[str, str], tuple[str, str]]:
+    """What the smoke track spreads its cases over, the most important first."""
+    return (case.source, case.suite), (case.source, case.source_category)
+
+
+def _smoke_rank(case: Case) -> int:
+    return seed_of(SMOKE_SAMPLER, case.case_id)
 
 
 def camera(whole: Manifest) -> Manifest:
@@ -113,6 +149,7 @@ def _by_id(cases: Iterable[Case]) -> tuple[Case, ...]:
 
 
 SPLITS: Mapping[str, Callable[[Manifest], Manifest]] = {
+    "smoke": smoke,
     "lite": lite,
     "camera": camera,
     "recovery": recovery,

@@ -14,14 +14,21 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import CHECKSUMS, frozen_files, load_track, read_checksums
 from pytest_libero_max.construction.configurations import Cell, Configuration, cell_of, hosts
 from pytest_libero_max.construction.matching import levelled
-from pytest_libero_max.construction.release import CERTIFICATES, REJECTED, read_certificates, read_rejected
+from pytest_libero_max.construction.original import build_original
+from pytest_libero_max.construction.release import (
+    CERTIFICATES,
+    REJECTED,
+    SIGHTS,
+    read_certificates,
+    read_rejected,
+    read_sights,
+)
 from pytest_libero_max.construction.selection import (
     LEVELS,
     PLUS_PER_CELL,
     PRO_PER_CELL,
     cells_of,
 )
-from pytest_libero_max.construction.smoke import build_smoke
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.sources import variation_of
@@ -48,25 +55,29 @@ def _checks(folder: Path) -> Iterator[str]:
         raise ManifestError(f"{folder / name} is not in {CHECKSUMS}. Remove it, or restore the folder.")
     for name in sorted(listed.keys() - files):
         raise ManifestError(f"{folder / name} is in {CHECKSUMS}, but is missing. Restore the folder.")
-    whole, smoke = load_track("max", folder), load_track("smoke", folder)
+    whole, original = load_track("max", folder), load_track("original", folder)
     rejected, certificates = read_rejected(folder), read_certificates(folder)
+    sights = read_sights(folder)
     for case in whole:
         _require_identity(case)
     yield f"max: {len(whole)} cases, each as its identity demands, digest {whole.digest}"
     yield _quotas(whole)
     yield _difficulties(whole)
-    _require_same("smoke", smoke, build_smoke(rejected))
-    yield f"smoke: {len(smoke)} cases, digest {smoke.digest}"
+    _require_same("original", original, build_original(rejected))
+    yield f"original: {len(original)} cases, digest {original.digest}"
     for name, split in SPLITS.items():
         found = load_track(name, folder)
         _require_same(name, found, split(whole))
         yield f"{name}: {len(found)} cases, drawn from max, digest {found.digest}"
-    used = {case.case_id for case in (*whole, *smoke)}
+    used = {case.case_id for case in (*whole, *original)}
     for name in sorted(used & rejected.keys()):
         raise ManifestError(f"case {name!r} is in a track, and in {REJECTED}.")
-    for name in sorted(used ^ certificates.keys()):
-        raise ManifestError(f"case {name!r} is in a track or in {CERTIFICATES}, but not in both.")
-    yield f"{len(rejected)} rejected cases are in no track, {len(certificates)} cases have a certificate"
+    for name in sorted(used ^ sights.keys()):
+        raise ManifestError(f"case {name!r} is in a track or in {SIGHTS}, but not in both.")
+    for name in sorted(certificates.keys() - used):
+        raise ManifestError(f"case {name!r} is in {CERTIFICATES}, but in no track.")
+    yield f"{len(rejected)} rejected cases are in no track"
+    yield f"{len(certificates)} of {len(used)} cases have a certificate"
 
 
 def _require_identity(case: Case) -> None:

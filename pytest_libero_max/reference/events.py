@@ -18,7 +18,7 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.reference.docstrings import constants, description, section
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
 
-EXAMPLES = "smoke"
+EXAMPLES = "original"
 """The track that the examples are from."""
 
 

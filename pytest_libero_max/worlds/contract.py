@@ -219,6 +219,16 @@ class World(Protocol):
         """Proprioception, and a (size, size, 3) uint8 image for each camera named (:data:`Observation`)."""
         ...
 
+    def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
+        """How many pixels of a (size, size) image show each entity that is in it, occlusion included.
+
+        What is drawn decides, before any pixel filter: a filter changes colours and hides no entity here.
+
+        Raises:
+            SubstrateError: No such camera.
+        """
+        ...
+
     def snapshot(self) -> WorldState:
         """A copy of everything that the future of the world depends on."""
         ...

@@ -246,6 +246,11 @@ class MujocoWorld(ABC):
             observation[f"{camera}_image"] = self._image(camera, size)
         return observation
 
+    def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
+        owners = self._owner[self._segmented(camera, size)]
+        count = np.bincount(owners[owners >= 0], minlength=len(self._owner_names))
+        return {name: int(number) for name, number in zip(self._entities, count, strict=False) if number}
+
     def snapshot(self) -> WorldState:
         return WorldState(
             scene=self._scene,
@@ -458,6 +463,13 @@ class MujocoWorld(ABC):
         """An image as it comes from the renderer, which exists by now."""
         assert self._renderer is not None
         return self._renderer.render(camera, size)
+
+    def _segmented(self, camera: str, size: int) -> NDArray[np.intp]:
+        """The geoms that are drawn, one number for each pixel that shows one."""
+        if self._renderer is None:
+            self._renderer = self._new_renderer()
+        shown = self._renderer.segment(camera, size)
+        return shown[shown >= 0]
 
     def _new_renderer(self) -> Renderer:
         from pytest_libero_max.worlds.rendering.renderer import Renderer

@@ -1,4 +1,4 @@
-"""The events of the smoke track in the scenes they are meant for."""
+"""The events of the original track in the scenes they are meant for."""
 
 from collections.abc import Iterator
 
@@ -21,13 +21,13 @@ from tests.changes.world_comparison import (
     velocity_slices,
 )
 
-SMOKE = load_track("smoke").cases
+ORIGINAL = load_track("original").cases
 ACTIONS = [(0.3, -0.2, -0.5, 0.1, 0.0, -0.1, -1.0)] * 4
 SEEN_ONLY = ("illumination_switch", "camera_shift", "visual_theme_switch", "sensor_noise_onset")
 
 one_of_each = pytest.mark.parametrize(
     "case",
-    {(case.event.name, case.event.variant): case for case in SMOKE}.values(),
+    {(case.event.name, case.event.variant): case for case in ORIGINAL}.values(),
     ids=lambda case: case.item_id,
 )
 
@@ -87,7 +87,7 @@ def test_an_event_is_seen_by_every_camera_it_concerns(substrate: EmbeddedSubstra
 
 @pytest.mark.parametrize(
     "case",
-    [case for case in SMOKE if case.event.name == "distractor_burst"][:1],
+    [case for case in ORIGINAL if case.event.name == "distractor_burst"][:1],
     ids=lambda case: case.item_id,
 )
 def test_what_was_taken_out_waits_unmoved_and_comes_back_upright(

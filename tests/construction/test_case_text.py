@@ -19,7 +19,7 @@ from pytest_libero_max.construction.case_text import (
     find_case,
     write_event_pictures,
 )
-from pytest_libero_max.construction.examination import Certificate
+from pytest_libero_max.construction.certificates import ENDINGS, Certificate
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.films.short_run import leave_out_shadows
@@ -42,8 +42,8 @@ def manifest(tmp_path: Path) -> Manifest:
 
 
 def test_a_case_is_told_in_words() -> None:
-    case = next(case for case in load_track("smoke") if case.event.name == "target_relocation")
-    text = "\n".join(case_lines(case, {case.case_id: Certificate(True, 11, 61)}))
+    case = next(case for case in load_track("original") if case.event.name == "target_relocation")
+    text = "\n".join(case_lines(case, {case.case_id: Certificate("solved", 11, 61)}))
     for words in (
         "Instruction: pick up ",
         "(the task's own)",
@@ -55,11 +55,18 @@ def test_a_case_is_told_in_words() -> None:
         f"Play it alone with -k {case.item_id}",
     ):
         assert words in text
-    unsolved = {case.case_id: Certificate(False, 11, 220)}
-    assert "the expert does not complete Dynamic" in "\n".join(case_lines(case, unsolved))
+    told = {
+        next(
+            line
+            for line in case_lines(case, {case.case_id: Certificate(ending, 11, 220)})
+            if line.startswith("Certificate: the expert ")
+        )
+        for ending in ENDINGS
+    }
+    assert len(told) == len(ENDINGS)
     other = replace(case, instruction="fetch it")
     assert "Instruction: fetch it (as the manifest says)" in case_lines(other, {})
-    assert "Certificate: none, since it is not one of the frozen cases" in case_lines(other, {})
+    assert "Certificate: none, since the expert has not played this case" in case_lines(other, {})
 
 
 def test_a_variation_says_how_its_scene_differs() -> None:
@@ -104,7 +111,7 @@ def test_a_change_of_one_camera_leaves_the_other_picture_alone(world: TinyWorld)
     assert different == {"agentview"}
 
 
-def test_what_the_straight_way_does_not_reach_is_refused(
+def test_what_no_way_reaches_is_refused(
     world: TinyWorld, manifest: Manifest, tmp_path: Path
 ) -> None:
     case = manifest.cases[0]

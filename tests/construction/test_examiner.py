@@ -1,6 +1,5 @@
 """Examinations in other processes, interrupted and resumed."""
 
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -11,18 +10,25 @@ import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.changes import MoveObject
-from pytest_libero_max.construction.examination import Certificate, Examination
+from pytest_libero_max.construction.certificates import Certificate
 from pytest_libero_max.construction.examiner import (
     BATCH,
     Examiner,
+    Ledger,
     Progress,
     examining_code,
     inputs_digest,
+<<<<<<< HEAD
     read_examinations,
     scene_order,
 )
 from pytest_libero_max.construction.preflight import Problem
 from pytest_libero_max.errors import SubstrateError
+=======
+)
+from pytest_libero_max.construction.preflight import Preflight, Problem
+from pytest_libero_max.construction.visibility import Sight
+>>>>>>> 4b2636d (Choose cases before any policy plays them, and certify them afterwards)
 from pytest_libero_max.experts import noop
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from tests.construction.test_preflight import case_of, insertion, move
@@ -43,16 +49,15 @@ def cases() -> list[Case]:
 
 
 @pytest.fixture(scope="module")
-def examined(cases: list[Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Examination]:
-    with Examiner(tmp_path_factory.mktemp("whole"), None, 1, substrate="tiny") as examiner:
+def examined(cases: list[Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Preflight]:
+    with Examiner(tmp_path_factory.mktemp("whole"), 1, substrate="tiny") as examiner:
         return dict(examiner.examine(cases))
 
 
-def test_sensible_cases_pass_and_others_do_not(examined: dict[str, Examination], cases: list[Case]) -> None:
+def test_sensible_cases_pass_and_others_do_not(examined: dict[str, Preflight], cases: list[Case]) -> None:
     assert list(examined) == [case.case_id for case in cases]
     for number, examination in enumerate(examined.values()):
         assert examination.passed == (number % 3 != 2)
-        assert examination.certificate is None  # nobody was asked to solve it
 
 
 class Stopped(Exception):
@@ -60,21 +65,21 @@ class Stopped(Exception):
 
 
 def test_an_interrupted_examination_goes_on_where_it_stopped(
-    examined: dict[str, Examination], cases: list[Case], tmp_path: Path
+    examined: dict[str, Preflight], cases: list[Case], tmp_path: Path
 ) -> None:
     def stop(progress: Progress) -> None:
         if progress.done == BATCH:
             raise Stopped
 
-    with Examiner(tmp_path, None, 1, stop, substrate="tiny") as examiner, pytest.raises(Stopped):
+    with Examiner(tmp_path, 1, stop, substrate="tiny") as examiner, pytest.raises(Stopped):
         examiner.examine(cases)
-    with examiner.path.open("a") as file:
-        file.write('{"case_id": "torn')
-    measured = len(read_examinations(examiner.path))
+    with examiner.path().open("a") as file:
+        file.write('["torn')
+    measured = len(Ledger(examiner.path(), Preflight).found)
     assert BATCH <= measured < len(cases)
     seen: list[Progress] = []
-    with Examiner(tmp_path, None, 1, seen.append, substrate="tiny") as second:
-        assert second.path == examiner.path
+    with Examiner(tmp_path, 1, seen.append, substrate="tiny") as second:
+        assert second.path() == examiner.path()
         assert dict(second.examine(cases)) == examined
     assert [progress.done for progress in seen] == list(range(measured + 1, len(cases) + 1))
 
@@ -83,7 +88,7 @@ def test_a_case_that_was_changed_is_examined_again(cases: list[Case], tmp_path: 
     other = insertion(0.03, 0.0)
     record = {**other.record, "case_id": cases[0].case_id}
     changed = replace(other, case_id=cases[0].case_id, record=record)
-    with Examiner(tmp_path, None, 1, substrate="tiny") as examiner:
+    with Examiner(tmp_path, 1, substrate="tiny") as examiner:
         assert examiner.examine(cases[:1])[cases[0].case_id].passed
         assert not examiner.examine([changed])[cases[0].case_id].passed
 
@@ -129,16 +134,30 @@ def test_examinations_outlive_a_comment_but_not_a_number(tmp_path: Path) -> None
     assert code_digest(examining_code(package)) != first
 
 
-def test_an_examination_survives_writing_and_reading() -> None:
-    passed = Examination("a", "0" * 64, (), Certificate(True, 12, 90))
-    failed = Examination("b", "1" * 64, (Problem("view", "milk_1 is in the picture of no camera"),), None)
-    for examination in (passed, failed):
-        assert Examination.from_dict(json.loads(json.dumps(examination.to_dict()))) == examination
+def test_what_was_found_survives_writing_and_reading(cases: list[Case], tmp_path: Path) -> None:
+    passed = Preflight((), (Sight("target", "milk_1", (100, 200), (90, 0)),))
+    failed = Preflight((Problem("view", "milk_1 has 0, 0 pixels"),))
+    certificate = Certificate("unsolved", 12, 90)
+    preflights, certificates = tmp_path / "preflights.jsonl", tmp_path / "certificates.jsonl"
+    for case, found in zip(cases, (passed, failed), strict=False):
+        Ledger(preflights, Preflight).add(case, found)
+    Ledger(certificates, Certificate).add(cases[0], certificate)
+    assert list(Ledger(preflights, Preflight).found.values()) == [passed, failed]
+    assert Ledger(certificates, Certificate).of(cases[0]) == certificate
+
+
+def test_certificates_are_kept_apart_from_what_decides(cases: list[Case], tmp_path: Path) -> None:
+    with Examiner(tmp_path, 1, substrate="tiny") as examiner:
+        before = dict(examiner.examine(cases[:2]))
+        found = examiner.certify(cases[:2], "noop")
+        assert {one.ending for one in found.values()} == {"not_triggered"}
+        assert examiner.examine(cases[:2]) == before
+        assert examiner.path().parent != examiner.path("noop").parent
 
 
 def test_what_the_substrate_lacks_is_said_of_each_case(tmp_path: Path) -> None:
     case = case_of("target_relocation", MoveObject("teapot_1", (0.06, 0.0, 0.0)))
-    with Examiner(tmp_path, None, 1, substrate="tiny") as examiner:
+    with Examiner(tmp_path, 1, substrate="tiny") as examiner:
         (examination,) = examiner.examine([case]).values()
     (problem,) = examination.problems
     assert problem.check == "substrate"

@@ -1,5 +1,8 @@
 """Cases that are not sensible, each with the reason it must be given."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -7,9 +10,13 @@ from pytest_libero_max.benchmark.cases import Case, Trigger, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.changes import Change, InsertObstacle, MoveObject, RemoveObject, ShiftCamera
-from pytest_libero_max.construction.preflight import problems
+from pytest_libero_max.changes.base import Evidence
+from pytest_libero_max.construction.configurations import Cell, Configuration
+from pytest_libero_max.construction.preflight import preflight
 from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.sources import open_substrate
+from pytest_libero_max.sources.pro import pro_suite
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 WORLD = TinyWorld()
@@ -25,7 +32,7 @@ def case_of(
 
 
 def found(case: Case) -> str:
-    return "; ".join(map(str, problems(WORLD, case)))
+    return "; ".join(map(str, preflight(WORLD, case).problems))
 
 
 def move(x: float, y: float) -> Case:
@@ -80,7 +87,7 @@ def test_an_event_that_solves_the_task_is_found() -> None:
 
 def test_an_entity_out_of_reach_is_found() -> None:
     case = case_of("camera_shift", ShiftCamera("agentview", (0.0, 0.0, 0.0), 1.0, 0.0), distance_m=0.001)
-    assert found(case) == "the hand does not come within 0.001 m of box_1"
+    assert found(case) == "the hand does not come within 0.001 m of box_1 on any of 8 ways"
 
 
 def test_what_also_happens_without_the_event_is_not_its_fault(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,4 +99,45 @@ def test_what_also_happens_without_the_event_is_not_its_fault(monkeypatch: pytes
         sliding.place("clutter_5", sliding.position("clutter_5") + np.array([0.0, 0.0, 0.1]))
 
     monkeypatch.setattr(sliding, "reset", reset)
-    assert problems(sliding, move(0.06, 0.0)) == ()
+    assert preflight(sliding, move(0.06, 0.0)).problems == ()
+
+
+def test_what_comes_back_is_compared_with_the_same_moments_of_the_episode(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Objects that begin inside the floor jump when they come back, as they do when the episode begins."""
+    jumping = TinyWorld()
+    original = jumping.reset
+
+    def reset(init: int) -> None:
+        original(init)
+        jumping.push("clutter_1", (0.0, 0.0, 1.0))
+
+    def insert(self: InsertObstacle, world: TinyWorld) -> Evidence:
+        evidence = apply(self, world)
+        world.push("clutter_1", (0.0, 0.0, 1.0))
+        return evidence
+
+    apply = InsertObstacle.apply
+    monkeypatch.setattr(InsertObstacle, "apply", insert)
+    assert "clutter_1 moves by" in str(preflight(jumping, insertion(0.14, 0.0)).problems)
+    monkeypatch.setattr(jumping, "reset", reset)
+    assert preflight(jumping, insertion(0.14, 0.0)).problems == ()
+
+
+@pytest.mark.parametrize(("suite", "task"), [("libero_goal", 0), ("libero_10", 2)])
+def test_a_task_that_the_expert_never_begins_is_not_rejected_for_it(suite: str, task: int) -> None:
+    case = Configuration(pro_suite("task", suite)[task], 0).case(Cell("task", "illumination_switch", 0))
+    substrate = open_substrate("embedded")
+    assert preflight(substrate.world(case), case).passed
+    substrate.close()
+
+
+def test_no_policy_has_a_part_in_it() -> None:
+    code = (
+        "import sys, pytest_libero_max.construction.preflight\n"
+        "rooms = {'policies', 'experts', 'pairing', 'stats', 'report', 'plugin'}\n"
+        "seen = {name.split('.')[1] for name in sys.modules if name.startswith('pytest_libero_max.')}\n"
+        "assert not rooms & seen, rooms & seen\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

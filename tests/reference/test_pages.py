@@ -34,7 +34,7 @@ def test_every_public_name_exists_and_has_a_docstring(module: str) -> None:
 
 
 def test_an_observation_holds_what_the_page_of_the_worlds_says(substrate: Substrate) -> None:
-    world = substrate.world(load_track("smoke").cases[0])
+    world = substrate.world(load_track("original").cases[0])
     world.reset(0)
     seen = world.observe(size=64)
     assert seen.keys() == OBSERVATIONS.keys()

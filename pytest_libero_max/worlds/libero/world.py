@@ -400,13 +400,21 @@ class LiberoWorld(RobosuiteWorld):
         return Renderer(self._model, self._view, reflections=True)
 
     def _image(self, camera: str, size: int) -> Image:
+        self._look()
+        return super()._image(camera, size)
+
+    def _segmented(self, camera: str, size: int) -> NDArray[np.intp]:
+        self._look()
+        return super()._segmented(camera, size)
+
+    def _look(self) -> None:
+        """Bring what is drawn to the moment at which LIBERO's observations were sampled."""
         if self._renderer is None:
             self._renderer = self._new_renderer()
         assert self._view is not None
         self._view.qpos[:] = self._data.qpos if self._fresh else self._seen_qpos
         mujoco.mj_kinematics(self._model, self._view)
         mujoco.mj_camlight(self._model, self._view)
-        return super()._image(camera, size)
 
     def _drawn(self, camera: str, size: int) -> Image:
         image = super()._drawn(camera, size)

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Image
@@ -63,6 +64,29 @@ class Renderer:
             SubstrateError: No such camera, or a size that cannot be drawn.
             SimulatorError: No OpenGL backend is available.
         """
+        self._aim(camera, size)
+        return self._draw(size)
+
+    def segment(self, camera: str, size: int) -> NDArray[np.intp]:
+        """The geom that each pixel shows, (size, size), bottom row first; -1 where there is none.
+
+        It is drawn without samples between pixels, so each shows one geom. The errors are those of
+        :meth:`render`.
+        """
+        self._aim(camera, size)
+        flags = self._scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
+        codes = self._draw(size).astype(np.intp) @ (1, 2**8, 2**16)  # 0 is the background
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+        shown = np.full(self._scene.ngeom + 1, -1, dtype=np.intp)
+        for drawn in self._scene.geoms[: self._scene.ngeom]:
+            if drawn.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                shown[drawn.segid + 1] = drawn.objid
+        found: NDArray[np.intp] = shown[codes]
+        return found
+
+    def _aim(self, camera: str, size: int) -> None:
+        """Set the scene up for one camera."""
         number = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
         if number < 0:
             known = [self._model.camera(i).name for i in range(self._model.ncam)]
@@ -75,6 +99,8 @@ class Renderer:
         mujoco.mjv_updateScene(
             self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
         )
+
+    def _draw(self, size: int) -> Image:
         viewport = mujoco.MjrRect(0, 0, size, size)
         mujoco.mjr_render(viewport, self._scene, self._context)
         image: Image = np.empty((size, size, 3), dtype=np.uint8)

@@ -11,7 +11,7 @@ from pytest_libero_max.benchmark.tracks import load_track
 
 
 def case_of(category: str | None, suite: str, index: int, **changes: Any) -> Case:
-    """A case with the event of the smoke track's first one that needs no setup, and another task and source.
+    """The first case of the original track that needs no setup, with another task and source.
 
     Args:
         category: As a manifest spells it, ``LIBERO-PRO/task`` for example; None for an unmodified task.
@@ -20,7 +20,7 @@ def case_of(category: str | None, suite: str, index: int, **changes: Any) -> Cas
         changes: Fields of the record to add or replace.
     """
     own = {"substrate_category", "substrate_difficulty", "substrate_variant", "task_name"}
-    first = next(case for case in load_track("smoke") if not case.event.setup)
+    first = next(case for case in load_track("original") if not case.event.setup)
     record = {key: value for key, value in first.record.items() if key not in own}
     record |= {"task_suite_name": suite, "task_index": index, "init_state_index": 0, "policy_seed": 195}
     record["case_id"] = f"{category or 'plain'}-{suite}-{index}".replace(" ", "-")
@@ -36,5 +36,5 @@ def pro_case(category: str, suite: str, index: int, **changes: Any) -> Case:
 
 def manifest_of(path: Path, *cases: Case) -> Path:
     """Write cases as a manifest."""
-    path.write_text(replace(load_track("smoke"), benchmark_id="made-up", cases=cases).to_json())
+    path.write_text(replace(load_track("original"), benchmark_id="made-up", cases=cases).to_json())
     return path

@@ -1,10 +1,11 @@
-"""The smoke track: every event and variant twice, on unmodified LIBERO tasks of two suites.
+"""The original track: every event and variant twice, on unmodified LIBERO tasks of two suites.
 
 One case of LIBERO-Spatial and one of LIBERO-Object for each of the sixteen, two of LIBERO-Object where
 Spatial has no task that can host the event. Each slot takes the first configuration that was not rejected,
 in this order: tasks that the track has used least, then initial states it has used least, then a hash.
 Configurations are rejected by :mod:`.preflight` alone, for reasons in the ledger beside the
-tracks; no outcome of a policy decides.
+tracks; no outcome of a policy decides. It plays on an installed LIBERO that has neither LIBERO-Plus nor
+LIBERO-PRO.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pytest_libero_max.benchmark.identity import Identity, seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.construction.selection import Examine
-from pytest_libero_max.construction.splits import protocol
+from pytest_libero_max.construction.splits import VERSION, protocol
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
 from pytest_libero_max.sources.metadata import TaskMetadata, task_metadata
@@ -26,9 +27,10 @@ SUITES = ("libero_spatial", "libero_object")
 TASKS = 10
 INITS = 10
 SAMPLER = "libero-max-smoke-v1.0"
+"""Name of the random draws; the track had another name when they were fixed."""
 
 PROTOCOL = protocol(
-    "smoke",
+    "original",
     f"{SAMPLER}; 2 cases per change-type/draw cell, one of each suite where both are eligible; "
     "least used task, least used initial state, then SHA-256 rank; physical preflight; "
     "independent of policy outcomes",
@@ -36,7 +38,7 @@ PROTOCOL = protocol(
 )
 
 
-def build_smoke(rejected: Collection[str] = ()) -> Manifest:
+def build_original(rejected: Collection[str] = ()) -> Manifest:
     """Select the 32 cases.
 
     Args:
@@ -75,10 +77,10 @@ def build_smoke(rejected: Collection[str] = ()) -> Manifest:
                 used_inits[identity.init_state_index] += 1
                 cases.append(_case(identity, event, variant, tasks[identity.suite, identity.task_index]))
     ordered = tuple(sorted(cases, key=lambda case: case.case_id))
-    return Manifest("libero-max-smoke", "1.0.0", PROTOCOL, ordered)
+    return Manifest("libero-max-original", VERSION, PROTOCOL, ordered)
 
 
-def select_smoke(examine: Examine) -> Manifest:
+def select_original(examine: Examine) -> Manifest:
     """Choose the cases, and choose again without those that fail until none does.
 
     Args:
@@ -87,7 +89,7 @@ def select_smoke(examine: Examine) -> Manifest:
     failed: set[str] = set()
     passed: set[str] = set()
     while True:
-        manifest = build_smoke(failed)
+        manifest = build_original(failed)
         new = [case for case in manifest if case.case_id not in passed]
         if not new:
             return manifest

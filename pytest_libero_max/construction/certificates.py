@@ -1,0 +1,70 @@
+"""Certificates: how a scripted expert does on a case, which decides nothing."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, get_args
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.pairing.runner import continue_rollout, inject, play_prefix, return_to
+from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.worlds.contract import World
+
+Ending = Literal["solved", "not_triggered", "base_unsolved", "unsolved"]
+"""How the expert did: it completes the Dynamic episode; it never comes near the trigger entity; it completes
+the task neither with the event nor without it; it completes it without the event only."""
+
+ENDINGS: tuple[Ending, ...] = get_args(Ending)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How the expert did on a case: proof that it can be done, or that this expert cannot do it.
+
+    Attributes:
+        ending: How its Dynamic episode ended.
+        trigger_step: Policy steps before the event; None where it did not happen.
+        steps: Policy steps of the Dynamic episode; None where the event did not happen.
+    """
+
+    ending: Ending
+    trigger_step: int | None = None
+    steps: int | None = None
+
+    @property
+    def solved(self) -> bool:
+        """Whether the expert completes the case."""
+        return self.ending == "solved"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON values; :meth:`from_dict` reads them."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, value: dict[str, Any]) -> Certificate:
+        return cls(**value)
+
+
+def certify(world: World, case: Case, expert: Policy) -> Certificate:
+    """Let an expert play a case.
+
+    Args:
+        world: The world that plays the case.
+        case: The case.
+        expert: A policy that solves the tasks; images are rendered only if it asks for them.
+
+    Raises:
+        AdapterError: The expert broke its contract.
+        SimulatorError: The simulation breaks.
+    """
+    branch = play_prefix(case, world, expert)
+    if branch is None:
+        return Certificate("not_triggered")
+    inject(case, world)
+    result = continue_rollout(branch, case, world, expert)
+    ending: Ending = "solved"
+    if not result.success:
+        return_to(branch, case, world, expert)
+        without_event = continue_rollout(branch, case, world, expert)
+        ending = "unsolved" if without_event.success else "base_unsolved"
+    return Certificate(ending, branch.step, result.steps)

@@ -1,0 +1,85 @@
+"""What the cameras of a policy show of the goal's entities around an event: pixels, occlusion included."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.sources import variation_metadata, variation_of
+from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.worlds.contract import CAMERAS, World
+
+IMAGE_SIZE = 256
+"""Side of the images in which pixels are counted."""
+
+MIN_PIXELS = 30
+"""An entity is *seen* by a camera that shows this many pixels of it or more. The smallest one of the embedded
+scenes, a box of butter, has about 150 in an agent's view that nothing stands in."""
+
+Pixels = Mapping[str, Mapping[str, int]]
+"""By camera, the pixels of each entity that is in its image."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How many pixels show an entity just before the event and just after it.
+
+    Attributes:
+        role: ``target`` (the entity that the trigger watches) or ``receptacle``.
+        entity: Its name.
+        before: By camera, in the order of :data:`.CAMERAS`.
+        after: Likewise.
+    """
+
+    role: str
+    entity: str
+    before: tuple[int, ...]
+    after: tuple[int, ...]
+
+    @property
+    def seen_before(self) -> bool:
+        """Whether any camera saw it."""
+        return max(self.before) >= MIN_PIXELS
+
+    @property
+    def seen_after(self) -> bool:
+        """Whether any camera sees it."""
+        return max(self.after) >= MIN_PIXELS
+
+
+def look(world: World) -> Pixels:
+    """The pixels of every entity now, in each camera of a policy."""
+    return {camera: world.visible_pixels(camera, IMAGE_SIZE) for camera in CAMERAS}
+
+
+def pixels_of(entity: str, seen: Pixels) -> tuple[int, ...]:
+    """The pixels of an entity, by camera; 0 where it is not in the image."""
+    return tuple(seen[camera].get(entity, 0) for camera in CAMERAS)
+
+
+def sights(world: World, case: Case, before: Pixels, after: Pixels) -> tuple[Sight, ...]:
+    """What was seen of the case's target and, where it has one, of its receptacle.
+
+    A receptacle that is the table or the floor is left out: it is always in view.
+    """
+    return tuple(
+        Sight(role, entity, pixels_of(entity, before), pixels_of(entity, after))
+        for role, entity in _roles(case).items()
+        if entity in world.entities and world.entities[entity].kind != "surface"
+    )
+
+
+def _roles(case: Case) -> dict[str, str]:
+    roles = {"target": case.event.trigger.entity}
+    try:
+        if case.source == "libero":
+            task = task_metadata(case.suite, case.task_index)
+        else:
+            task = variation_metadata(variation_of(case))
+    except SubstrateError:  # a case of other catalogues, whose goal is not known here
+        return roles
+    if task.primary_receptacle is not None:
+        roles["receptacle"] = task.primary_receptacle
+    return roles
