@@ -11,9 +11,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.identity import seed_of
@@ -100,27 +103,12 @@ def _fill_plus(
     cells = cells_of(category)
     if len(kept) == PLUS_PER_CELL * len(cells):
         return kept
-    tasks = [(Configuration(variation, 0), events) for variation, events in hosts("plus", category)]
-    ids = [[one.case_id(cell) for cell in cells] for one, _ in tasks]
+    tasks = _plus_tasks(category)
     in_place = {one.case_id(cell) for cell, one in kept}
-    fits = np.array(
-        [
-            [cell.event in events and name not in failed for cell, name in zip(cells, names, strict=True)]
-            for (_, events), names in zip(tasks, ids, strict=True)
-        ]
-    )
-    cost = np.array(
-        [
-            [
-                0 if name in in_place else _MOVE + _rank(cell, one)
-                for cell, name in zip(cells, names, strict=True)
-            ]
-            for (one, _), names in zip(tasks, ids, strict=True)
-        ]
-    )
-    levels = np.array([_level(one.variation) for one, _ in tasks])
+    fits = tasks.hosts & np.array([[name not in failed for name in names] for names in tasks.ids])
+    cost = np.where([[name in in_place for name in names] for names in tasks.ids], 0, _MOVE + tasks.ranks)
     try:
-        found = fill(fits, np.full(len(cells), PLUS_PER_CELL), levels, cost)
+        found = fill(fits, np.full(len(cells), PLUS_PER_CELL), tasks.levels, cost)
     except Shortage as shortage:
         names = "; ".join(str(cells[number]) for number in shortage.cells)
         raise ManifestError(
@@ -128,7 +116,41 @@ def _fill_plus(
             "host any of these events: the others lack what they need or failed the preflight. Fewer cases "
             "a cell, or scenes in which more of them pass, would help."
         ) from shortage
-    return [(cells[number], one) for (one, _), number in zip(tasks, found, strict=True) if number >= 0]
+    return [
+        (cells[number], one) for one, number in zip(tasks.configurations, found, strict=True) if number >= 0
+    ]
+
+
+@dataclass(frozen=True)
+class _PlusTasks:
+    """The tasks of a LIBERO-Plus category, and what never changes about them: n tasks by 16 cells.
+
+    Attributes:
+        configurations: The tasks.
+        ids: Of the case that a task would be in a cell.
+        hosts: Whether its scene can host the cell's event.
+        ranks: Which of them comes first where several would do.
+        levels: (n,) difficulties, from 0.
+    """
+
+    configurations: Sequence[Configuration]
+    ids: Sequence[Sequence[str]]
+    hosts: NDArray[np.bool_]
+    ranks: NDArray[np.int64]
+    levels: NDArray[np.int64]
+
+
+@cache
+def _plus_tasks(category: str) -> _PlusTasks:
+    cells = cells_of(category)
+    tasks = [(Configuration(variation, 0), events) for variation, events in hosts("plus", category)]
+    return _PlusTasks(
+        [one for one, _ in tasks],
+        [[one.case_id(cell) for cell in cells] for one, _ in tasks],
+        np.array([[cell.event in events for cell in cells] for _, events in tasks]),
+        np.array([[_rank(cell, one) for cell in cells] for one, _ in tasks]),
+        np.array([_level(one.variation) for one, _ in tasks]),
+    )
 
 
 def _level(variation: Variation) -> int:
@@ -144,14 +166,10 @@ def _fill_pro(
     for cell in cells_of(category):
         here = [place for place in kept if place[0] == cell]
         yield from here
-        free = [
-            Configuration(variation, init)
-            for variation, events in hosts("pro", category)
-            if cell.event in events
-            for init in range(PRO_STATES)
-        ]
-        free = [one for one in free if one.case_id(cell) not in failed and one.case_id(cell) not in taken]
         needed = PRO_PER_CELL - len(here)
+        if not needed:
+            continue
+        free = [one for name, one in _pro_cases(cell).items() if name not in failed and name not in taken]
         if len(free) < needed:
             raise ManifestError(
                 f"The cell ({cell}) needs {needed} more configurations, but only {len(free)} are left: the "
@@ -166,6 +184,18 @@ def _fill_pro(
             used_here[best.variation.suite, best.variation.index] += 1
             usage[best.variation.suite, best.variation.index] += 1
             yield cell, best
+
+
+@cache
+def _pro_cases(cell: Cell) -> dict[str, Configuration]:
+    """What can host a LIBERO-PRO cell's event, by the id of the case that it would be."""
+    configurations = (
+        Configuration(variation, init)
+        for variation, events in hosts("pro", cell.category)
+        if cell.event in events
+        for init in range(PRO_STATES)
+    )
+    return {one.case_id(cell): one for one in configurations}
 
 
 def _use(

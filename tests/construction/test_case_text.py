@@ -111,9 +111,7 @@ def test_a_change_of_one_camera_leaves_the_other_picture_alone(world: TinyWorld)
     assert different == {"agentview"}
 
 
-def test_what_no_way_reaches_is_refused(
-    world: TinyWorld, manifest: Manifest, tmp_path: Path
-) -> None:
+def test_what_no_way_reaches_is_refused(world: TinyWorld, manifest: Manifest, tmp_path: Path) -> None:
     case = manifest.cases[0]
     far = replace(case, event=replace(case.event, trigger=Trigger("box_1", 1e-6)))
     with pytest.raises(OptionError, match="does not come within 1e-06 m of box_1"):
