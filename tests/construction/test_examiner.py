@@ -18,17 +18,11 @@ from pytest_libero_max.construction.examiner import (
     Progress,
     examining_code,
     inputs_digest,
-<<<<<<< HEAD
-    read_examinations,
     scene_order,
-)
-from pytest_libero_max.construction.preflight import Problem
-from pytest_libero_max.errors import SubstrateError
-=======
 )
 from pytest_libero_max.construction.preflight import Preflight, Problem
 from pytest_libero_max.construction.visibility import Sight
->>>>>>> 4b2636d (Choose cases before any policy plays them, and certify them afterwards)
+from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.experts import noop
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from tests.construction.test_preflight import case_of, insertion, move
