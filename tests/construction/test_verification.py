@@ -19,7 +19,7 @@ from pytest_libero_max.benchmark.tracks import (
     write_checksums,
     write_frozen,
 )
-from pytest_libero_max.construction.release import CERTIFICATES, FILES, REJECTED, write_splits
+from pytest_libero_max.construction.release import CERTIFICATES, FILES, REJECTED, SIGHTS, write_splits
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.construction.verification import verify
 from pytest_libero_max.errors import ManifestError
@@ -176,11 +176,19 @@ def test_another_draw_of_lite_is_found(copied: Path, whole: Manifest) -> None:
         verify(copied)
 
 
-def test_a_case_without_a_certificate_is_found(copied: Path) -> None:
+def test_a_certificate_of_a_case_that_is_in_no_track_is_found(copied: Path) -> None:
     path = copied / CERTIFICATES
-    head, first, *rest = content_of(path).decode().splitlines(keepends=True)
-    write_frozen(path, "".join([head, *rest]))
+    write_frozen(path, content_of(path).decode() + "nobody\tsolved\t12\t90\n")
     write_checksums(copied, FILES)
-    case_id = first.partition("\t")[0]
-    with pytest.raises(ManifestError, match=f"case '{case_id}' is in a track or in {CERTIFICATES}"):
+    with pytest.raises(ManifestError, match=f"case 'nobody' is in {CERTIFICATES}, but in no track"):
+        verify(copied)
+
+
+def test_a_case_of_which_nothing_is_known_that_the_cameras_show_is_found(copied: Path) -> None:
+    path = copied / SIGHTS
+    head, *lines = content_of(path).decode().splitlines(keepends=True)
+    case_id = lines[0].partition("\t")[0]
+    write_frozen(path, "".join([head, *(line for line in lines if not line.startswith(f"{case_id}\t"))]))
+    write_checksums(copied, FILES)
+    with pytest.raises(ManifestError, match=f"case '{case_id}' is in a track or in {SIGHTS}"):
         verify(copied)
