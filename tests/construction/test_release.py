@@ -1,0 +1,64 @@
+"""The files of the benchmark, and what may not change them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.tracks import CHECKSUMS, FOLDER, write_checksums, write_frozen
+from pytest_libero_max.construction.certificates import Certificate, Ending
+from pytest_libero_max.construction.release import (
+    CERTIFICATES,
+    FILES,
+    add_certificates,
+    read_certificates,
+)
+
+HEAD = "case_id\tending\ttrigger_step\tsteps\n"
+
+
+@pytest.fixture
+def uncertified(tmp_path: Path) -> Path:
+    folder = tmp_path / "tracks"
+    shutil.copytree(FOLDER, folder)
+    write_frozen(folder / CERTIFICATES, HEAD)
+    write_checksums(folder, FILES)
+    return folder
+
+
+def test_a_good_expert_and_one_that_always_fails_leave_the_same_tracks(
+    uncertified: Path, tmp_path: Path
+) -> None:
+    endings: tuple[Ending, ...] = ("solved", "not_triggered", "base_unsolved")
+    for ending in endings:
+        shutil.copytree(uncertified, tmp_path / ending)
+        add_certificates(
+            tmp_path / ending,
+            ["original", "smoke"],
+            lambda cases, ending=ending: {case.case_id: Certificate(ending) for case in cases},
+        )
+        assert {one.ending for one in read_certificates(tmp_path / ending).values()} == {ending}
+    for path in sorted(uncertified.iterdir()):
+        versions = {(tmp_path / ending / path.name).read_bytes() for ending in endings}
+        if path.name in (CERTIFICATES, CHECKSUMS):
+            assert len(versions) == len(endings)
+        else:
+            assert versions == {path.read_bytes()}
+
+
+def test_cases_with_a_certificate_are_not_played_again(uncertified: Path) -> None:
+    asked: list[list[str]] = []
+
+    def certify(cases: Sequence[Case]) -> Mapping[str, Certificate]:
+        asked.append([case.case_id for case in cases])
+        return {case.case_id: Certificate("solved", 3, 40) for case in cases}
+
+    add_certificates(uncertified, ["smoke"], certify)
+    add_certificates(uncertified, ["smoke", "original"], certify)
+    assert [len(one) for one in asked] == [32, 32]
+    assert not set(asked[0]) & set(asked[1])
+    assert read_certificates(uncertified).keys() == {*asked[0], *asked[1]}
