@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -30,17 +31,17 @@ def uncertified(tmp_path: Path) -> Path:
     return folder
 
 
+def _certified(certificate: Certificate, cases: Sequence[Case]) -> dict[str, Certificate]:
+    return {case.case_id: certificate for case in cases}
+
+
 def test_a_good_expert_and_one_that_always_fails_leave_the_same_tracks(
     uncertified: Path, tmp_path: Path
 ) -> None:
     endings: tuple[Ending, ...] = ("solved", "not_triggered", "base_unsolved")
     for ending in endings:
         shutil.copytree(uncertified, tmp_path / ending)
-        add_certificates(
-            tmp_path / ending,
-            ["original", "smoke"],
-            lambda cases, ending=ending: {case.case_id: Certificate(ending) for case in cases},
-        )
+        add_certificates(tmp_path / ending, ["original", "smoke"], partial(_certified, Certificate(ending)))
         assert {one.ending for one in read_certificates(tmp_path / ending).values()} == {ending}
     for path in sorted(uncertified.iterdir()):
         versions = {(tmp_path / ending / path.name).read_bytes() for ending in endings}
