@@ -74,7 +74,7 @@ def rotate(q: Quaternion, vector: Sequence[float] | Array) -> Vector:
 
 def between(start: Quaternion, end: Quaternion, share: float) -> Quaternion:
     """The rotation a share (0 to 1) of the way along the shorter arc."""
-    cosine = sum(a * b for a, b in zip(start, end, strict=True))
+    cosine = _dot(start, end)
     if cosine < 0.0:
         cosine, end = -cosine, (-end[0], -end[1], -end[2], -end[3])
     angle = math.acos(min(cosine, 1.0))
@@ -96,6 +96,11 @@ def of_axes(x: Sequence[float] | Array, y: Sequence[float] | Array, z: Sequence[
     return quaternion([w, (y[2] - z[1]) / (4 * w), (z[0] - x[2]) / (4 * w), (x[1] - y[0]) / (4 * w)])
 
 
+def _dot(p: Quaternion, q: Quaternion) -> float:
+    """The sum of the products, rounded after every operation; ``sum`` does that only before Python 3.12."""
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+
+
 def unit_by_hypot(q: Quaternion) -> Quaternion:
     """``q`` divided by its length, which ``math.hypot`` computes."""
     return _divided(q, math.hypot(*q))
@@ -103,7 +108,7 @@ def unit_by_hypot(q: Quaternion) -> Quaternion:
 
 def unit_by_squares(q: Quaternion) -> Quaternion:
     """``q`` divided by its length: the root of the squares' sum, rounded after every operation."""
-    return _divided(q, math.sqrt(sum(part * part for part in q)))
+    return _divided(q, math.sqrt(_dot(q, q)))
 
 
 def unit_fused(q: Quaternion) -> Quaternion:

@@ -15,7 +15,7 @@ from tests.pairing.actors import shorten
 
 
 def test_the_final_state_is_that_of_the_last_arm_wherever_the_runner_left_the_world() -> None:
-    cases = (case for case in load_track("smoke") if case.suite == "libero_spatial")
+    cases = (case for case in load_track("original") if case.suite == "libero_spatial")
     case = shorten(next(case for case in cases if case.event.name == "camera_shift"))
     world = EmbeddedWorld(build_scene(case.suite, case.task_index))
     world.reset(case.init_state_index)

@@ -184,6 +184,7 @@ def test_missing_modules_are_named_with_the_cure(tmp_path: Path, monkeypatch: py
         pass
 
 
+@needs_package
 def test_sensor_noise_names_the_package_that_it_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
     """LIBERO-Plus derives a class of its own from Wand's; its name would say nothing."""
     monkeypatch.setattr(installation, "importable", lambda name: False)
@@ -194,6 +195,7 @@ def test_sensor_noise_names_the_package_that_it_lacks(monkeypatch: pytest.Monkey
         motion_image()
 
 
+@needs_package
 def test_wand_without_its_library_counts_as_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "wand").mkdir()
     (tmp_path / "wand" / "__init__.py").write_text("")

@@ -14,7 +14,8 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, reduce
+from operator import add
 from typing import Literal
 
 import numpy as np
@@ -305,7 +306,7 @@ def _body(category: Category, link: Link, instance: str) -> ET.Element:
         attributes |= {"range": _numbers(joint.range), "limited": "true", "damping": f"{joint.damping:g}"}
         element.append(ET.Element("joint", attributes))
     back = rotations.inverse(category.upright)
-    volume = sum(solid.volume for solid in link.solids)
+    volume = reduce(add, (solid.volume for solid in link.solids), 0.0)  # sum is another from Python 3.12 on
     for number, solid in enumerate(link.solids):
         attributes = {
             "name": f"{instance}_{link.name}_solid{number}",
