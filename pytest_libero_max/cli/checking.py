@@ -37,13 +37,9 @@ def add_commands(commands: Commands) -> None:
 def _check(options: argparse.Namespace) -> int:
     from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.policies.check import check_cameras
-    from pytest_libero_max.policies.examination import (
-        examine,
-        made_up,
-        model_inputs,
-        picture_sheet,
-    )
+    from pytest_libero_max.policies.examination import examine, made_up
     from pytest_libero_max.policies.loading import load_policy
+    from pytest_libero_max.policies.model_inputs import model_inputs, picture_sheet
     from pytest_libero_max.policies.pieces.images import png_file
     from pytest_libero_max.sources import open_substrate
     from pytest_libero_max.worlds.kind import SubstrateOptions

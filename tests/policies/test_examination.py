@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
-from pytest_libero_max.policies.examination import Finding, Shown, as_image, examine, made_up, picture_sheet
+from pytest_libero_max.policies.examination import examine, made_up
+from pytest_libero_max.policies.finding import Finding, Shown
+from pytest_libero_max.policies.model_inputs import as_image, picture_sheet
 from pytest_libero_max.policies.pieces.images import resize_area, rotate_180
 from pytest_libero_max.policies.pieces.states import axis_angle, axis_angle_antipodal
 from pytest_libero_max.worlds.contract import Observation

@@ -1,0 +1,54 @@
+"""What the examination of a policy is made of: what is shown to it, and what was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pytest_libero_max.policies.contract import Episode, Query, query_seed
+from pytest_libero_max.worlds.contract import Observation
+
+Level = Literal["ok", "note", "wrong"]
+"""``wrong`` breaks the contract or is never meant; ``note`` may be meant, and is worth a look."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        level: How bad it is.
+        subject: What was looked at, for example ``seed``; stable.
+        observed: What was seen.
+        expected: What should have been seen; empty where it was.
+        mistake: The likely mistake and its cure; empty where there is none.
+    """
+
+    level: Level
+    subject: str
+    observed: str
+    expected: str = ""
+    mistake: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.level:<6}{self.subject}: {self.observed}"
+        if self.expected:
+            text += f"; expected: {self.expected}"
+        return f"{text}. {self.mistake}" if self.mistake else text
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What the policy is examined with.
+
+    Attributes:
+        episode: Of all queries.
+        observations: At least four that differ in everything, as a world gives them.
+    """
+
+    episode: Episode
+    observations: tuple[Observation, ...]
+
+    def query(self, index: int) -> Query:
+        """The query in which ``observations[index]`` is shown."""
+        return Query(index, 5 * index, self.episode.instruction, query_seed(self.episode.seed, index))
