@@ -48,7 +48,7 @@ def play(
 @needs_package
 def test_fork_and_replay_give_the_same_records(pytester: pytest.Pytester) -> None:
     events = "camera_shift or sensor_noise_onset or target_relocation or distractor_burst"
-    short = ("--libero-max-limit=8", "-n", "2", "-k", events)
+    short = ("--libero-max-track=original", "--libero-max-limit=8", "-n", "2", "-k", events)
     forked, records = play(pytester, "fork", *short)
     forked.stdout.fnmatch_lines(["libero-max: *substrate libero (hf-libero 0.1.4, published events)*"])
     forked.assert_outcomes(passed=4)
@@ -61,7 +61,7 @@ def test_fork_and_replay_give_the_same_records(pytester: pytest.Pytester) -> Non
 
 @needs_package
 def test_semantics_are_part_of_the_record_and_of_what_happens(pytester: pytest.Pytester) -> None:
-    only = ("-k", "distractor_burst", "--libero-max-limit=8")
+    only = ("--libero-max-track=original", "-k", "distractor_burst", "--libero-max-limit=8")
     _, [first] = play(pytester, "published", *only)
     _, [second] = play(pytester, "corrected", "--libero-max-semantics=corrected", *only)
     assert first["case_digest"] == second["case_digest"]
