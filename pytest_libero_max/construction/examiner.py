@@ -47,9 +47,9 @@ class Progress:
 
     Attributes:
         verb: What is done to them: ``examined`` or ``certified``.
-        done: Cases done, in this session or before.
+        done: Cases done, also those of an interrupted run before.
         total: Cases to do in all.
-        seconds_left: At the pace of this session.
+        seconds_left: At the pace since this run began.
     """
 
     verb: str

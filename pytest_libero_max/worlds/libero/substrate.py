@@ -93,7 +93,8 @@ class LiberoSubstrate:
         raise SubstrateError(
             f"Cases of source {source!r} need {' or '.join(_PLAYED_BY[source])}, but there is "
             f"{', '.join(map(str, self.installations))}. Install it, or give its folder (pytest "
-            "--libero-max-libero, libero-max --libero). `libero-max doctor` has the command."
+            "--libero-max-libero, libero-max --libero). `libero-max doctor` has the command. "
+            "--libero-max-track=original needs LIBERO alone."
         )
 
     def world(self, case: Case) -> LiberoWorld:
