@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
+from importlib import import_module
 from types import ModuleType
 
 from pytest_libero_max import events
@@ -59,7 +59,7 @@ When an event happens. All cases of the tracks use `on_proximity`.
 
 
 def _kind(kind: EventKind, examples: dict[tuple[str, int], Case]) -> str:
-    module = sys.modules[type(kind).__module__]
+    module = import_module(type(kind).__module__)
     rows = [
         ("Family", f"{kind.family} (`{kind.code}` in manifests)"),
         ("Severity", f"{kind.severities[0]} (variant 0), {kind.severities[1]} (variant 1)"),
