@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import read_content
-from pytest_libero_max.benchmark.manifests import Manifest, decode_manifest
+from pytest_libero_max.benchmark.manifests import Manifest, decode_manifest, load_manifest
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 
 _INSTALLED = Path(__file__).resolve().parents[1] / "tracks"
@@ -52,6 +52,21 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
     """
     path = track_path(name, folder)
     return decode_manifest(frozen_content(path), path)
+
+
+def is_manifest_path(name: str) -> bool:
+    """Whether cases are named by the path of a manifest; otherwise it is a track."""
+    return Path(name).suffix in (".json", ".gz")
+
+
+def load_cases(name: str) -> Manifest:
+    """Read a track by its name, or a manifest by its path.
+
+    Raises:
+        OptionError: There is no such track.
+        ManifestError: The file cannot be read, or a track's differs from its checksum.
+    """
+    return load_manifest(Path(name)) if is_manifest_path(name) else load_track(name)
 
 
 def frozen_content(path: Path) -> bytes:

@@ -228,13 +228,13 @@ def _show(options: argparse.Namespace) -> None:
 
 
 def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
-    from pytest_libero_max.benchmark.tracks import FOLDER
+    from pytest_libero_max.benchmark.tracks import FOLDER, is_manifest_path
     from pytest_libero_max.construction.case_text import case_lines, find_case, write_event_pictures
     from pytest_libero_max.construction.release import read_certificates
     from pytest_libero_max.sources import open_substrate
 
     case = find_case(manifest, options.case)
-    print("\n".join(case_lines(case, {} if _is_file(options.cases) else read_certificates(FOLDER))))
+    print("\n".join(case_lines(case, {} if is_manifest_path(options.cases) else read_certificates(FOLDER))))
     if options.pictures is None:
         return
     substrate = open_substrate(options.substrate, substrate_options(options))
@@ -245,17 +245,11 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
     print("\n".join(f"Written: {path}" for path in paths))
 
 
-def _is_file(name: str) -> bool:
-    """Whether cases are named by the path of a manifest; otherwise it is a track."""
-    return Path(name).suffix in (".json", ".gz")
-
-
 def _manifest(name: str) -> Manifest:
     """A track by its name or a manifest by its path, with its events and changes checked."""
-    from pytest_libero_max.benchmark.manifests import load_manifest
-    from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.benchmark.tracks import load_cases
     from pytest_libero_max.events.registry import check_cases
 
-    manifest = load_manifest(Path(name)) if _is_file(name) else load_track(name)
+    manifest = load_cases(name)
     check_cases(manifest)
     return manifest

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.substrates import add_libero
 from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.report.media import FILM_FORMATS, FILM_SELECTIONS
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -28,7 +29,7 @@ def add_commands(commands: Commands) -> None:
     film.add_argument(
         "--select",
         default="regressions",
-        choices=("regressions", "changed", "all"),
+        choices=FILM_SELECTIONS,
         help="Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces "
         "(default: %(default)s)",
     )
@@ -42,7 +43,7 @@ def add_commands(commands: Commands) -> None:
         "--every", type=int, default=1, metavar="STEPS", help="Show every so many steps (default: 1)"
     )
     film.add_argument(
-        "--format", choices=("mp4", "webp"), help="Default: mp4 if PyAV is installed, otherwise webp"
+        "--format", choices=FILM_FORMATS, help="Default: mp4 if PyAV is installed, otherwise webp"
     )
     film.add_argument("--overwrite", action="store_true", help="Replace films that are there already")
     film.add_argument(

@@ -12,9 +12,10 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.construction.certificates import Certificate, Ending
 from pytest_libero_max.construction.preflight import approach
-from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError, did_you_mean
+from pytest_libero_max.errors import LiberoMaxError, OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.pieces.images import png_file
+from pytest_libero_max.report.files import make_folder, write_bytes
 from pytest_libero_max.sources import variation_metadata, variation_of
 from pytest_libero_max.sources.metadata import task_metadata
 from pytest_libero_max.worlds.contract import CAMERAS, Image, World
@@ -119,15 +120,11 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
             f"{case.event.trigger.entity} on any of the ways of the preflight. Film a pair of it with "
             "libero-max film."
         )
-    for camera, pictures in event_pictures(world, case, size).items():
+    seen = event_pictures(world, case, size)
+    make_folder(folder)
+    for camera, pictures in seen.items():
         for when, picture in zip(("before", "after"), pictures, strict=True):
-            try:
-                folder.mkdir(parents=True, exist_ok=True)
-                paths[camera, when].write_bytes(png_file(picture))
-            except OSError as error:
-                raise ReportError(
-                    f"Cannot write {paths[camera, when]}: {error}. Give a folder you can write to."
-                ) from error
+            write_bytes(paths[camera, when], png_file(picture))
     return list(paths.values())
 
 

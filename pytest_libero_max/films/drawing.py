@@ -202,12 +202,18 @@ class _Canvas:
         line = self._line_px
         left, right = 8, self._width - 8
         distances = _Plot(
-            (left, top + line, right, top + int(height * 0.6)),
+            left,
+            top + line,
+            right,
+            top + int(height * 0.6),
             self._steps,
             max((float(values.max()) for values in self._distances.values() if values.size), default=1.0),
         )
         fingers = _Plot(
-            (left, top + int(height * 0.6) + line + 4, right, top + height - 8),
+            left,
+            top + int(height * 0.6) + line + 4,
+            right,
+            top + height - 8,
             self._steps,
             max([0.08, *(opening for part in self._openings.values() for _, opening in part)]),
         )
@@ -216,8 +222,8 @@ class _Canvas:
             pen, (left, top - 2), f"distance to {self._record.trigger_entity} (ticks: queries)", _MUTED
         )
         self._write(pen, (left, distances.bottom + 3), "gripper opening", _MUTED)
-        for plot, unit in ((distances, "m"), (fingers, "m")):
-            highest = f"0 to {plot.highest:.2f} {unit}"
+        for plot in (distances, fingers):
+            highest = f"0 to {plot.highest:.2f} m"
             self._write(pen, (right - self._length(highest), plot.top - line - 2), highest, _MUTED)
         for number, name in enumerate(self._names):
             color, values = self._color(name), self._distances[name]
@@ -276,25 +282,12 @@ class _Canvas:
 class _Plot:
     """A place for curves: left, top, right and bottom in pixels, over steps and values from 0."""
 
-    box: tuple[int, int, int, int]
+    left: int
+    top: int
+    right: int
+    bottom: int
     steps: int
     highest: float
-
-    @property
-    def left(self) -> int:
-        return self.box[0]
-
-    @property
-    def top(self) -> int:
-        return self.box[1]
-
-    @property
-    def right(self) -> int:
-        return self.box[2]
-
-    @property
-    def bottom(self) -> int:
-        return self.box[3]
 
     def at(self, step: float, value: float) -> tuple[float, float]:
         x = self.left + (self.right - self.left) * step / max(self.steps, 1)

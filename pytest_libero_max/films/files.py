@@ -10,11 +10,10 @@ from itertools import chain
 from pathlib import Path
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.media import FILM_FORMATS
 from pytest_libero_max.worlds.contract import Image
 
 INSTALL = "pip install 'pytest-libero-max[film]'"
-
-FORMATS = ("mp4", "webp")
 
 _CRF = "23"
 _WEBP_QUALITY = 60
@@ -44,7 +43,7 @@ def write_film(path: Path, frames: Iterable[Image], hz: float, overwrite: bool =
         ReportError: The file exists, cannot be written, or needs the extra ``film``.
     """
     kind = path.suffix.removeprefix(".")
-    if kind not in FORMATS:
+    if kind not in FILM_FORMATS:
         raise ReportError(f"film={str(path)!r}, but a film ends in .mp4 or .webp.")
     if kind == "mp4" and available_format() != "mp4":
         raise ReportError(f"An MP4 needs PyAV: {INSTALL}. Or write a .webp.")

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.manifests import load_manifest
-from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.files import available_format, write_film
@@ -26,12 +25,9 @@ from pytest_libero_max.worlds.kind import SubstrateOptions
 SIZE_PX = 256
 """Side of a picture in a film, unless another is asked for."""
 
-SELECTIONS = ("regressions", "changed", "all")
-"""Which pairs are filmed: those that only Base completes, those whose outcomes differ, all."""
-
 
 def selected(record: PairRecord, which: str) -> bool:
-    """Whether a pair belongs to one of :data:`SELECTIONS`."""
+    """Whether a pair belongs to one of :data:`.media.FILM_SELECTIONS`."""
     if which == "regressions":
         return record.outcome == "regression"
     return which == "all" or record.base_success != record.dynamic_success
@@ -187,7 +183,7 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     Args:
         stored: The run.
         names: Item ids or case ids; none: ``which`` decides.
-        which: One of :data:`SELECTIONS`.
+        which: One of :data:`.media.FILM_SELECTIONS`.
 
     Raises:
         OptionError: A name is not that of a measured pair; suggests the closest.
@@ -212,9 +208,8 @@ def _cases(case_set: Json, asked: str | None) -> dict[str, Case]:
         asked = str(case_set.get("path", name)) if kind in ("track", "manifest") else ""
         if not asked:
             raise ReportError(f"The run names its cases {case_set['name']!r}. Give its track or manifest.")
-    is_file = Path(asked).suffix in (".json", ".gz")
     try:
-        manifest = load_manifest(Path(asked).expanduser()) if is_file else load_track(asked)
+        manifest = load_cases(str(Path(asked).expanduser()))
     except ManifestError as error:
         raise ManifestError(f"{error} Name the track or manifest of the run with --cases.") from error
     return {case.case_id: case for case in manifest}

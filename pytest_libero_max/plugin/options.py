@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.report.media import FILM_SELECTIONS
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.registry import (
     INSTRUCTIONS,
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 PREFIX_MODES = ("fork", "replay")
 STRICT_MODES = ("regression",)
 TRACE_MODES = ("none", "regression", "all")
-FILM_MODES = ("none", "regressions", "changed", "all")
+FILM_MODES = ("none", *FILM_SELECTIONS)
 
 DEFAULT_OUTPUT = "libero-max-results"
 

@@ -8,7 +8,11 @@ from pathlib import Path
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
 
-FILM_SUFFIXES = (".mp4", ".webp")
+FILM_FORMATS = ("mp4", "webp")
+FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
+
+FILM_SELECTIONS = ("regressions", "changed", "all")
+"""Which pairs are filmed: those that only Base completes, those whose outcomes differ, all."""
 
 _SEPARATOR = "--"
 

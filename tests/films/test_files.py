@@ -11,6 +11,7 @@ from PIL import ImageSequence
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.films import files
 from pytest_libero_max.films.files import write_film
+from pytest_libero_max.report.media import FILM_FORMATS
 from pytest_libero_max.worlds.contract import Image
 
 
@@ -44,7 +45,7 @@ def test_an_mp4_is_h264_and_holds_every_frame(tmp_path: Path) -> None:
         assert np.abs(frame.astype(int) - expected).mean() < 10
 
 
-@pytest.mark.parametrize("suffix", files.FORMATS)
+@pytest.mark.parametrize("suffix", FILM_FORMATS)
 def test_the_same_frames_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
     if suffix == "mp4":
         pytest.importorskip("av", reason="the extra film")
@@ -64,7 +65,7 @@ def test_nothing_is_written_over_without_being_asked(tmp_path: Path) -> None:
     assert path.read_bytes()[:4] == b"RIFF"
 
 
-@pytest.mark.parametrize("suffix", files.FORMATS)
+@pytest.mark.parametrize("suffix", FILM_FORMATS)
 def test_a_film_that_breaks_off_leaves_no_file(tmp_path: Path, suffix: str) -> None:
     if suffix == "mp4":
         pytest.importorskip("av", reason="the extra film")

@@ -12,7 +12,8 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.films.recorded import SELECTIONS, chosen, open_recorded, selected
+from pytest_libero_max.films.recorded import chosen, open_recorded, selected
+from pytest_libero_max.report.media import FILM_SELECTIONS
 from pytest_libero_max.report.store import read_pairs
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.tiny.world import TinySubstrate
@@ -150,11 +151,11 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
     stored = read_pairs(run)
     (record,) = stored.records
     base, dynamic = record.arms["base"], record.arms["dynamic"]
-    expected = {(True, False): SELECTIONS, (False, True): ("changed", "all"), (False, False): ("all",)}
+    expected = {(True, False): FILM_SELECTIONS, (False, True): ("changed", "all"), (False, False): ("all",)}
     for (one, other), names in expected.items():
         arms = {"base": replace(base, success=one), "dynamic": replace(dynamic, success=other)}
         pair = replace(record, arms=arms)
-        assert tuple(which for which in SELECTIONS if selected(pair, which)) == names
+        assert tuple(which for which in FILM_SELECTIONS if selected(pair, which)) == names
     assert _film(run) == 0
     assert "No pair of this run is selected" in capsys.readouterr().out
     with pytest.raises(OptionError, match="Did you mean"):
