@@ -31,6 +31,7 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
+from pytest_libero_max.plugin.progress import RunProgress
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
@@ -55,6 +56,7 @@ class RunController:
 
     Attributes:
         measured: Item ids of the pairs that a resumed run holds already.
+        progress: Another plugin, which shows how far the run is.
 
     Raises:
         pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
@@ -66,6 +68,7 @@ class RunController:
         self.config = config
         self.settings = settings_of(config)
         check_ids(config)
+        self.progress = RunProgress(config, self.settings.progress)
         self.cases = {case.item_id: case for case in cases_of(config)}
         self.store: PairStore | None = None
         self.report: Json | None = None
@@ -161,10 +164,10 @@ class RunController:
         )
         self._tell_junit(selection)
         run = Run.of(planned, self._provenance(selection))
-        resume = self.settings.resume
+        resume, stored = self.settings.resume, None
         try:
             if resume:
-                store, _ = PairStore.resume(self.settings.output, run)
+                store, stored = PairStore.resume(self.settings.output, run)
             else:
                 store = PairStore(self.settings.output, run)
             store.begin()
@@ -172,6 +175,7 @@ class RunController:
             prefix = "--libero-max-resume: " if resume else ""
             pytest.exit(f"{prefix}{error}", returncode=pytest.ExitCode.USAGE_ERROR)
         self.store = store
+        self.progress.begin(store, len(planned), () if stored is None else stored.records)
 
     def _tell_junit(self, selection: Selection) -> None:
         """Name the selection in the properties of the JUnit file's suite, where one is written."""

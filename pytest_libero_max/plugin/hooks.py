@@ -78,7 +78,9 @@ def pytest_configure(config: pytest.Config) -> None:
     if in_use and not hasattr(config, "workerinput"):
         from pytest_libero_max.plugin.controller import RunController
 
-        config.pluginmanager.register(RunController(config), CONTROLLER)
+        controller = RunController(config)
+        config.pluginmanager.register(controller, CONTROLLER)
+        config.pluginmanager.register(controller.progress)
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
@@ -132,7 +134,7 @@ def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is None or is_error(result) or report.when != "call" or not report.passed:
         return None
-    from pytest_libero_max.plugin.outcome_letters import status
+    from pytest_libero_max.report.outcome_letters import status
 
     try:
         return status(PairRecord.from_dict(result))

@@ -29,6 +29,7 @@ PREFIX_MODES = ("fork", "replay")
 STRICT_MODES = ("regression",)
 TRACE_MODES = ("none", "regression", "all")
 FILM_MODES = ("none", *FILM_SELECTIONS)
+PROGRESS_FORMS = ("auto", "live", "lines", "none")
 
 DEFAULT_OUTPUT = "libero-max-results"
 
@@ -208,6 +209,14 @@ OPTIONS = (
         "none",
     ),
     Option(
+        "progress",
+        "FORM",
+        "How far the run is: live (a line below pytest's output that is drawn again and again), lines (one a "
+        "minute, later fewer), none, or auto (live in a terminal, otherwise lines, and with -q none)",
+        _one_of(*PROGRESS_FORMS),
+        "auto",
+    ),
+    Option(
         "noise-floor",
         "PAIRS",
         "Play Base twice for a stratified subset of so many pairs and report how often it flips",
@@ -255,6 +264,7 @@ class Settings:
     strict: str | None
     traces: str
     film: str
+    progress: str
     shard: tuple[int, int] | None
     noise_floor: int | None
     gate: tuple[Gate, ...]

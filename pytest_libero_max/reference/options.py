@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import inspect
 
-from pytest_libero_max.plugin import hooks, hookspec, outcome_letters
+from pytest_libero_max.plugin import hooks, hookspec
 from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.reference.docstrings import constants, description
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
-from pytest_libero_max.report import exit_status
+from pytest_libero_max.report import exit_status, outcome_letters
 
 EXAMPLE = """
 def test_few_actions_are_stale(libero_max_case, libero_max_prefix, libero_max_inject, libero_max_policy):
@@ -39,7 +39,7 @@ def page() -> str:
         (
             *((code(letter), outcome) for outcome, letter in outcome_letters.LETTERS.items()),
             (code(outcome_letters.UNTRIGGERED), "the event never fired"),
-            (code("E"), "error: the pair could not be measured"),
+            (code(outcome_letters.ERROR), "error: the pair could not be measured"),
         ),
     )
     statuses = table(

@@ -2,19 +2,28 @@
 
 A run that is killed cannot say so, and what it leaves behind is not a result. It leaves the mark as well,
 which every reader of the folder respects.
+
+The first line of the mark names the process, the second one holds what the run notes of its progress, for
+whoever watches it (:func:`read_mark`).
 """
 
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import socket
+import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import DiskError, OptionError, ReportError
 
 MARK_NAME = "in-progress"
+
+_OWNER = "process"
 
 
 class Mark:
@@ -34,10 +43,20 @@ class Mark:
         self._path = folder / MARK_NAME
         try:
             self._descriptor = self._locked()
-            os.truncate(self._descriptor, 0)
-            os.write(self._descriptor, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+            self._write("")
         except OSError as error:
             raise DiskError(f"Cannot write {self._path}: {error}. Is the disk full?") from error
+
+    def note(self, progress: Json) -> None:
+        """Note how far the run is; a disk that is full costs no more than the note."""
+        with suppress(OSError):
+            self._write(json.dumps(progress, separators=(",", ":")) + "\n")
+
+    def _write(self, noted: str) -> None:
+        owner = f"{_OWNER} {os.getpid()} on {socket.gethostname()}\n"
+        content = (owner + noted).encode()
+        os.pwrite(self._descriptor, content, 0)
+        os.truncate(self._descriptor, len(content))
 
     def remove(self) -> None:
         """The run has ended."""
@@ -92,13 +111,47 @@ def require_ended(folder: Path) -> None:
     )
 
 
-def _owner(folder: Path) -> str | None:
-    """Which process holds the lock of a folder's mark; None where none does."""
+@dataclass(frozen=True)
+class SeenMark:
+    """The mark of a folder as somebody sees it who does not play the run.
+
+    Attributes:
+        owner: Which process wrote it, on which machine.
+        locked: Whether a living process holds it.
+        here: Whether that process is one of this machine. Where it is not, and the lock is not seen, the
+            file system may not tell of locks on other machines.
+        age_s: Seconds since the run last noted something.
+        noted: What it noted last; empty where it noted nothing.
+    """
+
+    owner: str
+    locked: bool
+    here: bool
+    age_s: float
+    noted: Json
+
+
+def read_mark(folder: Path) -> SeenMark | None:
+    """The mark of a folder, or None where its run has ended, or never began."""
     try:
         with (folder / MARK_NAME).open("rb") as file:
-            return None if _lock(file.fileno()) else file.read(200).decode(errors="replace").strip()
+            locked = not _lock(file.fileno())
+            owner, _, rest = file.read().decode(errors="replace").partition("\n")
+            age_s = max(time.time() - os.fstat(file.fileno()).st_mtime, 0.0)
     except OSError:
         return None
+    try:
+        noted = json.loads(rest)
+    except ValueError:  # nothing is noted yet, or it was read while it was being written
+        noted = {}
+    here = owner.endswith(f" on {socket.gethostname()}")
+    return SeenMark(owner.strip(), locked, here, age_s, noted if isinstance(noted, dict) else {})
+
+
+def _owner(folder: Path) -> str | None:
+    """Which process holds the lock of a folder's mark; None where none does."""
+    mark = read_mark(folder)
+    return mark.owner if mark is not None and mark.locked else None
 
 
 def _lock(descriptor: int) -> bool:

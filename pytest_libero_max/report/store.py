@@ -144,6 +144,11 @@ class PairStore:
         self._agreement.add(pair, "now")
         self._write_line(line)
 
+    def note(self, progress: Json) -> None:
+        """Note for whoever watches the folder how far the run is; see :class:`.following.Follower`."""
+        if self._mark is not None:
+            self._mark.note(progress)
+
     def close(self) -> None:
         """End the run; one without a pair still gets its first line.
 
@@ -265,7 +270,7 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
     errors: list[PairError] = []
     for number, line in enumerate(lines, start=1):
         try:
-            kind, values = _decode(line)
+            kind, values = decode_line(line)
             if (kind == "run") != (number == 1):
                 raise ReportError(f"line={kind!r}, but the run is the first line and the first line only.")
             if kind == "run":
@@ -297,7 +302,12 @@ def read_to_resume(folder: Path) -> StoredRun | None:
     return read_pairs(path, ended=False) if begun else None
 
 
-def _decode(line: bytes) -> tuple[str, Json]:
+def decode_line(line: bytes) -> tuple[str, Json]:
+    """What a line is, ``run``, ``pair`` or ``error``, and what it holds.
+
+    Raises:
+        ReportError: It is none of them.
+    """
     values = decode_json(line, "The file is damaged; remove that line to leave the pair out.")
     kind = values.pop("line", None) if isinstance(values, dict) else None
     if kind not in ("run", "pair", "error"):

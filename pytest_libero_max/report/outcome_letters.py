@@ -14,6 +14,9 @@ LETTERS = {
 never fired, and an error keeps pytest's own ``E``."""
 
 UNTRIGGERED = "U"
+ERROR = "E"
+
+ALL_LETTERS = (*LETTERS.values(), UNTRIGGERED, ERROR)
 
 _WORDS = {
     "preserved_success": "PRESERVED",
@@ -23,10 +26,14 @@ _WORDS = {
 }
 
 
+def letter_of(pair: PairRecord) -> str:
+    """The letter of a measured pair."""
+    return LETTERS[pair.outcome] if pair.triggered else UNTRIGGERED
+
+
 def status(pair: PairRecord) -> tuple[str, str, str]:
     """Category (pytest's), letter and word for a measured pair."""
-    letter = LETTERS[pair.outcome] if pair.triggered else UNTRIGGERED
-    return "passed", letter, sentence(pair)
+    return "passed", letter_of(pair), sentence(pair)
 
 
 def sentence(pair: PairRecord) -> str:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_libero_max.plugin.outcome_letters import status
+from pytest_libero_max.report.outcome_letters import status
 from tests.report.made_up import NEVER_TRIGGERED, plan, record_of
 
 PAIR = plan()[0]

@@ -1,0 +1,146 @@
+"""How far a run is, counted from what is known of its pairs so far, and said in a line.
+
+No rate of success is computed: a run that is not complete has none.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.outcome_letters import ALL_LETTERS, ERROR, letter_of
+
+
+@dataclass
+class PairCounts:
+    """The letter of each pair that is known.
+
+    Attributes:
+        letters: By item id. A pair that was measured after an error has the letter of its record.
+        errors: How many errors there were, those of pairs that were measured afterwards included.
+    """
+
+    letters: dict[str, str] = field(default_factory=dict)
+    errors: int = 0
+
+    def add(self, pair: PairRecord | PairError) -> None:
+        """Count a pair, or an error in its place."""
+        if isinstance(pair, PairRecord):
+            self.letters[pair.item_id] = letter_of(pair)
+        else:
+            self.errors += 1
+            self.letters.setdefault(pair.item_id, ERROR)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is at one moment.
+
+    Attributes:
+        planned: Pairs to play in all.
+        counts: The pairs that are measured, or are errors.
+        before: How many of them a resumed run had already.
+        seconds: Since this session began to play; None where that is not known.
+        playing: For how many seconds each pair has been played that is being played, by item id.
+    """
+
+    planned: int
+    counts: PairCounts
+    before: int = 0
+    seconds: float | None = None
+    playing: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def done(self) -> int:
+        """Pairs that are measured, or are errors."""
+        return len(self.counts.letters)
+
+    @property
+    def per_minute(self) -> float | None:
+        """Pairs a minute in this session; None before the first one."""
+        now = self.done - self.before
+        return 60.0 * now / self.seconds if self.seconds and now > 0 else None
+
+    @property
+    def seconds_left(self) -> float | None:
+        """At the pace of this session; None where it is not known yet."""
+        pace = self.per_minute
+        return None if pace is None else 60.0 * max(self.planned - self.done, 0) / pace
+
+
+def progress_text(progress: Progress, now: float | None = None) -> str:
+    """One line: pairs done, pace, time left, outcomes, errors.
+
+    Args:
+        progress: What is said.
+        now: Seconds since the epoch, for when the run will be ready; None: leave that out.
+    """
+    parts = [f"{progress.done} of {progress.planned} pairs", *pace_parts(progress, now)]
+    return ", ".join([*parts, letters_text(progress.counts)])
+
+
+def pace_parts(progress: Progress, now: float | None = None) -> list[str]:
+    """Pace and time left, as far as they are known; nothing of a run that has nothing left to do."""
+    pace, left = progress.per_minute, progress.seconds_left
+    if pace is None or left is None:
+        return []
+    parts = [f"{pace:.1f}/min"]
+    if progress.done < progress.planned:
+        ready = "" if now is None else f" (ready at {_clock(now, left)})"
+        parts.append(f"{duration(left)} left{ready}")
+    return parts
+
+
+def letters_text(counts: PairCounts) -> str:
+    """How many pairs have each letter; those of no pair are left out, but never P, R, N and E."""
+    found = Counter(counts.letters.values())
+    always = ("P", "R", "N", ERROR)
+    words = [f"{letter} {found[letter]}" for letter in ALL_LETTERS if found[letter] or letter in always]
+    mended = counts.errors - found[ERROR]
+    if mended > 0:
+        words.append(f"({mended} more error{'s' if mended > 1 else ''}, played again)")
+    return " ".join(words)
+
+
+def playing_lines(progress: Progress) -> list[str]:
+    """A line for each pair that is being played, the longest first."""
+    by_time = sorted(progress.playing.items(), key=lambda item: -item[1])
+    return [f"playing for {duration(seconds)}: {name}" for name, seconds in by_time]
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it: ``40 s``, ``12 min``, ``3 h 05 min``."""
+    if seconds < 90.0:
+        return f"{max(seconds, 0.0):.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _clock(now: float, seconds: float) -> str:
+    """Time of the day so many seconds after now; with the date where it is not today."""
+    then, today = time.localtime(now + seconds), time.localtime(now)
+    return time.strftime("%H:%M" if then[:3] == today[:3] else "%m-%d %H:%M", then)
+
+
+class Pace:
+    """Says when the next line about long work is due where lines stay: not too many of them.
+
+    After a minute, then every minute; after ten minutes at every tenth of the time that has passed; at least
+    every ten minutes.
+
+    Args:
+        began: Seconds of a clock.
+    """
+
+    def __init__(self, began: float) -> None:
+        self._began = self._last = began
+
+    def due(self, now: float) -> bool:
+        """Whether a line is due; the next one is counted from then."""
+        if now - self._last < min(max(60.0, 0.1 * (now - self._began)), 600.0):
+            return False
+        self._last = now
+        return True

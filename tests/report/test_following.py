@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import gzip
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import PairError
+from pytest_libero_max.report.following import Follower, note_of
+from pytest_libero_max.report.in_progress import MARK_NAME
+from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.store import PairStore
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+RUN = Run(tuple(plan()[:4]), PROVENANCE)
+
+
+def _begin(folder: Path, pairs: int = 2) -> PairStore:
+    store = PairStore(folder, RUN)
+    store.begin()
+    store.note(note_of(1000.0, 1060.0, 0, {RUN.planned[pairs].item_id: 1050.0}))
+    for pair in RUN.planned[:pairs]:
+        store.append(record_of(pair, True, False))
+    return store
+
+
+def _kill(store: PairStore) -> None:
+    assert store._file is not None
+    assert store._mark is not None
+    store._file.close()
+    os.close(store._mark._descriptor)
+
+
+def test_a_run_is_followed_from_its_first_line_to_its_end(tmp_path: Path) -> None:
+    follower = Follower(tmp_path)
+    with pytest.raises(ReportError, match="holds no run that has begun"):
+        follower.look()
+    store = _begin(tmp_path)
+    seen = follower.look()
+    assert seen.state == "running"
+    lines = seen.lines()
+    assert lines[0].startswith(f"{tmp_path}: scripted.py on track smoke, running (process {os.getpid()} on ")
+    assert lines[1:3] == ["2 of 4 pairs, 2.0/min, 60 s left", "P 0 R 2 N 0 E 0"]
+    assert lines[3].startswith("playing for 10 s: plus-")
+    pair = RUN.planned[2]
+    store.append(PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "broken", "setup"))
+    assert follower.look().lines()[2] == "P 0 R 2 N 0 E 1"
+    store.append(record_of(RUN.planned[3], True, True))
+    store.close()
+    seen = follower.look()
+    assert seen.state == "ended"
+    assert not seen.complete
+    assert seen.lines() == [
+        f"{tmp_path}: scripted.py on track smoke, ended incomplete: 1 with an error",
+        "4 of 4 pairs",
+        "P 1 R 2 N 0 E 1",
+    ]
+
+
+def test_a_killed_run_is_called_killed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _kill(_begin(tmp_path))
+    seen = Follower(tmp_path).look()
+    assert seen.state == "killed"
+    assert "killed before it ended" in seen.lines()[0]
+    assert "--libero-max-resume" in seen.lines()[0]
+    assert not any("left" in line or "playing" in line for line in seen.lines())
+    for options in ([], ["--once"]):
+        assert main(["watch", str(tmp_path), *options]) == 11
+        assert capsys.readouterr().out.splitlines()[1:] == ["2 of 4 pairs", "P 0 R 2 N 0 E 0"]
+
+
+def test_what_cannot_be_seen_of_another_machine_is_not_said(tmp_path: Path) -> None:
+    _kill(_begin(tmp_path))
+    mark = tmp_path / MARK_NAME
+    mark.write_text(mark.read_text().replace(socket.gethostname(), "elsewhere"))
+    os.utime(mark, (0, 0))
+    seen = Follower(tmp_path).look()
+    assert seen.state == "unknown"
+    assert "cannot be seen from this machine" in seen.lines()[0]
+
+
+def test_a_run_that_says_nothing_for_long_is_called_quiet(tmp_path: Path) -> None:
+    store = _begin(tmp_path)
+    os.utime(tmp_path / MARK_NAME, (0, 0))
+    assert "quiet for " in Follower(tmp_path).look().lines()[0]
+    store.close()
+
+
+def test_a_run_is_followed_through_a_note_that_is_half_written(tmp_path: Path) -> None:
+    store = _begin(tmp_path)
+    mark = tmp_path / MARK_NAME
+    for rest in ("", '{"began": 10', '{"began": "x"}', "[]", '{"began":1,"now":2,"before":0,"playing":3}'):
+        mark.write_text(mark.read_text().splitlines()[0] + "\n" + rest)
+        assert Follower(tmp_path).look().lines()[1] == "2 of 4 pairs"
+    store.close()
+
+
+def test_another_run_in_the_folder_is_followed_from_its_beginning(tmp_path: Path) -> None:
+    _begin(tmp_path).close()
+    follower = Follower(tmp_path)
+    assert follower.look().progress.done == 2
+    again = _begin(tmp_path, 1)
+    assert follower.look().progress.done == 1
+    again.close()
+
+
+def test_a_published_run_has_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = _begin(tmp_path)
+    for pair in RUN.planned[2:]:
+        store.append(record_of(pair, True, True))
+    store.close()
+    pairs = tmp_path / "pairs.jsonl"
+    (tmp_path / "pairs.jsonl.gz").write_bytes(gzip.compress(pairs.read_bytes()))
+    pairs.unlink()
+    assert main(["watch", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == (
+        f"{tmp_path}: scripted.py on track smoke, ended\n4 of 4 pairs\nP 2 R 2 N 0 E 0\n"
+    )
+
+
+def test_a_damaged_line_is_named(tmp_path: Path) -> None:
+    store = _begin(tmp_path)
+    with (tmp_path / "pairs.jsonl").open("a") as file:
+        file.write("{}\n")
+    with pytest.raises(ReportError, match="line 4: line=None"):
+        Follower(tmp_path).look()
+    store.close()
+
+
+def test_watch_ends_with_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = _begin(tmp_path)
+    slept: list[float] = []
+
+    def end_the_run(seconds: float) -> None:
+        slept.append(seconds)
+        if len(slept) == 2:
+            for pair in RUN.planned[2:]:
+                store.append(record_of(pair, True, True))
+            store.close()
+
+    monkeypatch.setattr("time.sleep", end_the_run)
+    assert main(["watch", str(tmp_path), "--interval=7"]) == 0
+    assert slept == [7.0, 7.0]
+    lines = capsys.readouterr().out.splitlines()
+    assert "running (process" in lines[0]
+    assert lines[-3:] == [f"{tmp_path}: scripted.py on track smoke, ended", "4 of 4 pairs", "P 2 R 2 N 0 E 0"]
+
+
+def test_what_watch_cannot_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["watch", str(tmp_path)]) == 1
+    assert "holds no run that has begun" in capsys.readouterr().err
+    assert main(["watch", str(tmp_path), "--interval=0"]) == 1
+    assert "--interval=0.0" in capsys.readouterr().err
