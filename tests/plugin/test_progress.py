@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.plugin import progress
 from pytest_libero_max.report.following import Follower
+from pytest_libero_max.report.progress import Pace
 from tests.terminal import Terminal
 
 Run = Callable[..., pytest.RunResult]
@@ -60,7 +60,7 @@ def _comparable(terminal: Terminal) -> list[str]:
 
 
 def test_where_there_is_no_terminal_there_are_lines(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress.Pace, "due", lambda self, now: True)
+    monkeypatch.setattr(Pace, "due", lambda self, now: True)
     result = run("-k", "camera_shift")
     lines = [line for line in result.outlines if " of 2 pairs, " in line]
     assert lines[0] == "libero-max: 0 of 2 pairs, P 0 R 0 N 0 E 0"
@@ -104,7 +104,7 @@ def test_a_run_notes_what_it_plays(run: Run, pytester: pytest.Pytester) -> None:
 def test_a_resumed_run_counts_what_was_measured_before(
     run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress.Pace, "due", lambda self, now: True)
+    monkeypatch.setattr(Pace, "due", lambda self, now: True)
     stop = pytester.makeconftest("def pytest_libero_max_pair_stored(pair): raise KeyboardInterrupt")
     assert run("-k", "camera_shift", subprocess=True).ret == pytest.ExitCode.INTERRUPTED
     stop.unlink()
