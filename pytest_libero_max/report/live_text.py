@@ -1,7 +1,7 @@
 """Lines at the lower end of a terminal that are drawn again and again, below whatever else is written.
 
-They stand below the cursor, which stays where it is. Whoever else writes first lets them be erased, so nothing
-of them is left in the output. All movements are relative, so a terminal may scroll.
+They stand below the cursor, which stays where it is. Whoever else writes first lets them be erased, so
+nothing of them is left in the output. All movements are relative, so a terminal may scroll.
 """
 
 from __future__ import annotations
