@@ -1,0 +1,83 @@
+"""Pairs of a policy behind a published server, in another process, are those of the policy in process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.runner import measure_pair
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.worlds.tiny.world import TinyWorld
+from tests.pairing.actors import make_case
+from tests.policies.peers.conftest import peer, require
+
+
+class Reach:
+    """The policy of the servers of this folder. vla-eval rounds actions to float32."""
+
+    def __init__(self, spec: PolicySpec, dtype: type[np.floating[Any]]) -> None:
+        self.spec = spec
+        self._dtype = dtype
+
+    def reset(self, episode: Any) -> None:
+        pass
+
+    def predict(self, observation: Any, query: Any) -> Any:
+        move = np.clip((np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]) / 0.05, -1, 1)
+        actions = np.tile([*move, 0, 0, 0, 1], (10, 1))[: self.spec.horizon]
+        return actions.astype(self._dtype).astype(np.float64)
+
+
+@pytest.fixture
+def world() -> Iterator[TinyWorld]:
+    world = TinyWorld()
+    yield world
+    world.close()
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> dict[str, str]:
+    """The profiles with small images, which take less time."""
+    found = {}
+    for name in ("vla_eval_pi05", "pi05_libero"):
+        path = tmp_path / f"small_{name}.toml"
+        path.write_text(f'extends = "{name}"\n[policy]\nimage_size = 16\n')
+        found[name] = str(path)
+    return found
+
+
+def arms(record: PairRecord) -> Any:
+    assert record.triggered
+    return record.identity()["arms"]
+
+
+@pytest.mark.parametrize(
+    ("module", "script", "scheme", "profile", "dtype"),
+    [
+        ("vla_eval", ("vla_eval_server.py", "reach", "8"), "vla-eval", "vla_eval_pi05", np.float32),
+        ("openpi_client", ("openpi_server.py",), "openpi", "pi05_libero", np.float64),
+    ],
+)
+def test_a_pair_of_a_published_server_is_that_of_its_policy_in_process(
+    module: str,
+    script: tuple[str, ...],
+    scheme: str,
+    profile: str,
+    dtype: type[np.floating[Any]],
+    world: TinyWorld,
+    small: dict[str, str],
+) -> None:
+    require(module)
+    case = make_case(distance_m=0.3)
+    with peer(*script) as port:
+        served = load_served(f"{scheme}://127.0.0.1:{port}", small[profile])
+        record = measure_pair(case, world, served).record
+        served.client.close()
+    own = measure_pair(case, world, Reach(served.spec, dtype)).record
+    assert arms(record) == arms(own)
