@@ -16,6 +16,9 @@ from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.embedded.tasks import tasks
 
+SCENES = sum(len(tasks(suite)) for suite in SUITE_BUDGETS)
+"""How many :func:`measure_scenes` measures."""
+
 _WARM_UP = 3
 
 

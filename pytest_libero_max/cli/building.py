@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.substrates import add_substrate, substrate_options
+from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -123,14 +124,18 @@ def _gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.worlds.embedded.sheets import write_contact_sheet
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
-    write_contact_sheet(options.folder / "scenes.png")
-    substrate = EmbeddedSubstrate(variation_of)
-    try:
-        write_event_sheet(options.folder / "events.jpg", substrate)
-        write_plus_sheet(options.folder / "plus.png", substrate)
-        write_pro_sheet(options.folder / "pro.png", substrate)
-    finally:
-        substrate.close()
+    with Work() as work:
+        work.show("scenes.png, 1 of 4 sheets")
+        write_contact_sheet(options.folder / "scenes.png")
+        substrate = EmbeddedSubstrate(variation_of)
+        sheets: dict[str, Callable[[Path, EmbeddedSubstrate], None]]
+        sheets = {"events.jpg": write_event_sheet, "plus.png": write_plus_sheet, "pro.png": write_pro_sheet}
+        try:
+            for number, (name, write) in enumerate(sheets.items(), start=2):
+                work.show(f"{name}, {number} of 4 sheets")
+                write(options.folder / name, substrate)
+        finally:
+            substrate.close()
 
 
 def _eligibility(options: argparse.Namespace) -> None:
@@ -145,8 +150,8 @@ def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verification import verify
 
-    with Examiner(options.work, options.jobs, _print_progress()) as examiner:
-        print(f"What is found is kept in {examiner.path()}", flush=True)
+    with Work() as work, Examiner(options.work, options.jobs, _tell(work)) as examiner:
+        work.say(f"What is found is kept in {examiner.path()}")
         write_release(build_release(examiner.examine), options.folder)
     write_overview(options.folder)
     print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
@@ -158,8 +163,8 @@ def _certify(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.release import add_certificates, read_certificates
 
     tracks = options.tracks or ("original", "max")
-    with Examiner(options.work, options.jobs, _print_progress()) as examiner:
-        print(f"What is found is kept in {examiner.path(options.expert)}", flush=True)
+    with Work() as work, Examiner(options.work, options.jobs, _tell(work)) as examiner:
+        work.say(f"What is found is kept in {examiner.path(options.expert)}")
         add_certificates(options.folder, tracks, partial(examiner.certify, expert=options.expert))
     write_overview(options.folder)
     print("\n".join(certificate_lines(read_certificates(options.folder))))
@@ -174,7 +179,7 @@ def _preflight(options: argparse.Namespace) -> None:
     if options.limit is not None:
         cases = stratified(cases, options.limit)
     where = options.substrate, substrate_options(options)
-    with Examiner(options.work, options.jobs, _print_progress(), *where) as examiner:
+    with Work() as work, Examiner(options.work, options.jobs, _tell(work), *where) as examiner:
         found = examiner.examine(cases)
         print("\n".join(preflight_lines(found)), flush=True)
         if options.expert is not None:
@@ -182,14 +187,9 @@ def _preflight(options: argparse.Namespace) -> None:
             print("\n".join(["", *certificate_lines(examiner.certify(passed, options.expert))]))
 
 
-def _print_progress() -> Callable[[Progress], None]:
-    """Prints the first, the last and every hundredth."""
-
-    def report(progress: Progress) -> None:
-        if progress.done % 100 == 0 or progress.done == progress.total:
-            print(progress, flush=True)
-
-    return report
+def _tell(work: Work) -> Callable[[Progress], None]:
+    """Shows how far an examiner is."""
+    return lambda progress: work.show(str(progress), last=progress.ended)
 
 
 def _freeze(options: argparse.Namespace) -> None:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import argparse
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.substrates import add_libero
+from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
 from pytest_libero_max.report.media import FILM_FORMATS, FILM_SELECTIONS
 
 if TYPE_CHECKING:
+    from pytest_libero_max.pairing.record import PairRecord
+
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
@@ -66,25 +70,42 @@ def _film(options: argparse.Namespace) -> int:
         if getattr(options, name) < least:
             raise OptionError(f"--{name}={getattr(options, name)}, but must be at least {least}.")
     refused = 0
-    with open_recorded(options.run_folder, options.case_set, options.libero, options.libero_assets) as run:
+    where = options.run_folder, options.case_set, options.libero, options.libero_assets
+    with open_recorded(*where) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
         folder = options.output or run.folder / "films"
         for number, record in enumerate(records, start=1):
-            path = film_path(folder, record, options.format)
+            path, place = film_path(folder, record, options.format), f"{number}/{len(records)}"
             begin = time.perf_counter()
             if path.exists() and not options.overwrite:
-                print(f"{number}/{len(records)} {path} is there already; --overwrite makes it again")
+                work.say(f"{place} {path} is there already; --overwrite makes it again")
                 continue
+            told = partial(_tell, work, number - 1, len(records), record)
             try:
-                run.film(record, path, options.size, options.every, options.overwrite)
+                run.film(record, path, options.size, options.every, options.overwrite, told)
             except LiberoMaxError as error:
                 refused += 1
-                print(f"{number}/{len(records)} no film: {error}", flush=True)
+                work.say(f"{place} no film: {error}")
             else:
                 seconds, kilobytes = time.perf_counter() - begin, path.stat().st_size / 1000
-                print(f"{number}/{len(records)} {path} ({kilobytes:.0f} kB, {seconds:.1f} s)", flush=True)
+                work.say(f"{place} {path} ({kilobytes:.0f} kB, {seconds:.1f} s)")
     if options.output is None and refused < len(records):
         print(f"libero-max report {options.run_folder} links the films in report.html.")
     if not records:
         print(f"No pair of this run is selected by --select={options.select}.")
     return 1 if refused else 0
+
+
+def _tell(work: Work, before: int, films: int, record: PairRecord, step: int) -> None:
+    """Show how far the filming is.
+
+    Args:
+        work: Where.
+        before: Films that are finished.
+        films: All films.
+        record: The pair that is being filmed.
+        step: Policy steps of it that are drawn.
+    """
+    steps = max(arm.steps or 0 for arm in record.arms.values())
+    left = work.left(before + step / max(steps, 1), films)
+    work.show(f"film {before + 1} of {films}, step {step} of {steps}{left}: {record.item_id}")

@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.substrates import add_libero, substrate_options
+from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import SubstrateError
 
 if TYPE_CHECKING:
@@ -55,9 +56,15 @@ def _bench_genuine(options: argparse.Namespace) -> None:
 
 
 def _bench_scenes(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.scenes import cost_lines, measure_scenes
+    from pytest_libero_max.bench.scenes import SCENES, cost_lines, measure_scenes
 
-    print("\n".join(cost_lines(list(measure_scenes()))))
+    costs = []
+    with Work() as work:
+        work.show(f"0 of {SCENES} scenes measured")
+        for cost in measure_scenes():
+            costs.append(cost)
+            work.show(f"{len(costs)} of {SCENES} scenes measured{work.left(len(costs), SCENES)}")
+    print("\n".join(cost_lines(costs)))
 
 
 def _doctor(options: argparse.Namespace) -> None:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 BATCH = 12
 """Cases that a process takes at a time: neighbours share scenes."""
 
+EXAMINED, CERTIFIED = "examined", "certified"
 EXAMINATIONS, CERTIFICATES = "examinations.jsonl", "certificates.jsonl"
 
 _ROOMS = ("changes", "events", "pairing", "policies", "worlds")
@@ -49,16 +50,29 @@ class Progress:
         verb: What is done to them: ``examined`` or ``certified``.
         done: Cases done, also those of an interrupted run before.
         total: Cases to do in all.
-        seconds_left: At the pace since this run began.
+        good: How many of those done pass the preflight, or are solved.
+        per_minute: Cases done a minute since this run began; None before the first one.
     """
 
     verb: str
     done: int
     total: int
-    seconds_left: float
+    good: int
+    per_minute: float | None
+
+    @property
+    def ended(self) -> bool:
+        """Whether all is done."""
+        return self.done == self.total
 
     def __str__(self) -> str:
-        return f"{self.done} of {self.total} cases {self.verb}, {self.seconds_left / 60:.0f} min left"
+        good = "pass" if self.verb == EXAMINED else "solved"
+        words = [f"{self.done} of {self.total} cases {self.verb}", f"{self.good} {good}"]
+        if self.per_minute is not None:
+            words.append(f"{self.per_minute:.0f}/min")
+            if not self.ended:
+                words.append(f"{(self.total - self.done) / self.per_minute:.0f} min left")
+        return ", ".join(words)
 
 
 class Examiner:
@@ -113,7 +127,7 @@ class Examiner:
 
     def examine(self, cases: Sequence[Case]) -> Mapping[str, Preflight]:
         """Preflights by case id, in the order of the cases. No policy has a part in them."""
-        return self._find("examined", cases, Ledger(self.path(), Preflight), _examine)
+        return self._find(EXAMINED, cases, Ledger(self.path(), Preflight), _examine, _passed)
 
     def certify(self, cases: Sequence[Case], expert: str) -> Mapping[str, Certificate]:
         """Certificates by case id, in the order of the cases.
@@ -127,7 +141,7 @@ class Examiner:
             SimulatorError: A simulation breaks.
         """
         ledger = Ledger(self.path(expert), Certificate)
-        return self._find("certified", cases, ledger, partial(_certify, expert))
+        return self._find(CERTIFIED, cases, ledger, partial(_certify, expert), _solved)
 
     def _find(
         self,
@@ -135,17 +149,22 @@ class Examiner:
         cases: Sequence[Case],
         ledger: Ledger[Found],
         find: Callable[[Sequence[Json]], list[Found]],
+        is_good: Callable[[Found], bool],
     ) -> dict[str, Found]:
         todo = [case for case in sorted(cases, key=self._order) if ledger.of(case) is None]
         batches = [todo[first : first + BATCH] for first in range(0, len(todo), BATCH)]
         waiting = {self._pool.submit(find, [case.record for case in batch]): batch for batch in batches}
         began, before, done = time.monotonic(), len(cases) - len(todo), 0
+        good = sum(is_good(known) for case in cases if (known := ledger.of(case)) is not None)
+        if todo:
+            self._report(Progress(verb, before, len(cases), good, None))
         for future in as_completed(waiting):
             for case, found in zip(waiting[future], future.result(), strict=True):
                 ledger.add(case, found)
                 done += 1
-                seconds_left = (time.monotonic() - began) / done * (len(todo) - done)
-                self._report(Progress(verb, before + done, len(cases), seconds_left))
+                good += is_good(found)
+                per_minute = 60.0 * done / max(time.monotonic() - began, 1e-9)
+                self._report(Progress(verb, before + done, len(cases), good, per_minute))
         return {case.case_id: ledger.found[case.case_id] for case in cases}
 
 
@@ -267,6 +286,14 @@ def _preflight(case: Case) -> Preflight:
 
 def _certify(expert: str, records: Sequence[Json]) -> list[Certificate]:
     return [certify(_substrate.world(case), case, _expert(expert)) for case in map(parse_case, records)]
+
+
+def _passed(found: Preflight) -> bool:
+    return found.passed
+
+
+def _solved(found: Certificate) -> bool:
+    return found.solved
 
 
 def _ignore(progress: Progress) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.files import available_format, write_film
-from pytest_libero_max.films.replay import distinct_arms, play_again
+from pytest_libero_max.films.replay import Tick, distinct_arms, play_again
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.report.media import TRACES_NAME, film_name
@@ -54,6 +54,7 @@ def film_pair(
     size: int = SIZE_PX,
     every: int = 1,
     overwrite: bool = False,
+    on_step: Callable[[int], None] | None = None,
 ) -> None:
     """Play a recorded pair again and write its film, or nothing at all.
 
@@ -66,6 +67,7 @@ def film_pair(
         size: Side of a picture, pixels.
         every: Show only every so many steps; the film keeps its speed.
         overwrite: Whether a film that is there already may be replaced.
+        on_step: Told the policy steps of each picture before it is drawn.
 
     Raises:
         ProtocolError: The replay does not reach the recorded digests.
@@ -74,7 +76,15 @@ def film_pair(
         SimulatorError: The simulation broke, or the renderer does not answer.
     """
     ticks = play_again(case, world, record, traces, size, every)
+    if on_step is not None:
+        ticks = _told(ticks, on_step)
     write_film(path, film_frames(record, traces, ticks, size), CONTROL_HZ / every, overwrite)
+
+
+def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
+    for tick in ticks:
+        on_step(tick.step)
+        yield tick
 
 
 @dataclass(frozen=True)
@@ -107,7 +117,15 @@ class RecordedRun:
             )
         return read_trace(path, record)
 
-    def film(self, record: PairRecord, path: Path, size: int, every: int, overwrite: bool) -> None:
+    def film(
+        self,
+        record: PairRecord,
+        path: Path,
+        size: int,
+        every: int,
+        overwrite: bool,
+        on_step: Callable[[int], None] | None = None,
+    ) -> None:
         """Write the film of a pair; see :func:`film_pair`.
 
         Raises:
@@ -123,7 +141,17 @@ class RecordedRun:
         traces = self.traces(record)
         world = self.substrate.world(case)
         try:
-            film_pair(path, case, world, record, traces, size=size, every=every, overwrite=overwrite)
+            film_pair(
+                path,
+                case,
+                world,
+                record,
+                traces,
+                size=size,
+                every=every,
+                overwrite=overwrite,
+                on_step=on_step,
+            )
         except ProtocolError as error:
             raise ProtocolError(f"{error} {self._differences(record)}") from error
 

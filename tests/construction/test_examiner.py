@@ -75,7 +75,9 @@ def test_an_interrupted_examination_goes_on_where_it_stopped(
     with Examiner(tmp_path, 1, seen.append, substrate="tiny") as second:
         assert second.path() == examiner.path()
         assert dict(second.examine(cases)) == examined
-    assert [progress.done for progress in seen] == list(range(measured + 1, len(cases) + 1))
+    assert [progress.done for progress in seen] == list(range(measured, len(cases) + 1))
+    assert seen[0].per_minute is None
+    assert seen[-1].good == sum(found.passed for found in examined.values())
 
 
 def test_a_case_that_was_changed_is_examined_again(cases: list[Case], tmp_path: Path) -> None:
