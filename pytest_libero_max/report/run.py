@@ -10,7 +10,18 @@ from pytest_libero_max.benchmark.documents import Json, slug
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.fields import COUNT, OBJECT, POSITIVE, TEXT, Rule, check_fields, listed, shown
+from pytest_libero_max.pairing.fields import (
+    ANY_TEXT,
+    COUNT,
+    OBJECT,
+    POSITIVE,
+    TEXT,
+    TEXTS,
+    Rule,
+    check_fields,
+    listed,
+    shown,
+)
 from pytest_libero_max.pairing.record import RECORD_VERSION, require_version
 from pytest_libero_max.pairing.record_checks import IDENTITY
 
@@ -131,6 +142,8 @@ class Run:
         check_fields(values, _RUN, "run")
         for name, part in _PROVENANCE.items():
             _check_part(values["provenance"], name, part)
+        for name, rule in _SESSION.items():
+            _require(f"provenance.{name}", values["provenance"].get(name), rule)
         if "selection" in values["provenance"]:
             Selection.from_dict(values["provenance"]["selection"])
         return cls(tuple(map(planned_pair, values["planned"])), values["provenance"])
@@ -161,11 +174,14 @@ def planned_pair(values: Json) -> PlannedPair:
 def _check_part(provenance: Json, name: str, rules: Mapping[str, Rule]) -> None:
     """Check the fields of a part of the provenance that reports read; it may have more."""
     part = provenance.get(name)
-    if type(part) is not dict:
-        raise ReportError(f"provenance.{name}={shown(part)} of a run, but must be an object.")
+    _require(f"provenance.{name}", part, OBJECT)
     for key, rule in rules.items():
-        if not rule.holds(part.get(key)):
-            raise ReportError(f"provenance.{name}.{key}={shown(part.get(key))}, but must be {rule.words}.")
+        _require(f"provenance.{name}.{key}", part.get(key), rule)
+
+
+def _require(name: str, value: object, rule: Rule) -> None:
+    if not rule.holds(value):
+        raise ReportError(f"{name}={shown(value)} of a run, but must be {rule.words}.")
 
 
 _PLANNED = {**IDENTITY, "task": TEXT}
@@ -178,4 +194,5 @@ _PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
     "policy": {"reference": TEXT, "horizon": POSITIVE.or_null, "query_interval": POSITIVE.or_null},
     "protocol": {"noise_floor": POSITIVE.or_null},
 }
-"""What reports read of the provenance."""
+_SESSION = {"gl_backend": ANY_TEXT.or_null, "command": TEXTS}
+"""What reports read of the provenance: its parts, and what pytest was started with."""
