@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json, slug
@@ -173,7 +174,7 @@ def planned_pair(values: Json) -> PlannedPair:
 
 def _check_part(provenance: Json, name: str, rules: Mapping[str, Rule]) -> None:
     """Check the fields of a part of the provenance that reports read; it may have more."""
-    part = provenance.get(name)
+    part: Any = provenance.get(name)
     _require(f"provenance.{name}", part, OBJECT)
     for key, rule in rules.items():
         _require(f"provenance.{name}.{key}", part.get(key), rule)
