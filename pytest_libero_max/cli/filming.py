@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.substrates import add_libero
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
-from pytest_libero_max.report.media import FILM_FORMATS, FILM_SELECTIONS
+from pytest_libero_max.report.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.record import PairRecord
@@ -49,6 +49,23 @@ def add_commands(commands: Commands) -> None:
     film.add_argument(
         "--format", choices=FILM_FORMATS, help="Default: mp4 if PyAV is installed, otherwise webp"
     )
+    film.add_argument(
+        "--view",
+        default="world",
+        choices=VIEWS,
+        help="world, or what the policy saw: the images of its queries, after the world's noise and, where a "
+        "profile or --adapter tells, after preprocessing (default: %(default)s)",
+    )
+    film.add_argument(
+        "--adapter",
+        metavar="POLICY",
+        help="With --view=saw: load the adapter of the run and show what its model_inputs returns",
+    )
+    film.add_argument(
+        "--profile",
+        metavar="NAME|PATH",
+        help="With --view=saw: the profile of the run's server, if it is none of this package's",
+    )
     film.add_argument("--overwrite", action="store_true", help="Replace films that are there already")
     film.add_argument(
         "--cases",
@@ -65,31 +82,36 @@ def _film(options: argparse.Namespace) -> int:
 
     use_one_blas_thread()  # as in a run: the last bits depend on it
     from pytest_libero_max.films.recorded import chosen, film_path, open_recorded
+    from pytest_libero_max.films.saw import shown_by
 
     for name, least in (("size", 32), ("every", 1)):
         if getattr(options, name) < least:
             raise OptionError(f"--{name}={getattr(options, name)}, but must be at least {least}.")
+    if options.view != "saw" and (options.adapter or options.profile):
+        raise OptionError("--adapter and --profile say what the policy saw: give --view=saw as well.")
     refused = 0
     where = options.run_folder, options.case_set, options.libero, options.libero_assets
     with open_recorded(*where) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
+        policy = run.stored.run.provenance["policy"]
+        shown = shown_by(policy, options.adapter, options.profile) if options.view == "saw" else None
         folder = options.output or run.folder / "films"
         for number, record in enumerate(records, start=1):
-            path, place = film_path(folder, record, options.format), f"{number}/{len(records)}"
+            path, place = film_path(folder, record, options.format, options.view), f"{number}/{len(records)}"
             begin = time.perf_counter()
             if path.exists() and not options.overwrite:
                 work.say(f"{place} {path} is there already; --overwrite makes it again")
                 continue
             told = partial(_tell, work, number - 1, len(records), record)
             try:
-                run.film(record, path, options.size, options.every, options.overwrite, told)
+                run.film(record, path, options.size, options.every, options.overwrite, told, shown)
             except LiberoMaxError as error:
                 refused += 1
                 work.say(f"{place} no film: {error}")
             else:
                 seconds, kilobytes = time.perf_counter() - begin, path.stat().st_size / 1000
                 work.say(f"{place} {path} ({kilobytes:.0f} kB, {seconds:.1f} s)")
-    if options.output is None and refused < len(records):
+    if options.output is None and options.view == "world" and refused < len(records):
         print(f"libero-max report {options.run_folder} links the films in report.html.")
     if not records:
         print(f"No pair of this run is selected by --select={options.select}.")

@@ -23,6 +23,7 @@ _ARMS = ("#14708a", "#b3421b", "#7a4e9e", "#52606d")
 """Colours of the arms, in their order; they begin again after the last."""
 
 _EVENT, _STALE, _SHARED = "#e0a100", "#c2185b", "#8794a1"
+_EVENT_INK = "#8a6100"
 _SUCCESS, _FAILURE = "#1a7f4b", "#a12622"
 
 EVENT_STEPS = CONTROL_HZ
@@ -75,7 +76,11 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
 
 
 def film_frames(
-    record: PairRecord, traces: Mapping[str, ArmTrace], ticks: Iterable[Tick], size: int
+    record: PairRecord,
+    traces: Mapping[str, ArmTrace],
+    ticks: Iterable[Tick],
+    size: int,
+    caption: str | None = None,
 ) -> Iterator[Image]:
     """The frames of a film, (height, width, 3) uint8 with even sides.
 
@@ -84,8 +89,10 @@ def film_frames(
         traces: Of its arms, for the curves.
         ticks: What is seen, from the first step to the last.
         size: Side of the pictures in ``ticks``, pixels.
+        caption: What the pictures are, where they are not those of the world's cameras; then each has its
+            name below.
     """
-    canvas = _Canvas(record, traces, size)
+    canvas = _Canvas(record, traces, size, caption)
     for tick in ticks:
         yield canvas.draw(tick)
 
@@ -118,8 +125,10 @@ def _names_of_entries(record: PairRecord, name: str) -> list[str]:
 class _Canvas:
     """A film's fixed parts, and the curves as far as they have got."""
 
-    def __init__(self, record: PairRecord, traces: Mapping[str, ArmTrace], size: int) -> None:
-        self._record, self._size = record, size
+    def __init__(
+        self, record: PairRecord, traces: Mapping[str, ArmTrace], size: int, caption: str | None
+    ) -> None:
+        self._record, self._size, self._caption = record, size, caption
         self._names = distinct_arms(record)
         self._shared = shared_steps(record, self._names)
         self._steps = max(record.arms[name].steps or 0 for name in self._names)
@@ -136,7 +145,7 @@ class _Canvas:
         for name, view in tick.views.items():
             if tick.step <= (self._record.arms[name].steps or 0):
                 self._openings[name].append((tick.step, view.opening_m))
-        cameras = list(next(iter(tick.views.values())).images)
+        cameras = next(iter(tick.views.values())).images
         top = len(self._title) * self._line_px + 6
         pictures = self._line_px + 4 + len(cameras) * (self._size + _GAP_PX)
         strip = strip_px(self._size)
@@ -162,6 +171,8 @@ class _Canvas:
             (f"{policy.get('name')} (H={policy.get('horizon')} Q={policy.get('query_interval')})", _MUTED),
             (outcome, _INK),
         ]
+        if self._caption is not None:
+            lines.append((self._caption, _EVENT_INK))
         return [(part, color) for words, color in lines for part in self._wrapped(words)]
 
     def _draw_arm(
@@ -175,9 +186,12 @@ class _Canvas:
         y += self._line_px + 4
         top = y
         ended = tick.step >= (arm.steps or 0)
-        for image in tick.views[name].images.values():
+        view = tick.views[name]
+        for title, image in view.images.items():
             picture = Picture.fromarray(_faded(image) if ended else np.ascontiguousarray(image))
             frame.paste(picture, (x, y))
+            if self._caption is not None:
+                self._label(pen, (x + 6, y + size - self._line_px - 6), Label(title, _MUTED))
             y += size + _GAP_PX
         box = (x, top, x + size - 1, y - _GAP_PX - 1)
         since = self._since_event(arm, tick.step)
@@ -186,12 +200,14 @@ class _Canvas:
         elif since is not None:
             blink = since < _BLINK_STEPS
             pen.rectangle(box, outline=_EVENT, width=max(4, size // (16 if blink else 40)))
-        for number, label in enumerate(labels(self._record, name, tick.step, self._shared)):
-            place = (x + 6, top + 6 + number * (self._line_px + 4))
-            length = self._length(label.words)
-            ground = (place[0], place[1], place[0] + length + 8, place[1] + self._line_px)
-            pen.rectangle(ground, fill=label.color)
-            self._write(pen, (place[0] + 4, place[1] + 1), label.words, _PAPER)
+        said = [Label(words, _INK) for words in view.words]
+        for number, label in enumerate([*said, *labels(self._record, name, tick.step, self._shared)]):
+            self._label(pen, (x + 6, top + 6 + number * (self._line_px + 4)), label)
+
+    def _label(self, pen: ImageDraw.ImageDraw, place: tuple[int, int], label: Label) -> None:
+        length = self._length(label.words)
+        pen.rectangle((*place, place[0] + length + 8, place[1] + self._line_px), fill=label.color)
+        self._write(pen, (place[0] + 4, place[1] + 1), label.words, _PAPER)
 
     def _since_event(self, arm: ArmRecord, step: int) -> int | None:
         since = [step - firing.step for firing in arm.firings if 0 <= step - firing.step < EVENT_STEPS]

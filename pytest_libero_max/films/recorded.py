@@ -13,7 +13,8 @@ from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.files import available_format, write_film
-from pytest_libero_max.films.replay import Tick, distinct_arms, play_again
+from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.saw import Shown, saw
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.report.media import TRACES_NAME, film_name
@@ -33,15 +34,16 @@ def selected(record: PairRecord, which: str) -> bool:
     return which == "all" or record.base_success != record.dynamic_success
 
 
-def film_path(folder: Path, record: PairRecord, kind: str | None = None) -> Path:
+def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: str = "world") -> Path:
     """Where the film of a pair goes.
 
     Args:
         folder: Where films go.
         record: The pair.
         kind: ``mp4`` or ``webp``; None: what can be written here.
+        view: One of :data:`.media.VIEWS`.
     """
-    return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}")
+    return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}", view)
 
 
 def film_pair(
@@ -55,6 +57,7 @@ def film_pair(
     every: int = 1,
     overwrite: bool = False,
     on_step: Callable[[int], None] | None = None,
+    shown: Shown | None = None,
 ) -> None:
     """Play a recorded pair again and write its film, or nothing at all.
 
@@ -68,17 +71,23 @@ def film_pair(
         every: Show only every so many steps; the film keeps its speed.
         overwrite: Whether a film that is there already may be replaced.
         on_step: Told the policy steps of each picture before it is drawn.
+        shown: Film what the policy saw at its queries, made like this. None: what the cameras see.
 
     Raises:
+        AdapterError: What the policy saw cannot be made.
         ProtocolError: The replay does not reach the recorded digests.
         ReportError: The film is there already, or cannot be written.
         ChangeError: A change does not fit this world.
         SimulatorError: The simulation broke, or the renderer does not answer.
     """
-    ticks = play_again(case, world, record, traces, size, every)
+    look, also, caption = through_cameras(size), frozenset[int](), None
+    if shown is not None:
+        look, also = saw(case, record, traces, shown, size)
+        caption = f"What the policy saw: {shown.words}"
+    ticks = play_again(case, world, record, traces, look, every, also)
     if on_step is not None:
         ticks = _told(ticks, on_step)
-    write_film(path, film_frames(record, traces, ticks, size), CONTROL_HZ / every, overwrite)
+    write_film(path, film_frames(record, traces, ticks, size, caption), CONTROL_HZ / every, overwrite)
 
 
 def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
@@ -125,6 +134,7 @@ class RecordedRun:
         every: int,
         overwrite: bool,
         on_step: Callable[[int], None] | None = None,
+        shown: Shown | None = None,
     ) -> None:
         """Write the film of a pair; see :func:`film_pair`.
 
@@ -151,6 +161,7 @@ class RecordedRun:
                 every=every,
                 overwrite=overwrite,
                 on_step=on_step,
+                shown=shown,
             )
         except ProtocolError as error:
             raise ProtocolError(f"{error} {self._differences(record)}") from error

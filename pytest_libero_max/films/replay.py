@@ -7,7 +7,7 @@ event and at the end of each arm, so that what is shown is what was played, bit 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from pytest_libero_max.benchmark.cases import Case
@@ -17,7 +17,7 @@ from pytest_libero_max.pairing.prefix import event_link, first_link, next_link
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.stage import Applied, apply_change, begin_world
 from pytest_libero_max.pairing.trace import ArmTrace
-from pytest_libero_max.worlds.contract import CAMERAS, Image, World, WorldState
+from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, World, WorldState
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +25,18 @@ class View:
     """What is seen of a world at one moment.
 
     Attributes:
-        images: By camera, (size, size, 3) uint8, upright.
+        images: By camera, (size, size, 3) uint8, upright; or by another name what a policy was shown.
         opening_m: Distance between the fingers, m.
+        words: What is to be said in the picture beside what the record tells.
     """
 
     images: Mapping[str, Image]
     opening_m: float
+    words: tuple[str, ...] = ()
+
+
+Look = Callable[[str, int, World, View | None], View]
+"""Looks at a world for an arm after so many policy steps, given the arm's last view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +66,9 @@ def play_again(
     world: World,
     record: PairRecord,
     traces: Mapping[str, ArmTrace],
-    size: int,
+    look: Look,
     every: int = 1,
-    cameras: tuple[str, ...] = CAMERAS,
+    also: Collection[int] = (),
 ) -> Iterator[Tick]:
     """Play the distinct arms of a recorded pair again and yield what is seen after each step.
 
@@ -73,9 +79,9 @@ def play_again(
         world: Its world.
         record: What was recorded.
         traces: The actions of its arms.
-        size: Side of an image in pixels.
+        look: Looks at the world; see :func:`through_cameras`.
         every: Show only every so many steps, and the last one.
-        cameras: What is looked through.
+        also: Policy steps after which arms are looked at even where they are not shown.
 
     Raises:
         ProtocolError: The replay does not reach a recorded digest. What was yielded before may be wrong.
@@ -99,10 +105,11 @@ def play_again(
     for step in range(last + 1):
         played = [player for player in players if step <= player.steps]
         _advance(played, step, world)
-        if step % every == 0 or step == last or any(step == player.steps for player in played):
-            views |= _look(played, world, size, cameras)
-            if step % every == 0 or step == last:
-                yield Tick(step, dict(views))
+        shown = step % every == 0 or step == last
+        if shown or step in also or any(step == player.steps for player in played):
+            views |= _look(played, step, world, look, views)
+        if shown:
+            yield Tick(step, dict(views))
 
 
 class _Player:
@@ -172,13 +179,34 @@ def _advance(players: list[_Player], step: int, world: World) -> None:
             player.require(player.proof, "at its end")
 
 
-def _look(players: list[_Player], world: World, size: int, cameras: tuple[str, ...]) -> dict[str, View]:
+def through_cameras(size: int, cameras: tuple[str, ...] = CAMERAS) -> Look:
+    """Looks at a world through its cameras.
+
+    Args:
+        size: Side of an image in pixels.
+        cameras: Which.
+    """
+
+    def look(name: str, step: int, world: World, before: View | None) -> View:
+        observation = world.observe(cameras, size)
+        images = {camera: observation[f"{camera}_image"][::-1] for camera in cameras}
+        return View(images, opening_m(observation))
+
+    return look
+
+
+def opening_m(observation: Observation) -> float:
+    """Distance between the fingers, m."""
+    fingers = observation["robot0_gripper_qpos"]
+    return float(fingers[0] - fingers[1])
+
+
+def _look(
+    players: list[_Player], step: int, world: World, look: Look, before: Mapping[str, View]
+) -> dict[str, View]:
     seen: dict[bytes, View] = {}
     for player in players:
         if player.link not in seen:
             world.restore(player.state)
-            observation = world.observe(cameras, size)
-            images = {camera: observation[f"{camera}_image"][::-1] for camera in cameras}
-            fingers = observation["robot0_gripper_qpos"]
-            seen[player.link] = View(images, float(fingers[0] - fingers[1]))
+            seen[player.link] = look(player.name, step, world, before.get(player.name))
     return {player.name: seen[player.link] for player in players}

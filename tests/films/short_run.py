@@ -56,11 +56,15 @@ class Played:
 
 
 def play(
-    folder: Path, arms: tuple[Arm, ...] | None = None, wait: int = 0, policy: Policy | None = None
+    folder: Path,
+    arms: tuple[Arm, ...] | None = None,
+    wait: int = 0,
+    policy: Policy | None = None,
+    event: str = "target_relocation",
 ) -> Played:
     """Play the first case of a manifest of tiny cases, which is written into the folder."""
     manifest = folder / "tiny.json"
-    manifest.write_text(json.dumps(tiny_manifest(events=("target_relocation",))))
+    manifest.write_text(json.dumps(tiny_manifest(events=(event,))))
     case = load_manifest(manifest).cases[0]
     world = tiny.TinyWorld()
     policy = Approaching(wait, horizon=5, interval=3) if policy is None else policy

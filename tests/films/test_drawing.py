@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pytest_libero_max.films.drawing import EVENT_STEPS, film_frames, labels, shared_steps, strip_px
-from pytest_libero_max.films.replay import distinct_arms, play_again
+from pytest_libero_max.films.replay import distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.worlds.contract import Image
 
@@ -19,7 +19,7 @@ def _words(record: PairRecord, arm: str, step: int) -> list[str]:
 
 
 def _frames(played: Played) -> list[Image]:
-    ticks = play_again(played.case, played.world, played.record, played.traces, SIZE)
+    ticks = play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE))
     return list(film_frames(played.record, played.traces, ticks, SIZE))
 
 
@@ -54,7 +54,7 @@ def test_frames_have_one_even_size_and_show_the_pictures_side_by_side(played: Pl
     assert len(frames) == BUDGET + 1
     assert len({frame.shape for frame in frames}) == 1
     assert all(side % 2 == 0 for side in frames[0].shape[:2])
-    ticks = play_again(played.case, played.world, played.record, played.traces, SIZE)
+    ticks = play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE))
     for tick, frame in zip(ticks, frames, strict=True):
         if tick.step == BUDGET:
             continue  # faded

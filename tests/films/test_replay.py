@@ -10,7 +10,7 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
-from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again
+from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
 from pytest_libero_max.worlds.contract import CAMERAS
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.pairing.actors import Posing
@@ -19,7 +19,9 @@ from .short_run import BUDGET, SIZE, Played, play
 
 
 def _ticks(played: Played, every: int = 1) -> list[Tick]:
-    return list(play_again(played.case, played.world, played.record, played.traces, SIZE, every))
+    return list(
+        play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE), every)
+    )
 
 
 def _differ(one: View, other: View) -> bool:
@@ -104,7 +106,7 @@ def test_a_replay_that_reaches_other_states_is_refused(played: Played, arm: str,
     actions[BUDGET - 1 if arm == "base" else 0, 0] += 1e-9
     traces[arm] = replace(traces[arm], actions=actions)
     with pytest.raises(ProtocolError, match=where):
-        list(play_again(played.case, played.world, played.record, traces, SIZE))
+        list(play_again(played.case, played.world, played.record, traces, through_cameras(SIZE)))
 
 
 def test_recorded_poses_are_played_as_poses(tmp_path: Path) -> None:
@@ -113,13 +115,13 @@ def test_recorded_poses_are_played_as_poses(tmp_path: Path) -> None:
     assert [tick.step for tick in _ticks(played, every=4)] == [0, 4, 8]
     movements = replace(played.record, policy={**played.record.policy, "control": "delta"})
     with pytest.raises(ProtocolError, match="is not what was recorded"):
-        list(play_again(played.case, played.world, movements, played.traces, SIZE))
+        list(play_again(played.case, played.world, movements, played.traces, through_cameras(SIZE)))
 
 
 def test_another_version_of_the_case_is_refused(played: Played) -> None:
     other = replace(played.case, record={**played.case.record, "policy_seed": 7})
     with pytest.raises(ReportError, match="was played as another case"):
-        list(play_again(other, played.world, played.record, played.traces, SIZE))
+        list(play_again(other, played.world, played.record, played.traces, through_cameras(SIZE)))
 
 
 def test_arms_with_more_events_and_their_reversal_are_played_as_well(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.report.media import film_name, films_in
+from pytest_libero_max.report.media import film_name, films_in, kept_beside
 
 
 def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
@@ -14,3 +14,13 @@ def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
     assert names == ["a-t00--base-dynamic.mp4", "b--c--base.webp"]
     assert films_in(tmp_path) == {"a-t00": f"films/{names[0]}", "b--c": f"films/{names[1]}"}
     assert films_in(tmp_path / "nothing") == {}
+
+
+def test_a_film_of_what_a_policy_saw_is_kept_but_not_taken_for_the_film_of_the_pair(tmp_path: Path) -> None:
+    folder = tmp_path / "films"
+    folder.mkdir()
+    name = film_name("a-t00", ("base", "dynamic"), ".webp", "saw")
+    assert name == "a-t00--base-dynamic--saw.webp"
+    (folder / name).touch()
+    assert films_in(tmp_path) == {}
+    assert kept_beside(tmp_path) == ["films"]

@@ -98,8 +98,7 @@ class Request:
             AdapterError: An input cannot be made; names it and the step.
         """
         values = {name: value_of(query, episode) for name, value_of in _QUERY_VALUES.items()}
-        for step in self._text:
-            values["instruction"] = step(values["instruction"])
+        values["instruction"] = self.instruction(values["instruction"])
         layout = self._layout if layout is None else layout
         for name in set(_named(layout)) - values.keys():
             values[name] = self._value(name, observation)
@@ -115,6 +114,22 @@ class Request:
         named = dict.fromkeys(_named(self._layout if layout is None else layout))
         values = {name: self._value(name, observation) for name in named if name in self._inputs}
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+    def visible(self, observation: Observation) -> dict[str, NDArray[Any]]:
+        """Those arrays of a request that can be made of an observation that may lack cameras, by name.
+
+        Raises:
+            AdapterError: A step of one cannot be done.
+        """
+        inputs = [name for name in dict.fromkeys(_named(self._layout)) if name in self._inputs]
+        there = [f"${name}" for name in inputs if self._sources(name) <= observation.keys()]
+        return self.arrays(observation, there)
+
+    def instruction(self, words: str) -> str:
+        """What the server is told to do."""
+        for step in self._text:
+            words = step(words)
+        return words
 
     def _sources(self, name: str) -> set[str]:
         item = self._inputs.get(name)

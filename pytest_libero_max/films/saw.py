@@ -1,0 +1,197 @@
+"""What a policy saw: the images of its queries as it got them and, where that is known, as its model did.
+
+The images are rendered again from the replayed world, in the cameras and size that the policy declares. What
+happens to them afterwards is known of a policy behind a server, whose profile says it, and of an adapter that
+offers ``model_inputs``. What another adapter does to its images happens inside it and cannot be seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image as Picture
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import AdapterError, ReportError
+from pytest_libero_max.films.replay import Look, View, opening_m
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.policies.code import adapter_digest
+from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
+from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.policies.model_inputs import as_image, model_inputs
+from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
+from pytest_libero_max.policies.servers.address import is_address
+from pytest_libero_max.policies.servers.request import Request
+from pytest_libero_max.worlds.contract import Image, Observation, World
+
+_GROUND = 96
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How the images of a query are made from an observation.
+
+    Attributes:
+        words: Whose images they are, for the caption.
+        images: The images by name, (H, W, 3) uint8 each, from an observation and its query.
+        instruction: What the model is told, from what the policy is told.
+        policy: The policy where one was loaded; it is told of the episode.
+    """
+
+    words: str
+    images: Callable[[Observation, Query], Mapping[str, Image]]
+    instruction: Callable[[str], str] = str
+    policy: Policy | None = None
+
+
+def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) -> Shown:
+    """What can be shown of the policy of a run.
+
+    Args:
+        ran: ``policy`` of the run's provenance.
+        adapter: The adapter of the run, to be loaded and asked; None: do not load it.
+        profile: The profile of the run, where it is none of this package's.
+
+    Raises:
+        AdapterError: The adapter or the profile cannot be loaded, or is not the one of the run.
+    """
+    if adapter is not None:
+        return _by_adapter(ran, adapter)
+    if not is_address(str(ran["reference"])):
+        if profile is not None:
+            raise AdapterError(
+                f"profile={profile!r}, but policy {ran['reference']!r} is no server's address."
+            )
+        return Shown("the images as delivered; what the adapter does to them is not known", _delivered)
+    found = _profile_of(ran, profile)
+    if found is None:
+        return Shown("the images as delivered; the profile is not known, give it with --profile", _delivered)
+    if found.get("policy", "declared_by_server", False):
+        return Shown("the images as sent to the server, unchanged", _delivered)
+    request = Request(found)
+    return Shown(
+        f"the images as profile {found.name} sends them",
+        lambda observation, query: _images_among(request.visible(observation)),
+        request.instruction,
+    )
+
+
+def saw(
+    case: Case, record: PairRecord, traces: Mapping[str, ArmTrace], shown: Shown, size: int
+) -> tuple[Look, frozenset[int]]:
+    """Looks at a world as the policy did: at its queries; in between it still has the last images.
+
+    Args:
+        case: The case.
+        record: What was recorded.
+        traces: Say when the policy was asked.
+        shown: How the images are made.
+        size: Side of the pictures in which the images are shown, pixels.
+
+    Returns:
+        What :func:`~.replay.play_again` looks with, and the policy steps after which it must.
+
+    Raises:
+        ReportError: The policy asked for no image.
+    """
+    cameras = tuple(record.policy.get("cameras", ()))
+    if not cameras:
+        raise ReportError(f"{record.item_id}: the policy asked for no images, so there is nothing it saw.")
+    if shown.policy is not None:
+        shown.policy.reset(
+            Episode(case.suite, case.task_index, record.instruction, case.policy_seed, case.budget)
+        )
+    number = {
+        name: {int(step): index for index, step in enumerate(trace.query_steps)}
+        for name, trace in traces.items()
+    }
+
+    def look(name: str, step: int, world: World, before: View | None) -> View:
+        index = number[name].get(step)
+        if index is None or step >= (record.arms[name].steps or 0):
+            opening = opening_m(world.observe((), 1))
+            return View(before.images, opening, before.words) if before else View({}, opening)
+        told = world.language if case.instruction is None else case.instruction
+        query = Query(index, step, told, query_seed(case.policy_seed, index))
+        observation = world.observe(cameras, int(record.policy["image_size"]))
+        images = shown.images(observation, query)
+        if not images:
+            raise ReportError(f"{record.item_id}: there is no image among what the policy was shown.")
+        words = [f"query {index} at step {step}"]
+        if shown.instruction(told) != record.instruction:
+            words.append(shown.instruction(told))
+        pictures = {
+            f"{label} {image.shape[1]}x{image.shape[0]}": fitted(image, size)
+            for label, image in images.items()
+        }
+        return View(pictures, opening_m(observation), tuple(words))
+
+    return look, frozenset(step for steps in number.values() for step in steps)
+
+
+def fitted(image: Image, size: int) -> Image:
+    """An image in a square picture, its sides in proportion. Pixels are repeated or averaged, not blurred.
+
+    Args:
+        image: (H, W, 3) uint8.
+        size: Side of the picture, pixels.
+    """
+    height, width = image.shape[:2]
+    scale = size / max(height, width)
+    sides = max(round(width * scale), 1), max(round(height * scale), 1)
+    how = Picture.Resampling.NEAREST if scale >= 1 else Picture.Resampling.BOX
+    small = Picture.fromarray(np.ascontiguousarray(image)).resize(sides, how)
+    ground = Picture.new("RGB", (size, size), (_GROUND,) * 3)
+    ground.paste(small, ((size - sides[0]) // 2, (size - sides[1]) // 2))
+    return np.array(ground)
+
+
+def _delivered(observation: Observation, query: Query) -> dict[str, Image]:
+    suffix = "_image"
+    return {
+        name.removesuffix(suffix): np.asarray(image)
+        for name, image in observation.items()
+        if name.endswith(suffix)
+    }
+
+
+def _images_among(arrays: Mapping[str, np.ndarray]) -> dict[str, Image]:
+    return {name: image for name, array in arrays.items() if (image := as_image(array)) is not None}
+
+
+def _by_adapter(ran: Json, adapter: str) -> Shown:
+    _require_same(ran, adapter_digest(adapter), f"adapter={adapter!r}")
+    policy = load_policy(adapter)
+
+    def images(observation: Observation, query: Query) -> dict[str, Image]:
+        told = model_inputs(policy, observation, query)
+        if told is None:
+            raise AdapterError(
+                f"policy {policy.spec.name!r} has no model_inputs(observation, query), so what it does to "
+                "its images cannot be seen. Offer it, or leave --adapter out for the images as delivered."
+            )
+        return _images_among(told)
+
+    return Shown(f"the images as {adapter} hands them to its model", images, policy=policy)
+
+
+def _profile_of(ran: Json, asked: str | None) -> Profile | None:
+    """The profile of a run, whose digest its provenance has."""
+    if asked is not None:
+        profile = load_profile(asked)
+        _require_same(ran, profile.digest, f"profile={asked!r}")
+        return profile
+    known = (load_profile(name) for name in profile_names())
+    return next((profile for profile in known if profile.digest == ran.get("code")), None)
+
+
+def _require_same(ran: Json, digest: str, what: str) -> None:
+    if ran.get("code") not in (None, digest):
+        raise AdapterError(
+            f"{what} (digest {digest[:12]}) is not what the run was played with (digest "
+            f"{str(ran['code'])[:12]}), so what it shows would not be what the policy saw."
+        )
