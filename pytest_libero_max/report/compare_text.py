@@ -205,7 +205,7 @@ def _flip_lines(comparison: Json, changed: int) -> list[str]:
     if not changed:
         return ["No case changed."]
     names = [run["name"] for run in comparison["runs"]]
-    lines = [f"{changed} cases changed, (Base, Dynamic) in {', '.join(names)}:"]
+    lines = [f"{changed} case{'s' * (changed > 1)} changed, (Base, Dynamic) in {', '.join(names)}:"]
     for flip in flips:
         lines.append(f"{' '.join(_SHORT[flip['outcomes'][name]] for name in names)}  {flip['item_id']}")
     if changed > len(flips):
