@@ -17,6 +17,9 @@ _CHECKOUT = Path(__file__).resolve().parents[2] / "cases"
 FOLDER = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 """Where the tracks are: the build copies ``cases`` into the package; a checkout has ``cases`` alone."""
 
+GENUINE = "genuine"
+"""The folder of the tracks on the genuine scenes; ``genuine/smoke`` is the name of one."""
+
 CHECKSUMS = "SHA256SUMS"
 """Digests of the files' contents, without compression: a name in it has no ``.gz``."""
 
@@ -26,8 +29,17 @@ def track_names(folder: Path = FOLDER) -> tuple[str, ...]:
     return tuple(sorted(path.name.partition(".json")[0] for path in folder.glob("*.json*")))
 
 
+def genuine_name(name: str, folder: Path = FOLDER) -> str:
+    """The name of a track's version for the genuine scenes, if there is one; otherwise the name as it is."""
+    return f"{GENUINE}/{name}" if name in track_names(folder / GENUINE) else name
+
+
 def track_path(name: str, folder: Path = FOLDER) -> Path:
     """The manifest of a track.
+
+    Args:
+        name: One of :func:`track_names`; with ``genuine/`` before it, one of those on the genuine scenes.
+        folder: Where the tracks are.
 
     Raises:
         OptionError: There is no such track; suggests the closest.
@@ -37,8 +49,9 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
         raise ManifestError(
             f"{folder} has no tracks. The installation is incomplete: install the package again."
         )
-    if name not in track_names(folder):
-        raise OptionError(f"track={name!r} is not a track. {did_you_mean(name, track_names(folder))}")
+    known = (*track_names(folder), *(f"{GENUINE}/{one}" for one in track_names(folder / GENUINE)))
+    if name not in known:
+        raise OptionError(f"track={name!r} is not a track. {did_you_mean(name, known)}")
     plain = folder / f"{name}.json"
     return plain if plain.exists() else folder / f"{name}.json.gz"
 

@@ -124,6 +124,12 @@ def asked_for(config: pytest.Config) -> list[str]:
     return asked + (nodes if len(nodes) <= _LISTED_NODES else [f"{len(nodes)} node ids"])
 
 
+def chosen_by_hand(config: pytest.Config) -> bool:
+    """Whether the user chooses the pairs by their names or markers, not by their number alone."""
+    option = config.option
+    return bool(option.keyword or option.markexpr or any(_names_a_pair(arg) for arg in config.args))
+
+
 def _names_a_pair(arg: str) -> bool:
     return arg.startswith(f"{PAIRS_FILE}::")
 

@@ -27,10 +27,12 @@ from pytest_libero_max.plugin.collection import (
     case_of,
     cases_of,
     check_ids,
+    chosen_by_hand,
     manifest_of,
     only_lists,
     settings_of,
 )
+from pytest_libero_max.plugin.fitting import require_fit
 from pytest_libero_max.plugin.progress import RunProgress
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.code import adapter_digest
@@ -83,8 +85,17 @@ class RunController:
             check_reference(self.settings.reference, self.settings.profile)
             gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
+            self._require_fit()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
+
+    def _require_fit(self) -> None:
+        """Refuse cases that the substrate cannot play, unless the user has chosen the pairs himself."""
+        settings = self.settings
+        frozen_here = settings.manifest is None and settings.substrate == "embedded"
+        if not frozen_here and not chosen_by_hand(self.config):
+            cases = list(self.cases.values())
+            require_fit(settings.case_set, cases, settings.substrate, settings.substrate_options)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionstart(self) -> None:

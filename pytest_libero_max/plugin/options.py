@@ -6,7 +6,7 @@ Precedence, for every option: command line, then ini file, then default.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -125,7 +125,13 @@ OPTIONS = (
         "How the policy behind a server's address is asked: a profile of this package, or a TOML file",
         _text,
     ),
-    Option("track", "NAME", "Frozen set of cases to play", _text, "smoke"),
+    Option(
+        "track",
+        "NAME",
+        "Frozen set of cases to play (default: smoke; on the libero substrate, original if what is installed "
+        "does not play smoke)",
+        _text,
+    ),
     Option("manifest", "PATH", "Play the cases of this manifest instead of a track", _text),
     Option("limit", "N", "Play a stratified, deterministic subset of N cases", _positive),
     Option(
@@ -339,7 +345,16 @@ def resolve(config: pytest.Config) -> Settings:
             "at most H actions, so no more than H can be executed before the next (Q <= H). "
             "Lower Q or raise H."
         )
-    return Settings(**values)
+    settings = Settings(**values)
+    return replace(settings, track=_track(settings, values["track"]))
+
+
+def _track(settings: Settings, name: str | None) -> str:
+    from pytest_libero_max.plugin.fitting import fitting_track
+
+    if settings.manifest is not None:
+        return name or ""
+    return fitting_track(name, settings.substrate, settings.substrate_options)
 
 
 def policy_on_command_line(config: pytest.Config) -> bool:

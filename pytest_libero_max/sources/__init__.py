@@ -13,7 +13,7 @@ from pytest_libero_max.sources.lookup import (
     variation_metadata,
     variation_of,
 )
-from pytest_libero_max.sources.substrates import open_substrate
+from pytest_libero_max.sources.substrates import lacking, open_substrate
 from pytest_libero_max.sources.variation import Variation, digest_of
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "catalogue",
     "count_lines",
     "digest_of",
+    "lacking",
     "open_substrate",
     "variation_metadata",
     "variation_of",

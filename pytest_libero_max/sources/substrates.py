@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.sources.lookup import variation_of
 from pytest_libero_max.worlds.registry import SUBSTRATES
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.worlds.contract import Substrate
     from pytest_libero_max.worlds.kind import SubstrateOptions
 
@@ -25,3 +27,14 @@ def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substr
     from pytest_libero_max.worlds.kind import SubstrateOptions
 
     return SUBSTRATES[name].open(options or SubstrateOptions(), variation_of)
+
+
+def lacking(name: str, cases: Sequence[Case], options: SubstrateOptions | None = None) -> Mapping[str, str]:
+    """Why cases cannot play on a substrate, by case id, told without building anything; others may play.
+
+    Raises:
+        SubstrateError: There is no substrate of that name, or a genuine installation is missing.
+    """
+    from pytest_libero_max.worlds.kind import SubstrateOptions
+
+    return SUBSTRATES[name].lacking(options or SubstrateOptions(), cases, variation_of)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -38,6 +38,12 @@ def _nothing(options: SubstrateOptions) -> dict[str, Any]:
     return {}
 
 
+def _nothing_lacking(
+    options: SubstrateOptions, cases: Sequence[Case], variation_of: FindVariation
+) -> Mapping[str, str]:
+    return {}
+
+
 @dataclass(frozen=True)
 class SubstrateKind:
     """A substrate as a registry holds it: importing it imports no simulator.
@@ -48,8 +54,11 @@ class SubstrateKind:
             variation that a case plays.
         describe: Returns, without building anything, what tells one opening of it from another, as JSON
             values: a report holds them.
+        lacking: Returns why cases of a case set cannot play, by case id, the same words for all that lack the
+            same; told without building anything. A case that it does not name may still turn out not to play.
     """
 
     name: str
     open: Callable[[SubstrateOptions, FindVariation], Substrate]
     describe: Callable[[SubstrateOptions], dict[str, Any]] = _nothing
+    lacking: Callable[[SubstrateOptions, Sequence[Case], FindVariation], Mapping[str, str]] = _nothing_lacking

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,31 +10,14 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.libero.installation import (
     ASSETS_INSTALL,
     INSTALL,
-    NOISE_CURE,
     PLUS_INSTALL,
-    Flavour,
     Installation,
-    usable,
 )
+from pytest_libero_max.worlds.libero.lacking import PLUS_NAMES, PlusNeeds, first_of, plus_category, pro_lacks
 from pytest_libero_max.worlds.libero.pro_config import SECTIONS
-from pytest_libero_max.worlds.libero.pro_tasks import has_own_files
 from pytest_libero_max.worlds.libero.tasks import task_names, task_of
 
 _TASKS = 10
-
-_PLUS_NAMES = (
-    ("Sensor Noise", re.compile(r"_noise_\d+$")),
-    ("Language Instructions", re.compile(r"_language_\d+_view_")),
-    ("Camera Viewpoints", re.compile(r"_view_(?!0_0_100_0_0_)[\d_]+_initstate_0$")),
-    ("Robot Initial States", re.compile(r"_view_0_0_100_0_0_initstate_\d+$")),
-    ("Light Conditions", re.compile(r"_light_\d+$")),
-    ("Background Textures", re.compile(r"_(?:table|tb)_\d+$")),
-    ("Objects Layout", re.compile(r"_(?:add_\d+|(?:moved_)?level\d+_sample\d+)$")),
-)
-"""LIBERO-Plus's categories by what their tasks' names end with; its package does not list them."""
-
-_ADDED_OBJECTS = re.compile(r"_add_\d+$")
-_ARCHIVE = "unpack assets.zip of the data set Sylvest/LIBERO-plus, and name its folder (--libero-assets)"
 
 
 @dataclass(frozen=True)
@@ -66,17 +47,10 @@ def coverage(installations: Sequence[Installation]) -> Iterator[Coverage]:
     Args:
         installations: What would be played from; may be empty.
     """
-    plain = _first(installations, "hf-libero", "LIBERO", "LIBERO-PRO", "LIBERO-Plus")
-    pro = _first(installations, "LIBERO-PRO", "hf-libero", "LIBERO", "LIBERO-Plus")
-    plus = _first(installations, "LIBERO-Plus")
-    yield _libero(plain)
+    pro = first_of(installations, "pro")
+    yield _libero(first_of(installations, "libero"))
     yield from (_pro(pro, category) for category in SECTIONS)
-    yield from _plus(plus)
-
-
-def _first(installations: Sequence[Installation], *flavours: Flavour) -> Installation | None:
-    order = (found for flavour in flavours for found in installations if found.flavour == flavour)
-    return next(order, None)
+    yield from _plus(first_of(installations, "plus"))
 
 
 def _libero(found: Installation | None) -> Coverage:
@@ -99,47 +73,28 @@ def _pro(found: Installation | None, category: str) -> Coverage:
     source, total = f"LIBERO-PRO {category}", len(SUITE_BUDGETS) * _TASKS
     if found is None:
         return Coverage(source, 0, total, f"Install LIBERO-PRO, with its models as above: `{INSTALL}`")
-    if category == "object" and found.flavour != "LIBERO-PRO":
-        return Coverage(source, 0, total, f"Its objects are in LIBERO-PRO alone: `{INSTALL}`")
     tasks = [(suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS)]
-    playable = sum(
-        _has_task(found, suite, index) and has_own_files(found, category, suite, index)
+    lacks = [
+        pro_lacks(found, category, suite, index) if _has_task(found, suite, index) else "Restore its files"
         for suite, index in tasks
-    )
-    return Coverage(source, playable, total, "" if playable == total else f"Its task files: `{INSTALL}`")
+    ]
+    return Coverage(source, lacks.count(""), total, _first_reason(lacks))
 
 
 def _plus(found: Installation | None) -> Iterator[Coverage]:
     if found is None:
-        for category, _ in _PLUS_NAMES:
+        for category, _ in PLUS_NAMES:
             yield Coverage(f"LIBERO-Plus {category}", 0, 0, f"Install LIBERO-Plus: `{PLUS_INSTALL}`")
         return
-    names = [name for suite in SUITE_BUDGETS for name in task_names(found, suite)]
-    total = Counter(_category(name) for name in names)
-    added = sum(_ADDED_OBJECTS.search(name) is not None for name in names)
-    scenes = found.assets / "scenes"
-    lacking: dict[str, tuple[int, str]] = {}
-    if not usable("wand.api"):
-        motion = sum(1 <= _noise(name) <= 10 for name in names)
-        lacking["Sensor Noise"] = motion, f"Motion blur needs Wand: {NOISE_CURE}"
-    if next(scenes.rglob("*light*modified*.xml"), None) is None:
-        lacking["Light Conditions"] = total["Light Conditions"], f"Its scenes: {_ARCHIVE}"
-    if next(scenes.rglob("tabletop_table_*.xml"), None) is None:
-        textures = f"Its textures, but for a few floors and walls of libero_object: {_ARCHIVE}"
-        lacking["Background Textures"] = total["Background Textures"], textures
-    if not (found.assets / "new_objects").is_dir():
-        lacking["Objects Layout"] = added, f"Its additional objects: {_ARCHIVE}"
-    for category, _ in _PLUS_NAMES:
-        number, missing = lacking.get(category, (0, ""))
-        yield Coverage(f"LIBERO-Plus {category}", total[category] - number, total[category], missing)
+    needs = PlusNeeds.of(found)
+    lacks: dict[str, list[str]] = {category: [] for category, _ in PLUS_NAMES}
+    for name in (name for suite in SUITE_BUDGETS for name in task_names(found, suite)):
+        found_category = plus_category(name)
+        if found_category is not None:
+            lacks[found_category].append(needs.lacking(name))
+    for kind, each in lacks.items():
+        yield Coverage(f"LIBERO-Plus {kind}", each.count(""), len(each), _first_reason(each))
 
 
-def _category(name: str) -> str | None:
-    """The category of a task of LIBERO-Plus; None for one that is not of the registry."""
-    return next((category for category, ending in _PLUS_NAMES if ending.search(name)), None)
-
-
-def _noise(name: str) -> int:
-    """The number of a task's noise: ten levels of each kind, motion blur first; 0 where there is none."""
-    found = re.search(r"_noise_(\d+)$", name)
-    return 0 if found is None else int(found.group(1))
+def _first_reason(lacks: Sequence[str]) -> str:
+    return next(filter(None, lacks), "")

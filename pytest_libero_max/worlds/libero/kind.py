@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.worlds.kind import FindVariation, SubstrateKind, SubstrateOptions
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.worlds.contract import Substrate
     from pytest_libero_max.worlds.libero.installation import Installation
 
@@ -35,4 +37,14 @@ def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
     return find_installations(options.installations, assets=options.assets)
 
 
-KIND = SubstrateKind("libero", _open, _describe)
+def _lacking(
+    options: SubstrateOptions, cases: Sequence[Case], variation_of: FindVariation
+) -> Mapping[str, str]:
+    from pytest_libero_max.worlds.libero.lacking import lacking
+
+    if options.variations == "own":
+        return {}
+    return lacking(_installations(options), cases)
+
+
+KIND = SubstrateKind("libero", _open, _describe, _lacking)

@@ -116,7 +116,7 @@ def _load(installation: Installation) -> _Loaded:
     try:
         with _private_settings(installation):
             _import_outer(installation.root / installation.module)
-            vars(importlib.import_module(installation.inner))["_assets_path_cache"] = str(installation.assets)
+            _name_assets(vars(importlib.import_module(installation.inner)), str(installation.assets))
             importlib.import_module(f"{installation.inner}.envs")
             _redirect_assets(installation)
     except BaseException as error:
@@ -240,6 +240,16 @@ class _Unavailable:
             f"LIBERO-Plus's Sensor Noise needs the Python package {self.package!r}, which cannot be imported "
             f"here: {NOISE_CURE}. Its other categories play without."
         )
+
+
+def _name_assets(names: dict[str, Any], assets: str) -> None:
+    """Tell a package where its assets are before it looks for them.
+
+    LIBERO-PRO's package refuses to be imported where the folder of the packages is on Python's path twice, as
+    pytest puts it there for a plugin that is installed beside it.
+    """
+    names["_assets_path_cache"] = assets
+    names["_packaged_asset_path"] = lambda: assets
 
 
 def _redirect_assets(installation: Installation) -> None:

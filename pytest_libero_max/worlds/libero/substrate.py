@@ -13,8 +13,9 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariation
 from pytest_libero_max.worlds.libero.environment import Built, build
-from pytest_libero_max.worlds.libero.installation import Flavour, Installation, find_installations
+from pytest_libero_max.worlds.libero.installation import Installation, find_installations
 from pytest_libero_max.worlds.libero.joints import Joints, by_joint
+from pytest_libero_max.worlds.libero.lacking import PLAYED_BY, first_of
 from pytest_libero_max.worlds.libero.plus import noise_of, plus_task
 from pytest_libero_max.worlds.libero.pro import ProVariation
 from pytest_libero_max.worlds.libero.pro_config import published_config
@@ -31,14 +32,6 @@ if TYPE_CHECKING:
 NAME = "libero"
 KEPT_WORLDS = 8
 """Scenes kept for reuse in a process; each holds some 150 MB of meshes and textures."""
-
-_PLAYED_BY: Mapping[str, tuple[Flavour, ...]] = {
-    "libero": ("hf-libero", "LIBERO", "LIBERO-PRO", "LIBERO-Plus"),
-    "pro": ("LIBERO-PRO", "hf-libero", "LIBERO", "LIBERO-Plus"),
-    "plus": ("LIBERO-Plus",),
-}
-"""Which installations can play the cases of a source, the preferred first. LIBERO-Plus comes last for others
-than its own: it rounds the camera's pose to four decimals."""
 
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless", "bddl")
 
@@ -86,12 +79,11 @@ class LiberoSubstrate:
         Raises:
             SubstrateError: None of them can.
         """
-        for flavour in _PLAYED_BY[source]:
-            for found in self.installations:
-                if found.flavour == flavour:
-                    return found
+        found = first_of(self.installations, source)
+        if found is not None:
+            return found
         raise SubstrateError(
-            f"Cases of source {source!r} need {' or '.join(_PLAYED_BY[source])}, but there is "
+            f"Cases of source {source!r} need {' or '.join(PLAYED_BY[source])}, but there is "
             f"{', '.join(map(str, self.installations))}. Install it, or give its folder (pytest "
             "--libero-max-libero, libero-max --libero). `libero-max doctor` has the command. "
             "--libero-max-track=original needs LIBERO alone."

