@@ -55,6 +55,25 @@ class SimulatorError(LiberoMaxError):
     """The simulation itself broke: a state that is not finite, a renderer that does not answer."""
 
 
+class CrashError(LiberoMaxError):
+    """The process that played a pair died: a signal, a crash in native code, an exit of the adapter."""
+
+
+class TimeLimitError(LiberoMaxError):
+    """A query, a step or a pair took longer on the wall clock than it may. No step budget is meant."""
+
+
+class LimitReached(BaseException):
+    """Raised in the middle of what takes too long; not an ``Exception``, so that nothing there handles it.
+
+    It becomes a :class:`TimeLimitError` of the pair.
+    """
+
+
+class MemoryLimitError(LiberoMaxError):
+    """A process wanted more memory than it may use."""
+
+
 class ProtocolError(LiberoMaxError):
     """A pair is not a valid measurement: the prefixes differ, or the event fired twice."""
 

@@ -176,6 +176,7 @@ def _replay(branch: BranchPoint, stage: Stage) -> None:
         asked = branch.asked
         if asked is not None and asked.memory is not None and remembering and asked.answer.step == step:
             asked.ask_again_here(stage)
+        stage.watch.step()
         world.step(branch.actions[step])
         digest = world.digest()
         links.append(next_link(links[-1], branch.actions[step], digest))

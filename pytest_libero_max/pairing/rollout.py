@@ -151,6 +151,7 @@ class Rollout:
         if not self._queue:
             self._query()
         action = self._queue.pop()
+        stage.watch.step()
         world.step(action)
         self._digest = world.digest()
         self._actions.append(action)

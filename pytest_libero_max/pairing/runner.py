@@ -18,6 +18,7 @@ from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
 from pytest_libero_max.pairing.stage import Stage, apply_change
+from pytest_libero_max.pairing.watch import NO_WATCH, Watch
 from pytest_libero_max.policies.check import remembers
 from pytest_libero_max.policies.contract import Policy, PolicySpec
 from pytest_libero_max.worlds.contract import World
@@ -30,10 +31,12 @@ class PairSettings:
     Attributes:
         prefix: How an arm gets to the branch point; see :func:`return_to`.
         fingerprints: What could change a result, for the record: versions, substrate, assets.
+        watch: Told what begins, so that it can end what takes too long.
     """
 
     prefix: PrefixMode = "fork"
     fingerprints: Mapping[str, str] = field(default_factory=dict)
+    watch: Watch = NO_WATCH
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ def measure_pair(
     settings = PairSettings() if settings is None else settings
     enter = on_phase or (lambda phase: None)
     enter("setup")
-    stage = Stage(case, world, policy)
+    stage = Stage(case, world, policy, watch=settings.watch)
     chosen = check_arms(arms_of(case) if arms is None else arms)
     try:
         instruction, rollouts = _play(stage, chosen, settings.prefix, enter)

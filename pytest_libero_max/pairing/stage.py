@@ -15,6 +15,7 @@ from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
+from pytest_libero_max.pairing.watch import NO_WATCH, Watch
 from pytest_libero_max.policies.check import Actions, ask, require_spec, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, World, WorldState
@@ -53,6 +54,7 @@ class Stage:
         world: A world of the case's scene.
         policy: A checked policy.
         clock: Adds up wall-clock seconds.
+        watch: Told what begins.
         spec: A copy of the policy's spec, which must stay what it is.
     """
 
@@ -60,6 +62,7 @@ class Stage:
     world: World
     policy: Policy
     clock: Clock = field(default_factory=Clock)
+    watch: Watch = NO_WATCH
     spec: PolicySpec = field(init=False)
 
     def __post_init__(self) -> None:
@@ -85,6 +88,7 @@ class Stage:
             ChangeError: The setup does not fit this world.
             SimulatorError: The scene does not settle.
         """
+        self.watch.step()
         with self.clock("reset_s"):
             begin_world(self.case, self.world, self.spec.control)
 
@@ -104,8 +108,10 @@ class Stage:
             world=self.world if privileged else None,
         )
         before = self._seen_by_policy()
+        self.watch.query()
         with self.clock("policy_s"):
             start(self.policy, episode)
+        self.watch.step()
         require_spec(self.policy, self.spec, "reset")
         self._require_unaltered(before, "reset")
 
@@ -141,12 +147,15 @@ class Stage:
         """
         spec, where = self.spec, f"predict, query {index} at step {step}"
         query = Query(index, step, self.instruction, query_seed(self.case.policy_seed, index))
+        self.watch.step()
         with self.clock("observe_s"):
             observation = self.world.observe(spec.cameras, spec.image_size)
         before = self._seen_by_policy()
         waited_s = self._waited_s()
+        self.watch.query()
         with self.clock("policy_s"):
             actions = ask(self.policy, observation, query)
+        self.watch.step()
         if self._waited_s() > waited_s:
             self.clock.add(WAITED, self._waited_s() - waited_s)
         if (batch := int(getattr(self.policy, "batch_size", 1))) > 1:

@@ -32,6 +32,7 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
+from pytest_libero_max.plugin.deaths import CRASH_PHASE, set_aside_lines
 from pytest_libero_max.plugin.fitting import require_fit
 from pytest_libero_max.plugin.progress import RunProgress
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, POLICY_PHASE, RESULT_ATTRIBUTE
@@ -309,6 +310,7 @@ class RunController:
         folder, here = self.settings.output, self.config.invocation_params.dir
         self.report, written = write_reports(folder, self._add_sections, on_problem)
         self._lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
+        self._lines += set_aside_lines(self.report["pairs"]["invalid_pairs"])
         verdicts = decide(self.settings.gate, folder, here)
         self._lines += gate_lines(verdicts)
         if os.environ.get("GITHUB_ACTIONS") == "true":
@@ -404,7 +406,7 @@ def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | 
         return None
     # The item ended without a word: its worker died, or somebody's hook failed it.
     text = str(report.longrepr).strip().splitlines()
-    return PairError.of(case, SimulatorError(text[-1] if text else "no message"), "crash")
+    return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:

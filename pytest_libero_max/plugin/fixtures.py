@@ -6,26 +6,24 @@ fixture, gets one item for each case of the track.
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import AdapterError, LiberoMaxError
-from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.plugin.collection import settings_of
+from pytest_libero_max.plugin.isolation import play_apart
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
-from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.playing import play_here
+from pytest_libero_max.plugin.stash_keys import RESULT
 from pytest_libero_max.report.junit import properties
-from pytest_libero_max.report.media import FILMS_NAME, TRACES_NAME
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.prefix import BranchPoint
-    from pytest_libero_max.pairing.runner import Pair
     from pytest_libero_max.policies.contract import Policy
     from pytest_libero_max.worlds.contract import Substrate, World
 
@@ -112,114 +110,10 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
 
     An error of the machinery is an error of the item, recorded as such, and never a failure of the policy.
     """
-    phase: list[str] = ["setup"]
-    try:
-        record = _play(request, libero_max_case, phase.append)
-    except _Unsupported as unsupported:
-        pytest.skip(str(unsupported))
-    except BaseException as error:
-        from pytest_libero_max.policies.check import ends_the_session
-
-        if ends_the_session(error):
-            raise
-        request.node.stash[RESULT] = PairError.of(libero_max_case, error, phase[-1]).to_dict()
-        if phase[-1] == POLICY_PHASE:
-            # It would be the same with every other pair: what is not begun stays missing.
-            request.session.shouldfail = "the policy cannot be played"
-        if isinstance(error, LiberoMaxError):
-            pytest.fail(_explain(error), pytrace=False)
-        if not isinstance(error, Exception):
-            # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
-            raise LiberoMaxError(f"{type(error).__name__} in phase {phase[-1]!r}: {error}") from error
-        raise
+    if settings_of(request.config).isolate:
+        record = play_apart(request, libero_max_case)
+    else:
+        record = play_here(request, libero_max_case)
     request.node.stash[RESULT] = record.to_dict()
     request.node.user_properties.extend(properties(record))
     return record
-
-
-class _Unsupported(Exception):
-    """The policy declares that it does not support the suite of the case."""
-
-
-def _play(request: pytest.FixtureRequest, case: Case, on_phase: Callable[[str], None]) -> PairRecord:
-    from pytest_libero_max.events.schedules import arms_of
-    from pytest_libero_max.pairing.runner import PairSettings, measure_pair
-    from pytest_libero_max.policies.check import check_cameras
-    from pytest_libero_max.policies.code import adapter_digest
-
-    settings = settings_of(request.config)
-    # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
-    on_phase(POLICY_PHASE)
-    policy = request.getfixturevalue("libero_max_policy")
-    if not policy.spec.supports(case.suite):
-        suites = ", ".join(policy.spec.suites or ())
-        raise _Unsupported(f"unsupported: policy {policy.spec.name!r} declares the suites {suites}")
-    on_phase("setup")
-    substrate = request.getfixturevalue("libero_max_substrate")
-    world = request.getfixturevalue("libero_max_world")
-    if ADAPTER_DIGEST not in request.config.stash:
-        on_phase(POLICY_PHASE)
-        check_cameras(policy, world)
-        request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference, settings.profile)
-        on_phase("setup")
-    fingerprints = {**substrate.fingerprint(), "adapter": request.config.stash[ADAPTER_DIGEST]}
-    _require_declared_spec(request.config, policy)
-    pair = measure_pair(
-        case,
-        world,
-        policy,
-        PairSettings(prefix=settings.prefix, fingerprints=fingerprints),
-        on_phase,
-        arms_of(case, repeat_base=case.item_id in noise_cases_of(request.config)),
-    )
-    notes = _keep(pair, case, world, settings)
-    if notes:
-        request.node.stash[NOTE] = "; ".join(notes)
-    return pair.record
-
-
-def _keep(pair: Pair, case: Case, world: World, settings: Settings) -> list[str]:
-    """Keep what the options ask for beside the record of a measured pair; returns what could not be kept."""
-    from pytest_libero_max.pairing.trace import traces_of, write_trace
-
-    notes = []
-    if settings.traces == "all" or settings.traces == pair.record.outcome:
-        try:
-            write_trace(settings.output / TRACES_NAME, pair)
-        except (OSError, ValueError) as error:
-            notes.append(f"no trace of {case.item_id}: {error}")
-    if settings.film != "none":
-        from pytest_libero_max.films.recorded import film_pair, film_path, selected
-
-        try:
-            if selected(pair.record, settings.film):
-                path = film_path(settings.output / FILMS_NAME, pair.record)
-                film_pair(path, case, world, pair.record, traces_of(pair))
-        except Exception as error:  # whatever a renderer or an encoder raises, the pair is measured
-            notes.append(f"no film of {case.item_id}: {error}")
-    return notes
-
-
-def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
-    """Check that the policy still declares what it declared before its first pair.
-
-    Raises:
-        AdapterError: Its spec has changed.
-    """
-    from pytest_libero_max.policies.check import require_spec
-
-    known, spec = config.stash.get(DECLARED, (None, None))
-    if known is not policy:
-        spec = replace(policy.spec)
-        config.stash[DECLARED] = (policy, spec)
-    assert isinstance(spec, type(policy.spec))
-    require_spec(policy, spec, "an earlier pair")
-
-
-def _explain(error: LiberoMaxError) -> str:
-    """The message, and where the user's own code raised, without the frames of this package."""
-    text = f"{type(error).__name__}: {error}"
-    cause = error.__cause__
-    if cause is None or isinstance(cause, LiberoMaxError):
-        return text
-    return text + "\n\n" + "".join(traceback.format_exception(type(cause), cause, cause.__traceback__))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_substrate,
     libero_max_world,
 )
+from pytest_libero_max.plugin.guard import STDERR
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE, NOTE_ATTRIBUTE, RESULT, RESULT_ATTRIBUTE
 
 __all__ = [
@@ -33,6 +35,7 @@ __all__ = [
 ]
 
 CONTROLLER = "libero-max-controller"
+WORKERS = "libero-max-workers"
 
 
 def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
@@ -77,10 +80,16 @@ def pytest_configure(config: pytest.Config) -> None:
         use_one_blas_thread()
     if in_use and not hasattr(config, "workerinput"):
         from pytest_libero_max.plugin.controller import RunController
+        from pytest_libero_max.plugin.workers import Workers, let_workers_restart
 
         controller = RunController(config)
         config.pluginmanager.register(controller, CONTROLLER)
         config.pluginmanager.register(controller.progress)
+        if config.getoption("tx", None):
+            config.pluginmanager.register(Workers(config, controller.settings, controller.cases), WORKERS)
+            let_workers_restart(config, controller.settings, len(controller.cases))
+        else:
+            config.stash[STDERR] = os.dup(2)
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:

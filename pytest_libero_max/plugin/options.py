@@ -5,6 +5,7 @@ Precedence, for every option: command line, then ini file, then default.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.plugin.timeouts import Limits
 from pytest_libero_max.report.media import FILM_SELECTIONS
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.registry import (
@@ -34,6 +36,9 @@ PROGRESS_FORMS = ("auto", "live", "lines", "none")
 DEFAULT_OUTPUT = "libero-max-results"
 
 POLICY_FLAG = "--libero-max-policy"
+
+LONGEST_S = 10_000_000
+MOST_GIB = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,36 @@ def _positive(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ValueError("expected an integer of at least 1")
     return int(text)
+
+
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdigit():
+        raise ValueError("expected an integer of at least 0")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 < seconds <= LONGEST_S:
+        raise ValueError(f"expected seconds, above 0 and at most {LONGEST_S}")
+    return seconds
+
+
+def _gibibytes(text: str) -> float | None:
+    if text == "auto":
+        return None
+    if text == "none":
+        return 0.0
+    try:
+        amount = float(text)
+    except ValueError:
+        amount = math.nan
+    if not 0 < amount <= MOST_GIB:
+        raise ValueError("expected GiB as a number above 0, auto, or none")
+    return amount
 
 
 def _shard(text: str) -> tuple[int, int]:
@@ -236,6 +271,47 @@ OPTIONS = (
         default=(),
         many=True,
     ),
+    Option(
+        "query-timeout",
+        "SECONDS",
+        "Wall-clock limit of one call of the policy; what takes longer makes its pair an error, never a "
+        "failed episode (default: none)",
+        _seconds,
+    ),
+    Option(
+        "step-timeout",
+        "SECONDS",
+        "Wall-clock limit of one step, reset or image of the simulator (default: none)",
+        _seconds,
+    ),
+    Option(
+        "pair-timeout",
+        "SECONDS",
+        "Wall-clock limit of a pair with all its arms, without the loading of the policy (default: none)",
+        _seconds,
+    ),
+    Option(
+        "retries",
+        "N",
+        "Play a pair again in a fresh process, so many times, after the process that played it has died",
+        _count,
+        2,
+    ),
+    Option(
+        "isolate",
+        "",
+        "Play each pair in a process of its own, with the policy loaded in it",
+        bool,
+        False,
+        switch=True,
+    ),
+    Option(
+        "memory",
+        "GIB",
+        "Memory limit of a process that plays pairs: GiB, none, or auto, which is its share of 0.9 of this "
+        "machine's memory and at least 4 (default: auto)",
+        _gibibytes,
+    ),
     Option("output", "FOLDER", "Where pairs.jsonl and report.json go", _text, DEFAULT_OUTPUT),
     Option(
         "resume",
@@ -274,6 +350,12 @@ class Settings:
     shard: tuple[int, int] | None
     noise_floor: int | None
     gate: tuple[Gate, ...]
+    query_timeout: float | None
+    step_timeout: float | None
+    pair_timeout: float | None
+    retries: int
+    isolate: bool
+    memory: float | None
     output: Path
     resume: bool
 
@@ -289,6 +371,11 @@ class Settings:
         return SubstrateOptions(
             self.libero, self.libero_assets, self.semantics, self.instruction, self.source_variations
         )
+
+    @property
+    def timeouts(self) -> Limits:
+        """The wall-clock limits, s."""
+        return Limits(self.query_timeout, self.step_timeout, self.pair_timeout)
 
     @property
     def case_set(self) -> str:

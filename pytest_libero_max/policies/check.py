@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import ActionError, AdapterError, ServerError, did_you_mean
+from pytest_libero_max.errors import ActionError, AdapterError, LimitReached, ServerError, did_you_mean
 from pytest_libero_max.policies.contract import (
     BatchItem,
     BatchPolicy,
@@ -306,12 +306,13 @@ def locate(error: BaseException, file: str) -> str | None:
 
 
 def ends_the_session(error: BaseException) -> bool:
-    """Whether an exception is nobody's fault and has to pass: an interrupt, or one of pytest's own.
+    """Whether an exception has to pass: an interrupt, a time limit, or one of pytest's own.
 
     Everything else that an adapter lets out is a fault of the adapter, also what is not an ``Exception``: an
     ``asyncio.CancelledError``, a ``SystemExit``, a ``GeneratorExit``.
     """
-    return isinstance(error, KeyboardInterrupt) or type(error).__module__.startswith("_pytest.")
+    ours = isinstance(error, (KeyboardInterrupt, LimitReached))
+    return ours or type(error).__module__.startswith("_pytest.")
 
 
 @contextmanager

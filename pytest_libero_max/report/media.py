@@ -1,4 +1,4 @@
-"""What lies beside the pairs of a run for people to look at: traces and films, and how they are called."""
+"""What lies beside the pairs of a run for people to look at: traces, films and crashes, and their names."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
+CRASHES_NAME = "crashes"
+"""What processes said that died."""
 
 FILM_FORMATS = ("mp4", "webp")
 FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
@@ -51,6 +53,7 @@ def _films(folder: Path) -> list[Path]:
 
 
 def kept_beside(folder: Path) -> list[str]:
-    """Names of the folders of traces and films that a run has filled."""
+    """Names of the folders of traces, films and crashes that a run has filled."""
     traces = [TRACES_NAME] if any((folder / TRACES_NAME).glob("*.npz")) else []
-    return traces + ([FILMS_NAME] if _films(folder) else [])
+    crashes = [CRASHES_NAME] if any((folder / CRASHES_NAME).glob("*.txt")) else []
+    return traces + ([FILMS_NAME] if _films(folder) else []) + crashes

@@ -121,7 +121,7 @@ def test_a_worker_that_dies_costs_its_pair_and_no_other(
         """
     )
     (pytester.path / "armed").touch()
-    result = run("-n2", policy="killer.py", subprocess=True)
+    result = run("-n2", "--libero-max-retries=0", policy="killer.py", subprocess=True)
     lines, report = results()
     assert [line["phase"] for line in lines if line["line"] == "error"] == ["crash"]
     assert report["pairs"]["played"] == 15

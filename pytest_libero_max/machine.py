@@ -1,0 +1,76 @@
+"""What this machine has for a run: memory and room on the disk."""
+
+from __future__ import annotations
+
+import os
+import resource
+from pathlib import Path
+
+GIB = 2**30
+
+_CGROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+
+
+def memory_bytes() -> int:
+    """Memory that processes here may use together: that of the machine, or less in a container."""
+    least = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    for path in _CGROUP_LIMITS:
+        try:
+            text = Path(path).read_text().strip()
+        except OSError:
+            continue
+        if text.isdigit():  # "max" where there is no limit
+            least = min(least, int(text))
+    return least
+
+
+def available_bytes() -> int | None:
+    """Memory that is free now, or can be freed; None where the kernel does not tell."""
+    return _kib_of(Path("/proc/meminfo"), "MemAvailable")
+
+
+def private_bytes() -> int | None:
+    """What a limit on memory counts of this process; None where the kernel does not tell."""
+    return _kib_of(Path("/proc/self/status"), "VmData")
+
+
+def resident_bytes() -> int | None:
+    """Memory of the machine that this process has; None where the kernel does not tell."""
+    return _kib_of(Path("/proc/self/status"), "VmRSS")
+
+
+def limit_private_bytes(most: int) -> None:
+    """Let this process, and those it starts, have no more private memory than this (``RLIMIT_DATA``).
+
+    Counted is what only the process itself can write: what it has asked for, used or not. Files that are
+    only read, and the addresses that graphics drivers reserve, are not counted, as they would be under
+    ``RLIMIT_AS``. Beyond the limit the kernel gives no more, so an allocation without end fails at once, in
+    Python with a ``MemoryError``; a thread that looks at the memory now and then would be late, and cannot
+    run while native code holds the interpreter.
+    """
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    if hard != resource.RLIM_INFINITY:
+        most = min(most, hard)
+    resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+
+
+def free_disk_bytes(folder: Path) -> int | None:
+    """Room on the disk of a folder, which need not exist yet; None where it cannot be looked at."""
+    for path in (folder, *folder.absolute().parents):
+        try:
+            status = os.statvfs(path)
+        except FileNotFoundError:
+            continue
+        except OSError:
+            return None
+        return status.f_bavail * status.f_frsize
+    return None
+
+
+def _kib_of(path: Path, name: str) -> int | None:
+    try:
+        lines = path.read_text().splitlines()
+    except OSError:
+        return None
+    found = (line.split() for line in lines if line.startswith(f"{name}:"))
+    return next((int(words[1]) * 1024 for words in found), None)

@@ -1,0 +1,143 @@
+"""The workers of a distributed run, seen from its controller: why one died, and what becomes of its pair."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.plugin.collection import case_of
+from pytest_libero_max.plugin.deaths import keep_text, pair_error
+from pytest_libero_max.plugin.guard import WORDS_INPUT
+from pytest_libero_max.plugin.last_words import Death, read_death
+from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
+
+RETRIED = "retried"
+"""Outcome of the report of a pair that is played again, or was measured before its worker died."""
+
+_INTERRUPTED = "keyboard-interrupt"
+"""What xdist says of a worker that was told to stop; it also stops the session."""
+
+_PATIENCE_S = 5.0
+"""So long a worker that has closed its connection may take to end."""
+
+
+class Workers:
+    """Registered beside the controller of a distributed run.
+
+    Args:
+        config: Of the session.
+        settings: Of the run.
+        cases: By item id.
+    """
+
+    def __init__(self, config: pytest.Config, settings: Settings, cases: dict[str, Case]) -> None:
+        self._config = config
+        self._settings = settings
+        self._cases = cases
+        self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
+        self._deaths: dict[Any, Death] = {}
+        self._plays: Counter[str] = Counter()
+        self._measured: set[str] = set()
+        self._in_a_row = 0
+        self._most_in_a_row = 4 * (config.option.numprocesses or 1) * (settings.retries + 1)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker where to leave its last words."""
+        node.workerinput[WORDS_INPUT] = str(self._words_of(node))
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any, error: object) -> None:
+        """A worker has ended. Where it died, find out why, and stop if nothing else happens any more."""
+        if not error or error == _INTERRUPTED:
+            return
+        death = read_death(self._words_of(node), _status(node), f"worker {node.gateway.id}")
+        self._deaths[node] = death
+        self._in_a_row += 1
+        if self._in_a_row >= self._most_in_a_row:
+            self._stop(
+                f"{self._in_a_row} workers died one after another, and none of them measured a pair; the "
+                f"last one: {death.error}"
+            )
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_handlecrashitem(self, crashitem: str, report: Any, sched: Any) -> None:
+        """Give a pair whose worker died to another worker, or say why it is not measured."""
+        name = case_of(crashitem)
+        case = None if name is None else self._cases.get(name)
+        death = self._deaths.get(report.node)
+        if case is None or death is None:
+            return
+        if case.item_id in self._measured:  # it died between this pair and the next
+            report.outcome, report.longrepr = RETRIED, f"{death.error} The pair was measured before."
+            return
+        self._plays[case.item_id] += 1
+        plays = self._plays[case.item_id]
+        keep_text(self._settings.output, case.item_id, plays, death.text)
+        why_not_again = ""
+        if plays <= self._settings.retries:
+            try:
+                sched.mark_test_pending(crashitem)
+            except NotImplementedError:
+                dist = self._config.getoption("dist")
+                why_not_again = f"--dist={dist} cannot give a pair to another worker"
+            else:
+                report.outcome, report.longrepr = RETRIED, f"{death.error} It is played again."
+                return
+        error = pair_error(case, death, plays, why_not_again)
+        setattr(report, RESULT_ATTRIBUTE, error.to_dict())
+        report.longrepr = f"{error.kind}: {error.message}"
+        if error.phase == POLICY_PHASE:
+            self._stop("the policy cannot be played: it ends each process that loads it")
+
+    def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
+        """Something else than deaths happens."""
+        if isinstance(pair, PairRecord):
+            self._measured.add(pair.item_id)
+            self._in_a_row = 0
+
+    def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
+        """How a pair is shown that is played again."""
+        if report.outcome != RETRIED:
+            return None
+        return RETRIED, "r", f"RETRIED ({report.longrepr})"
+
+    def pytest_unconfigure(self) -> None:
+        """Remove the last words."""
+        self._folder.cleanup()
+
+    def _words_of(self, node: Any) -> Path:
+        return Path(self._folder.name, f"{node.gateway.id}.txt")
+
+    def _stop(self, reason: str) -> None:
+        session: Any = self._config.pluginmanager.get_plugin("dsession")
+        session.shouldstop = reason
+
+
+def let_workers_restart(config: pytest.Config, settings: Settings, pairs: int) -> None:
+    """Let xdist start as many fresh workers as the retries of all pairs can need, unless it is told a number.
+
+    Its own default stops a run of days after four deaths for each worker. What ends a run in which nothing
+    but deaths happens is :meth:`Workers.pytest_testnodedown`.
+    """
+    if config.getoption("maxworkerrestart", None) is None:
+        config.option.maxworkerrestart = str((pairs + 4) * (settings.retries + 1))
+
+
+def _status(node: Any) -> int | None:
+    """Exit status of a worker's process, negative for a signal; None for one on another machine."""
+    process = getattr(getattr(node.gateway, "_io", None), "popen", None)
+    if not isinstance(process, subprocess.Popen) or not node.gateway.spec.popen:
+        return None
+    with suppress(subprocess.TimeoutExpired):
+        return process.wait(_PATIENCE_S)
+    return None
