@@ -201,8 +201,9 @@ def _module_name(path: Path) -> str:
 
 def _is_inside(name: str, folder: Path) -> bool:
     module = sys.modules.get(name)
-    places = [getattr(module, "__file__", None), *getattr(module, "__path__", ())]
-    place = next((place for place in places if place), None)
+    paths = getattr(module, "__path__", ())  # PyTorch has modules that answer for every name
+    places = [getattr(module, "__file__", None), *(paths if isinstance(paths, Iterable) else ())]
+    place = next((place for place in places if isinstance(place, str) and place), None)
     return place is not None and Path(place).resolve().is_relative_to(folder)
 
 

@@ -194,6 +194,28 @@ policy = Lazy
 )
 
 
+def test_an_adapter_that_imports_what_answers_for_every_name_is_told_its_own_error(write: Writer) -> None:
+    # As torch.classes: a module without a path, whose __getattr__ never says no.
+    path = write(
+        """
+        import sys
+        import types
+
+        class Always(types.ModuleType):
+            def __getattr__(self, name):
+                return object()
+
+        sys.modules["always"] = Always("always")
+        import not_installed
+        """
+    )
+    try:
+        with pytest.raises(AdapterError, match="No module named 'not_installed'"):
+            load_policy(str(path))
+    finally:
+        sys.modules.pop("always", None)
+
+
 def test_a_helper_may_be_imported_within_predict(write: Writer) -> None:
     write("def actions():\n    return [[0.5] * 7] * 4", "skills.py")
     policy = load_policy(str(write(LAZY)))
