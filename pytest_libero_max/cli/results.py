@@ -24,6 +24,9 @@ def add_commands(commands: Commands) -> None:
         help="Also write the figures, as SVG and (with the extra figures) PNG",
     )
     report.add_argument("--tables", action="store_true", help="Also write the tables as CSV and LaTeX")
+    report.add_argument(
+        "--badge", action="store_true", help="Also write badge.json, which a badge of shields.io can show"
+    )
     report.set_defaults(run=_report)
 
     compare = commands.add_parser(
@@ -105,6 +108,7 @@ def add_commands(commands: Commands) -> None:
 
 def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report import raster
+    from pytest_libero_max.report.badge import BADGE_NAME, badge_json
     from pytest_libero_max.report.files import write_figures, write_reports, write_text
     from pytest_libero_max.report.summary import summary_lines
     from pytest_libero_max.report.tables import csv_text, latex_text
@@ -117,6 +121,9 @@ def _report(options: argparse.Namespace) -> None:
         for name, text in tables.items():
             write_text(options.folder / name, text)
         paths += [options.folder / name for name in tables]
+    if options.badge:
+        write_text(options.folder / BADGE_NAME, badge_json(report))
+        paths.append(options.folder / BADGE_NAME)
     print("\n".join(summary_lines(report, [str(path) for path in paths])))
     if options.figures and not raster.available():
         print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")

@@ -187,11 +187,9 @@ class _Canvas:
         top = y
         ended = tick.step >= (arm.steps or 0)
         view = tick.views[name]
-        for title, image in view.images.items():
+        for image in view.images.values():
             picture = Picture.fromarray(_faded(image) if ended else np.ascontiguousarray(image))
             frame.paste(picture, (x, y))
-            if self._caption is not None:
-                self._label(pen, (x + 6, y + size - self._line_px - 6), Label(title, _MUTED))
             y += size + _GAP_PX
         box = (x, top, x + size - 1, y - _GAP_PX - 1)
         since = self._since_event(arm, tick.step)
@@ -200,6 +198,10 @@ class _Canvas:
         elif since is not None:
             blink = since < _BLINK_STEPS
             pen.rectangle(box, outline=_EVENT, width=max(4, size // (16 if blink else 40)))
+        if self._caption is not None:
+            for number, title in enumerate(view.images, start=1):
+                below = top + number * (size + _GAP_PX) - _GAP_PX - self._line_px - 6
+                self._label(pen, (x + 6, below), Label(title, _MUTED))
         said = [Label(words, _INK) for words in view.words]
         for number, label in enumerate([*said, *labels(self._record, name, tick.step, self._shared)]):
             self._label(pen, (x + 6, top + 6 + number * (self._line_px + 4)), label)

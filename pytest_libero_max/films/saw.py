@@ -29,6 +29,7 @@ from pytest_libero_max.policies.servers.request import Request
 from pytest_libero_max.worlds.contract import Image, Observation, World
 
 _GROUND = 96
+_AS_DELIVERED = "the images as delivered, bottom row first"
 
 
 @dataclass(frozen=True)
@@ -66,12 +67,12 @@ def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) 
             raise AdapterError(
                 f"profile={profile!r}, but policy {ran['reference']!r} is no server's address."
             )
-        return Shown("the images as delivered; what the adapter does to them is not known", _delivered)
+        return Shown(f"{_AS_DELIVERED}; what the adapter does to them is not known", _delivered)
     found = _profile_of(ran, profile)
     if found is None:
-        return Shown("the images as delivered; the profile is not known, give it with --profile", _delivered)
+        return Shown(f"{_AS_DELIVERED}; the profile is not known, give it with --profile", _delivered)
     if found.get("policy", "declared_by_server", False):
-        return Shown("the images as sent to the server, unchanged", _delivered)
+        return Shown(f"{_AS_DELIVERED}, which are sent to the server unchanged", _delivered)
     request = Request(found)
     return Shown(
         f"the images as profile {found.name} sends them",

@@ -311,6 +311,7 @@ class RunController:
         self.report, written = write_reports(folder, self._add_sections, on_problem)
         self._lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
         self._lines += set_aside_lines(self.report["pairs"]["invalid_pairs"])
+        self._tell_reported(self.report)
         verdicts = decide(self.settings.gate, folder, here)
         self._lines += gate_lines(verdicts)
         if os.environ.get("GITHUB_ACTIONS") == "true":
@@ -320,6 +321,17 @@ class RunController:
             except OSError as error:
                 self._lines.append(f"The step summary was not written: {error}")
         return sum(not verdict.passed for verdict in verdicts)
+
+    def _tell_reported(self, report: Json) -> None:
+        """Tell conftest files that the reports are there."""
+        from pytest_libero_max.report.numbers import main_numbers
+
+        told = {"report": copy.deepcopy(report), "numbers": main_numbers(report)}
+        try:
+            hook = self.config.hook.pytest_libero_max_reported
+            hook(**told, folder=self.settings.output, config=self.config)
+        except Exception as error:  # a user's hook may raise anything, and must not cost the gates
+            self._lines.append(f"pytest_libero_max_reported raised {type(error).__name__}: {error}")
 
     def _add_sections(self, report: Json) -> Json:
         """Let conftest files add sections to the report, and nothing else."""

@@ -6,6 +6,8 @@ hook takes any of the arguments named here.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
@@ -42,5 +44,28 @@ def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
 
     Args:
         report: The report as it will be written.
+        config: pytest's config.
+    """
+
+
+def pytest_libero_max_reported(
+    report: Json, numbers: dict[str, float], folder: Path, config: pytest.Config
+) -> None:
+    """Called after the reports of the run have been written, before gates are decided.
+
+    To send results elsewhere, put this in ``conftest.py``, or into an installed plugin of pytest::
+
+        def pytest_libero_max_reported(numbers, folder):
+            mlflow.log_metrics(numbers)
+            mlflow.log_artifacts(folder)
+
+    ``fixtures/hooks`` has two that are maintained, for Weights & Biases and for Trackio.
+
+    Args:
+        report: The report as it was written.
+        numbers: Its main numbers by name, for example ``dynamic_success``, ``paired_change_lower`` and
+            ``events/camera_shift/dynamic_success``. There are no rates and changes of a run that is
+            incomplete.
+        folder: The output folder, with pairs, reports, traces and films.
         config: pytest's config.
     """

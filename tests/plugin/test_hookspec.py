@@ -74,3 +74,24 @@ def test_a_hook_that_raises_costs_no_pair(run: Run, results: Results, pytester: 
     assert done.ret == 0
     done.stdout.fnmatch_lines(["pytest_libero_max_pair_stored raised OSError: no network"])
     assert len(results()[0]) == 2
+
+
+def test_a_hook_is_told_where_the_reports_are(run: Run, pytester: pytest.Pytester) -> None:
+    pytester.makeconftest(
+        """
+        import json
+
+        def pytest_libero_max_reported(report, folder, config):
+            assert json.loads((folder / "report.json").read_text()) == report
+            report.clear()
+            (folder / "sent.txt").write_text(str(sorted(path.name for path in folder.iterdir())))
+            raise OSError("no network")
+        """
+    )
+    done = run("-k", "camera_shift", "--libero-max-gate=dynamic_sr <= 0.5")
+    assert done.ret == 0
+    done.stdout.fnmatch_lines(["pytest_libero_max_reported raised OSError: no network", "gate pass*"])
+    sent = (pytester.path / "libero-max-results" / "sent.txt").read_text()
+    assert "pairs.jsonl" in sent
+    assert "report.html" in sent
+    assert "in-progress" not in sent

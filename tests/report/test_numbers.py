@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.cli import main
+from pytest_libero_max.report.badge import badge_json
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.numbers import main_numbers
+from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.store import PairStore
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+PLAN = plan()
+
+
+def _report(played: int = len(PLAN), provenance: Json = PROVENANCE) -> Json:
+    records = [record_of(pair, True, number % 4 > 0) for number, pair in enumerate(PLAN[:played])]
+    return build_report(records, [], PLAN, provenance)
+
+
+def test_the_main_numbers_are_those_of_the_report() -> None:
+    report = _report()
+    numbers = main_numbers(report)
+    assert numbers["pairs/played"] == 32
+    assert numbers["outcomes/regression"] == 8
+    assert numbers["dynamic_success"] == 0.75
+    assert numbers["paired_change"] == -0.25
+    assert numbers["paired_change_lower"] == report["overall"]["paired_change"]["lower"]
+    assert numbers["events/illumination_switch/dynamic_success"] == 0.5
+    assert all(type(value) in (int, float) for value in numbers.values())
+
+
+def test_an_incomplete_run_has_counts_and_no_rates() -> None:
+    numbers = main_numbers(_report(played=30))
+    assert numbers["pairs/missing"] == 2
+    assert all(name.startswith(("pairs/", "outcomes/")) for name in numbers)
+
+
+def test_a_badge_says_what_was_measured_on_what() -> None:
+    assert json.loads(badge_json(_report())) == {
+        "schemaVersion": 1,
+        "label": "LIBERO-MAX smoke, embedded",
+        "message": "Base 100.0%, Dynamic 75.0%",
+        "color": "14708a",
+    }
+    assert json.loads(badge_json(_report(played=3)))["message"] == "incomplete"
+    part = Selection.choose((pair.case_id for pair in PLAN), 800, ["-k light"], None)
+    badge = json.loads(badge_json(_report(provenance={**PROVENANCE, "selection": part.to_dict()})))
+    assert badge["label"] == "LIBERO-MAX 32 of 800 of smoke, embedded"
+
+
+def test_a_badge_is_written_with_the_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = PairStore(tmp_path, Run(tuple(PLAN[:2]), PROVENANCE))
+    for pair in PLAN[:2]:
+        store.append(record_of(pair, True, True))
+    store.close()
+    assert main(["report", str(tmp_path), "--badge"]) == 0
+    assert str(tmp_path / "badge.json") in capsys.readouterr().out
+    assert json.loads((tmp_path / "badge.json").read_text())["message"] == "Base 100.0%, Dynamic 100.0%"
