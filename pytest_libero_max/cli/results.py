@@ -110,6 +110,7 @@ def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report import raster
     from pytest_libero_max.report.badge import BADGE_NAME, badge_json
     from pytest_libero_max.report.files import write_figures, write_reports, write_text
+    from pytest_libero_max.report.study_tables import study_csv
     from pytest_libero_max.report.summary import summary_lines
     from pytest_libero_max.report.tables import csv_text, latex_text
 
@@ -118,6 +119,8 @@ def _report(options: argparse.Namespace) -> None:
         paths += write_figures(report, options.folder)
     if options.tables:
         tables = {"report.csv": csv_text(report), "report.tex": latex_text(report)}
+        if "study" in report:
+            tables["study.csv"] = study_csv(report["study"])
         for name, text in tables.items():
             write_text(options.folder / name, text)
         paths += [options.folder / name for name in tables]

@@ -61,6 +61,19 @@ Schedule = tuple[Entry, ...]
 
 
 @dataclass(frozen=True)
+class Cadence:
+    """How often a policy is asked.
+
+    Attributes:
+        query_interval: Q, the actions executed before the next query.
+        horizon: H, the most actions a query may return; None for the policy's own.
+    """
+
+    query_interval: int
+    horizon: int | None = None
+
+
+@dataclass(frozen=True)
 class Arm:
     """One way of playing a case.
 
@@ -70,6 +83,7 @@ class Arm:
         name: Lower-case letters, digits and underscores; begins with a letter.
         schedule: What happens in it, and when.
         repetition: Arms of another repetition share nothing: they are played from the start once more.
+        cadence: How often the policy is asked; None as it declares. Arms of another cadence share nothing.
 
     Raises:
         ManifestError: The name is not one, or an entry refers to one that does not come before it.
@@ -78,6 +92,7 @@ class Arm:
     name: str
     schedule: Schedule = ()
     repetition: int = 0
+    cadence: Cadence | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
@@ -136,19 +151,38 @@ def trigger_of(case: Case) -> Trigger:
     return trigger_from_dict(case.event.trigger.to_dict(), f"case {case.case_id!r}: trigger")
 
 
-def arms_of(case: Case, repeat_base: bool = False) -> tuple[Arm, ...]:
+def change_of(case: Case, strength: float = 1.0) -> Change:
+    """What the case's event changes.
+
+    Args:
+        case: The case.
+        strength: Share of the whole change, 0 to 1. At 0 nothing is changed.
+
+    Raises:
+        ChangeError: The change is malformed, or cannot be scaled to this strength.
+    """
+    from pytest_libero_max.changes.nothing import Nothing
+    from pytest_libero_max.changes.registry import change_from_dict
+
+    change = change_from_dict(case.event.change)
+    if strength == 1.0:
+        return change
+    scaled = change.scaled(strength)
+    return Nothing() if strength == 0.0 else scaled
+
+
+def arms_of(case: Case, repeat_base: bool = False, strength: float = 1.0) -> tuple[Arm, ...]:
     """The arms of a pair: Base, in which nothing happens, and Dynamic, in which the case's event does.
 
     Args:
         case: The case.
         repeat_base: Whether Base is played a second time from the start, for the noise floor.
+        strength: Share of the event's change, see :func:`change_of`.
 
     Raises:
-        ChangeError: The event's change is malformed.
+        ChangeError: The event's change is malformed, or cannot be scaled to this strength.
     """
-    from pytest_libero_max.changes.registry import change_from_dict
-
-    event = Entry(trigger_of(case), change_from_dict(case.event.change))
+    event = Entry(trigger_of(case), change_of(case, strength))
     again = (Arm(BASE_AGAIN, repetition=1),) if repeat_base else ()
     return (Arm(BASE), Arm(DYNAMIC, (event,)), *again)
 

@@ -7,13 +7,23 @@ its event, :func:`inject` makes the change, :func:`continue_rollout` plays on, :
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes.nothing import Nothing
-from pytest_libero_max.changes.registry import change_from_dict
-from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, arms_of, check_arms, trigger_of
+from pytest_libero_max.events.schedules import (
+    BASE,
+    DYNAMIC,
+    Arm,
+    Entry,
+    arms_of,
+    change_of,
+    check_arms,
+    trigger_of,
+)
+from pytest_libero_max.pairing.cadence import played_at
+from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_branch
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
@@ -106,18 +116,25 @@ def measure_pair(
     settings = PairSettings() if settings is None else settings
     enter = on_phase or (lambda phase: None)
     enter("setup")
-    stage = Stage(case, world, policy, watch=settings.watch)
+    clock, spec = Clock(), replace(policy.spec)
     chosen = check_arms(arms_of(case) if arms is None else arms)
-    try:
-        instruction, rollouts = _play(stage, chosen, settings.prefix, enter)
-    except Exception:
-        stage.require_untouched()  # a write to the model may be what the error came from
-        raise
-    except BaseException:
-        world.take_back_writes()
-        raise
+    rollouts: dict[str, RolloutResult] = {}
+    for cadence in dict.fromkeys(arm.cadence for arm in chosen):
+        together = tuple(arm for arm in chosen if arm.cadence == cadence)
+        with played_at(policy, cadence):
+            stage = Stage(case, world, policy, clock, settings.watch)
+            try:
+                instruction, results = _play(stage, together, settings.prefix, enter)
+            except Exception:
+                stage.require_untouched()  # a write to the model may be what the error came from
+                raise
+            except BaseException:
+                world.take_back_writes()
+                raise
+        rollouts |= results
+    rollouts = {arm.name: rollouts[arm.name] for arm in chosen}
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
-    record = PairRecord.of(case, instruction, played, stage.spec, settings.fingerprints, stage.clock.seconds)
+    record = PairRecord.of(case, instruction, played, spec, settings.fingerprints, clock.seconds)
     return Pair(record, rollouts)
 
 
@@ -234,13 +251,14 @@ def play_prefix(case: Case, world: World, policy: Policy) -> BranchPoint | None:
     return rollout.branch() if _wait(rollout, [event]) else None
 
 
-def inject(case: Case, world: World, spec: PolicySpec | None = None) -> Json:
+def inject(case: Case, world: World, spec: PolicySpec | None = None, strength: float = 1.0) -> Json:
     """Apply the case's event to the world now, once, and say what it did.
 
     Args:
         case: The case.
         world: Its world, at the branch point.
         spec: Whose cameras to measure the change of pixels in. None: nothing is rendered.
+        strength: Share of the event's change, see :func:`~pytest_libero_max.events.schedules.change_of`.
 
     Returns:
         The change's evidence (see :class:`pytest_libero_max.changes.base.Evidence`) with ``pixel_change``,
@@ -248,9 +266,9 @@ def inject(case: Case, world: World, spec: PolicySpec | None = None) -> Json:
 
     Raises:
         ProtocolError: The event left the world bit for bit as it was.
-        ChangeError: It does not fit this world.
+        ChangeError: It does not fit this world, or cannot be scaled to this strength.
     """
-    return apply_change(change_from_dict(case.event.change), world, spec, case.item_id).to_dict()
+    return apply_change(change_of(case, strength), world, spec, case.item_id).to_dict()
 
 
 def return_to(

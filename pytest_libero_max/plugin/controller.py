@@ -45,6 +45,7 @@ from pytest_libero_max.report.junit import suite_properties
 from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_to_resume, require_writable
+from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.worlds.registry import describe_substrate
 from pytest_libero_max.worlds.rendering import gl
 
@@ -133,7 +134,7 @@ class RunController:
         details += [f"{len(self.measured)} measured before"] if self.measured else []
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
-            f"substrate {_origin(self.substrate)}, prefix {settings.prefix}"
+            f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}"
         ]
 
     @pytest.hookimpl(optionalhook=True)
@@ -168,6 +169,10 @@ class RunController:
         planned = [case for name, case in self.cases.items() if name in chosen]
         if not planned or self.store is not None or only_lists(self.config):
             return
+        try:
+            require_playable(planned, self.settings.strength, self.settings.study)
+        except LiberoMaxError as error:
+            pytest.exit(str(error), returncode=pytest.ExitCode.USAGE_ERROR)
         selection = Selection.choose(
             (case.case_id for case in planned),
             len(manifest_of(self.config)),
@@ -214,7 +219,7 @@ class RunController:
                 **({} if manifest.recognition is None else {"released_as": str(manifest.recognition)}),
             },
             selection=selection.to_dict(),
-            protocol={"prefix": settings.prefix, "noise_floor": settings.noise_floor},
+            protocol=settings.protocol,
             command=["pytest", *map(str, self.config.invocation_params.args)],
             folder=self.config.rootpath,
         )

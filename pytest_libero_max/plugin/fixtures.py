@@ -97,11 +97,13 @@ def libero_max_prefix(
 
 
 @pytest.fixture
-def libero_max_inject(libero_max_case: Case, libero_max_world: World) -> Callable[[], Json]:
+def libero_max_inject(
+    libero_max_case: Case, libero_max_world: World, libero_max_settings: Settings
+) -> Callable[[], Json]:
     """Call it to let the case's event happen to the world; returns the evidence."""
     from pytest_libero_max.pairing.runner import inject
 
-    return lambda: inject(libero_max_case, libero_max_world)
+    return lambda: inject(libero_max_case, libero_max_world, strength=libero_max_settings.strength)
 
 
 @pytest.fixture

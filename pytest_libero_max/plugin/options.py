@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
 
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.plugin.timeouts import Limits
 from pytest_libero_max.report.media import FILM_SELECTIONS
@@ -25,7 +26,9 @@ from pytest_libero_max.worlds.registry import (
 )
 
 if TYPE_CHECKING:
+    from pytest_libero_max.events.schedules import Cadence
     from pytest_libero_max.report.gates import Gate
+    from pytest_libero_max.studies.study import Study
 
 PREFIX_MODES = ("fork", "replay")
 STRICT_MODES = ("regression",)
@@ -117,6 +120,22 @@ def _shard(text: str) -> tuple[int, int]:
     if not 1 <= int(index) <= int(count):
         raise ValueError("expected I/N with 1 <= I <= N")
     return int(index), int(count)
+
+
+def _fraction(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise ValueError("expected a number from 0 to 1, for example 0.5")
+    return value
+
+
+def _cadence(text: str) -> tuple[Cadence, ...]:
+    from pytest_libero_max.studies.cadence import parse_cadence
+
+    return parse_cadence(text)
 
 
 def _gate(text: str) -> Gate:
@@ -224,6 +243,28 @@ OPTIONS = (
         "replay (the recorded actions, from reset)",
         _one_of(*PREFIX_MODES),
         "fork",
+    ),
+    Option(
+        "strength",
+        "FRACTION",
+        "Let every event happen at this share of its change, 0 to 1; refused for events that happen whole or "
+        "not at all",
+        _fraction,
+        1.0,
+    ),
+    Option(
+        "study",
+        "NAME",
+        "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
+        "track camera unless another one is named) or cadence (of the track lite)",
+        _known_in(("camera-timing", "camera-strength", "cadence")),
+    ),
+    Option(
+        "cadence",
+        "SETTINGS",
+        "Settings of the study cadence: values of Q, for example 2,4,8, or of H/Q, for example 2/2,4/4,8/8; "
+        "the policy's own cadence is always played",
+        _cadence,
     ),
     Option("horizon", "ACTIONS", "Override H, the most actions a query returns", _positive),
     Option("query-interval", "ACTIONS", "Override Q, the actions executed before the next query", _positive),
@@ -341,6 +382,8 @@ class Settings:
     instruction: Literal["published", "clean"]
     source_variations: Literal["installed", "own"]
     prefix: Literal["fork", "replay"]
+    strength: float
+    study: Study | None
     horizon: int | None
     query_interval: int | None
     strict: str | None
@@ -376,6 +419,22 @@ class Settings:
     def timeouts(self) -> Limits:
         """The wall-clock limits, s."""
         return Limits(self.query_timeout, self.step_timeout, self.pair_timeout)
+
+    @property
+    def protocol(self) -> Json:
+        """What was chosen for the run and could change a result, for its header."""
+        return {
+            "prefix": self.prefix,
+            "noise_floor": self.noise_floor,
+            **({} if self.strength == 1.0 else {"strength": self.strength}),
+            **({} if self.study is None else {"study": self.study.to_dict()}),
+        }
+
+    @property
+    def extras(self) -> str:
+        """Strength and study for pytest's header; empty for a plain run."""
+        strength = "" if self.strength == 1.0 else f", events at strength {self.strength:g}"
+        return strength + ("" if self.study is None else f", study {self.study.name}")
 
     @property
     def case_set(self) -> str:
@@ -425,6 +484,7 @@ def resolve(config: pytest.Config) -> Settings:
                 f"--libero-max-{name} is for the libero substrate, but the substrate is "
                 f"{values['substrate']}. Add --libero-max-substrate=libero."
             )
+    values["study"] = _study(config, values)
     horizon, interval = values["horizon"], values["query_interval"]
     if horizon is not None and interval is not None and interval > horizon:
         raise pytest.UsageError(
@@ -442,6 +502,36 @@ def _track(settings: Settings, name: str | None) -> str:
     if settings.manifest is not None:
         return name or ""
     return fitting_track(name, settings.substrate, settings.substrate_options)
+
+
+def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
+    """The study that is asked for; the track becomes that of the study where none is named.
+
+    Raises:
+        pytest.UsageError: Its settings are missing or those of another study, or it sets strengths itself.
+    """
+    name, settings = values["study"], values.pop("cadence")
+    if name is None:
+        if settings is not None:
+            raise pytest.UsageError(
+                "--libero-max-cadence is for the study cadence, but no study is asked for. Add "
+                "--libero-max-study=cadence."
+            )
+        return None
+    from pytest_libero_max.studies.registry import make_study
+
+    try:
+        study = make_study(name, settings)
+    except OptionError as error:
+        raise pytest.UsageError(str(error)) from None
+    if study.scales and values["strength"] != 1.0:
+        raise pytest.UsageError(
+            f"--libero-max-study={name} plays the event at strengths of its own, but "
+            f"--libero-max-strength={values['strength']:g} is given. Leave one of the two out."
+        )
+    if values["track"] is None:
+        values["track"] = study.track
+    return study
 
 
 def policy_on_command_line(config: pytest.Config) -> bool:

@@ -18,6 +18,7 @@ from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, 
 from pytest_libero_max.report.media import FILMS_NAME, TRACES_NAME
 
 if TYPE_CHECKING:
+    from pytest_libero_max.events.schedules import Arm
     from pytest_libero_max.pairing.runner import Pair
     from pytest_libero_max.policies.contract import Policy
     from pytest_libero_max.worlds.contract import World
@@ -93,7 +94,6 @@ def play(request: pytest.FixtureRequest, case: Case, guard: Guard) -> PairRecord
 
 
 def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: Policy) -> tuple[Pair, World]:
-    from pytest_libero_max.events.schedules import arms_of
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
     from pytest_libero_max.policies.check import check_cameras
     from pytest_libero_max.policies.code import adapter_digest
@@ -104,9 +104,13 @@ def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: P
     if ADAPTER_DIGEST not in request.config.stash:
         guard.enter(POLICY_PHASE)
         check_cameras(policy, world)
+        if settings.study is not None:
+            settings.study.check_policy(policy.spec)
         request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference, settings.profile)
         guard.enter("setup")
     fingerprints = {**substrate.fingerprint(), "adapter": request.config.stash[ADAPTER_DIGEST]}
+    if settings.strength != 1.0:
+        fingerprints["strength"] = f"{settings.strength:g}"
     _require_declared_spec(request.config, policy)
     pair = measure_pair(
         case,
@@ -114,9 +118,21 @@ def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: P
         policy,
         PairSettings(settings.prefix, fingerprints, guard.watchdog),
         guard.enter,
-        arms_of(case, repeat_base=case.item_id in noise_cases_of(request.config)),
+        _arms(case, policy, settings, repeat_base=case.item_id in noise_cases_of(request.config)),
     )
+    if settings.study is not None:
+        settings.study.check(pair)
     return pair, world
+
+
+def _arms(case: Case, policy: Policy, settings: Settings, repeat_base: bool) -> tuple[Arm, ...]:
+    """What is played of a case: the pair, and the arms of the study."""
+    from pytest_libero_max.events.schedules import arms_of
+
+    pair = arms_of(case, repeat_base, settings.strength)
+    if settings.study is None:
+        return pair
+    return (*pair, *settings.study.arms(case, policy.spec, settings.strength))
 
 
 def _keep(pair: Pair, case: Case, world: World, settings: Settings) -> list[str]:

@@ -24,6 +24,7 @@ from pytest_libero_max.report.statistics_json import (
     result_json,
     split_json,
 )
+from pytest_libero_max.report.study import study_json
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
     breakdown,
@@ -108,6 +109,11 @@ def build_report(
         "unsupported": len(unsupported),
         "unsupported_suites": sorted({*unsupported.values()}),
     }
+    study = study_json(
+        [played[pair.case_id] for pair in measured],
+        [pair.task for pair in measured],
+        provenance["protocol"],
+    )
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     return {
         "schema_version": REPORT_VERSION,
@@ -130,6 +136,7 @@ def build_report(
         },
         "largest_split": split_json(largest_split(_variants(groups["variant"]))),
         "extremes": _extremes(groups["category"]),
+        **({} if study is None else {"study": study}),
         "sections": {},
         "statements": dict(STATEMENTS),
         "methods": METHODS,

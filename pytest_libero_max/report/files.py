@@ -19,6 +19,7 @@ from pytest_libero_max.report.media import films_in
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
 from pytest_libero_max.report.replay import replay_command
 from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, read_pairs
+from pytest_libero_max.report.study_figures import study_figures
 
 REPORT_NAME = "report.json"
 MARKDOWN_NAME = "report.md"
@@ -87,7 +88,8 @@ def write_figures(report: Json, folder: Path) -> list[Path]:
     Raises:
         ReportError: They cannot be written.
     """
-    return write_drawings({stem: draw(report) for stem, draw in FIGURES.items()}, folder)
+    figures = {stem: draw(report) for stem, draw in FIGURES.items()}
+    return write_drawings(figures | study_figures(report.get("study")), folder)
 
 
 def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:

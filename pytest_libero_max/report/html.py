@@ -16,6 +16,8 @@ from pytest_libero_max.report.figures import arrow_plot, category_map, change_pr
 from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.statements import LIMITS_TITLE
+from pytest_libero_max.report.study_figures import study_figures
+from pytest_libero_max.report.study_tables import study_notes, study_tables
 from pytest_libero_max.report.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -79,6 +81,7 @@ def html(
         body += _regressions(regressions, replay, films or {})
         others = [item for item in films or {} if item not in regressions]
         body += [_listed(f"Films of {len(others)} other pairs", others, films or {})] if others else []
+    body += _study(report["study"]) if "study" in report else []
     body += _faults(pairs)
     for title, values in report["sections"].items():
         body += [f"<h2>{escape(title)}</h2>", _table(("Name", "Value"), list(values.items()))]
@@ -132,6 +135,16 @@ def _results(report: Json) -> list[str]:
         "<h2>Breakdowns</h2>",
     ]
     return body + [_breakdown(report, key, dimension.title) for key, dimension in DIMENSIONS.items()]
+
+
+def _study(study: Json) -> list[str]:
+    body = [f"<h2>Study: {escape(study['title'])}</h2>"]
+    body += [f"<p>{escape(note)}</p>" for note in study_notes(study)]
+    body += study_figures(study).values()
+    for table in study_tables(study):
+        body += [f"<h3>{escape(table.title)}</h3>", _table(table.head, table.rows)]
+        body += [f"<p>{escape(table.note)}</p>"] if table.note else []
+    return body
 
 
 def _outcomes(outcomes: Json) -> str:

@@ -11,6 +11,7 @@ from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.statements import LIMITS_TITLE
+from pytest_libero_max.report.study_tables import study_notes, study_tables
 from pytest_libero_max.report.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -60,6 +61,7 @@ def markdown(report: Json) -> str:
         "cases: differences between them are descriptions, not effects.",
         "",
     ]
+    lines += _study(report["study"]) if "study" in report else []
     for title, values in report["sections"].items():
         lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
     lines += [
@@ -84,6 +86,15 @@ def _quantities(report: Json) -> list[tuple[str, str]]:
     if noise is not None:
         rows.append(("Noise floor: Base played twice", noise))
     return rows
+
+
+def _study(study: Json) -> list[str]:
+    lines = [f"## Study: {study['title']}", ""]
+    lines += [line for note in study_notes(study) for line in (note, "")]
+    for table in study_tables(study):
+        lines += [f"### {table.title}", "", *_table(table.head, table.rows), ""]
+        lines += [table.note, ""] if table.note else []
+    return lines
 
 
 def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> list[str]:

@@ -38,6 +38,9 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options += [(option, substrate.get(part)) for part, option in _SUBSTRATE.items()]
     options.append(("prefix", provenance["protocol"].get("prefix")))
     options += [("horizon", policy.get("horizon")), ("query-interval", policy.get("query_interval"))]
+    study = provenance["protocol"].get("study", {})
+    options += [("strength", provenance["protocol"].get("strength"))]
+    options += [("study", study.get("name")), ("cadence", study.get("settings"))]
     options += _noise_floor(provenance)
     options.append(("output", OUTPUT))
     return ["pytest", *(f"--libero-max-{name}={value}" for name, value in options if value is not None), "-k"]

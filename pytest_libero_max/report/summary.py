@@ -9,6 +9,7 @@ from textwrap import wrap
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import count_text, rate_text
+from pytest_libero_max.report.study_tables import study_lines
 
 ALL_PAIRS = "all pairs"
 
@@ -44,6 +45,7 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     if not pairs["complete"]:
         lines.append(f"Over the {pairs['played']} played pairs only:")
     lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
+    lines += study_lines(report["study"]) if "study" in report else []
     return [*lines, *_caveat_lines(report["caveats"]), *_clipping_lines(report), *_written(paths)]
 
 
@@ -151,10 +153,13 @@ def _header(report: Json) -> list[str]:
 
 
 def title_text(report: Json) -> str:
-    """What was measured: policy with H and Q, substrate, and which part of which case set."""
+    """What was measured: policy with H and Q, substrate, which part of which cases, and at which strength."""
     count = report["pairs"]["unsupported"]
     unsupported = f", {count} of them unsupported" if count else ""
-    return f"{_policy(report)} on {report['substrate']['name']}, {selection_text(report)}{unsupported}"
+    strength = report["provenance"]["protocol"].get("strength", 1.0)
+    scaled = "" if strength == 1.0 else f", events at strength {strength:g}"
+    substrate = report["substrate"]["name"]
+    return f"{_policy(report)} on {substrate}, {selection_text(report)}{unsupported}{scaled}"
 
 
 def unsupported_text(pairs: Json) -> str | None:

@@ -1,0 +1,61 @@
+"""Plays a policy with another Q or H than its own for a while."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.events.schedules import Cadence
+
+if TYPE_CHECKING:
+    from pytest_libero_max.policies.contract import Policy, PolicySpec
+
+
+def at_cadence(spec: PolicySpec, cadence: Cadence) -> PolicySpec:
+    """The spec with another Q, and another H where the cadence has one.
+
+    Raises:
+        AdapterError: Q is larger than H.
+    """
+    horizon = spec.horizon if cadence.horizon is None else cadence.horizon
+    if cadence.query_interval > horizon:
+        whose = "its own" if cadence.horizon is None else "of this setting"
+        raise AdapterError(
+            f"query_interval={cadence.query_interval} > horizon={horizon} ({whose}) of policy {spec.name!r}: "
+            "a query returns at most H actions, so no more than Q = H can be executed before the next one. "
+            "Leave this setting out, or give it a larger H (written H/Q)."
+        )
+    return replace(spec, horizon=horizon, query_interval=cadence.query_interval)
+
+
+@contextmanager
+def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
+    """Let the policy's spec declare a cadence within the block; afterwards it declares its own again.
+
+    A policy that reads ``self.spec.horizon`` follows it, as with ``--libero-max-horizon``.
+
+    Args:
+        policy: A checked policy, between two episodes.
+        cadence: What to declare. None: nothing is done.
+
+    Raises:
+        AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
+    """
+    if cadence is None:
+        yield
+        return
+    own = policy.spec
+    try:
+        policy.spec = at_cadence(own, cadence)
+    except AttributeError as error:
+        raise AdapterError(
+            f"The spec of policy {own.name!r} cannot be assigned ({error}), but playing it at another "
+            "cadence replaces it. Make `spec` a plain attribute."
+        ) from error
+    try:
+        yield
+    finally:
+        policy.spec = own

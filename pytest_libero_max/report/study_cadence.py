@@ -1,0 +1,142 @@
+"""Query cadence: outcomes, stale actions and best setting of a sweep, from the records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.report.statistics_json import (
+    exposure_json,
+    interval_json,
+    number,
+    outcomes_json,
+    rate_json,
+    ratio_json,
+)
+from pytest_libero_max.stats.best import Best, best_of
+from pytest_libero_max.stats.exposure import expose
+from pytest_libero_max.stats.intervals import mean_change, wilson
+from pytest_libero_max.stats.outcomes import BoolArray, Ratio, tabulate
+from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.studies.cadence import CadenceSweep, setting_arm
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting of a sweep as it was played.
+
+    Attributes:
+        horizon: H.
+        query_interval: Q.
+        base: Name of its Base arm.
+        dynamic: Name of its Dynamic arm.
+        own: Whether it is the policy's own cadence.
+    """
+
+    horizon: int
+    query_interval: int
+    base: str
+    dynamic: str
+    own: bool
+
+    @property
+    def label(self) -> str:
+        return f"H={self.horizon} Q={self.query_interval}"
+
+
+def settings_of(study: CadenceSweep, policy: Json) -> list[Setting]:
+    """All settings by Q and then H, the policy's own one included.
+
+    A setting that is the policy's own cadence is the pair of Base and Dynamic.
+
+    Args:
+        study: The sweep.
+        policy: The policy's spec as played.
+    """
+    own = Setting(policy["horizon"], policy["query_interval"], BASE, DYNAMIC, own=True)
+    settings = {own.label: own}
+    for asked in study.settings:
+        horizon = policy["horizon"] if asked.horizon is None else asked.horizon
+        base, dynamic = (setting_arm(name, asked) for name in (BASE, DYNAMIC))
+        setting = Setting(horizon, asked.query_interval, base, dynamic, own=False)
+        settings.setdefault(setting.label, setting)
+    return sorted(settings.values(), key=lambda setting: (setting.query_interval, setting.horizon))
+
+
+def cadence_json(study: CadenceSweep, records: Sequence[PairRecord]) -> Json:
+    """Everything that is computed of a sweep.
+
+    Raises:
+        ReportError: A record lacks an arm of the study.
+    """
+    if not records:
+        return {"settings": [], "best": {}}
+    settings = settings_of(study, records[0].policy)
+    return {
+        "settings": [_setting_json(setting, records) for setting in settings],
+        "best": {
+            "base_success": _best_json(
+                {setting.label: _successes(records, setting.base) for setting in settings}
+            ),
+            "dynamic_success": _best_json(
+                {setting.label: _successes(records, setting.dynamic) for setting in settings}
+            ),
+        },
+    }
+
+
+def _setting_json(setting: Setting, records: Sequence[PairRecord]) -> Json:
+    base, dynamic = (_successes(records, arm) for arm in (setting.base, setting.dynamic))
+    outcomes = tabulate(base, dynamic)
+    arms: list[ArmRecord] = [record.arm(setting.dynamic) for record in records]
+    triggered = Ratio(sum(bool(arm.firings) for arm in arms), len(arms))
+    responded = Ratio(sum(arm.response_step is not None for arm in arms), len(arms))
+    stale = [arm.stale_actions or 0 for arm in arms if arm.response_step is not None]
+    bootstrap = mean_change(dynamic.astype(np.int64) - base, [record.source for record in records])
+    return {
+        "label": setting.label,
+        "horizon": setting.horizon,
+        "query_interval": setting.query_interval,
+        "own": setting.own,
+        "base_success": rate_json(outcomes.base, wilson(outcomes.base)),
+        "dynamic_success": rate_json(outcomes.dynamic, wilson(outcomes.dynamic)),
+        "paired_change": {
+            **ratio_json(outcomes.change),
+            **interval_json(
+                paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total)
+            ),
+            "bootstrap_by_source": {
+                "lower": number(bootstrap.lower if bootstrap else None),
+                "upper": number(bootstrap.upper if bootstrap else None),
+            },
+        },
+        "outcomes": outcomes_json(outcomes),
+        "conditional_regression": rate_json(
+            outcomes.conditional_regression, wilson(outcomes.conditional_regression)
+        ),
+        "trigger_coverage": rate_json(triggered, wilson(triggered)),
+        "response_coverage": rate_json(responded, wilson(responded)),
+        "stale_actions": exposure_json(expose(stale, unanswered=triggered.count - responded.count)),
+    }
+
+
+def _successes(records: Sequence[PairRecord], arm: str) -> BoolArray:
+    return np.array([record.arm(arm).success for record in records], dtype=np.bool_)
+
+
+def _best_json(successes: dict[str, BoolArray]) -> Json:
+    best: Best = best_of(successes)
+    return {
+        "setting": best.name,
+        **rate_json(best.rate, best.interval),
+        "not_worse": [name for name, difference in best.differences.items() if difference.may_equal],
+        "differences": {
+            name: {"value": number(difference.value), **interval_json(difference.interval)}
+            for name, difference in best.differences.items()
+        },
+    }

@@ -1,0 +1,189 @@
+"""Camera timing and camera strength: rates, joint outcomes, contrasts and approach, from the records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.report.statistics_json import interval_json, number
+from pytest_libero_max.stats.conditions import (
+    Conditions,
+    Contrast,
+    GroupInterval,
+    contrast,
+    contrast_of_contrasts,
+)
+from pytest_libero_max.stats.intervals import MeanChange, mean_change
+from pytest_libero_max.stats.outcomes import BoolArray
+from pytest_libero_max.studies.camera import RESET, CameraTiming, at_strength
+
+
+def camera_json(study: CameraTiming, records: Sequence[PairRecord], tasks: Sequence[str]) -> Json:
+    """Everything that is computed of a camera study.
+
+    Args:
+        study: Which.
+        records: Measured cases.
+        tasks: The reference task of each.
+
+    Raises:
+        ReportError: A record lacks an arm of the study.
+    """
+    labels = condition_labels(study)
+    conditions = Conditions.of(
+        {arm: np.array([record.arm(arm).success for record in records], dtype=np.bool_) for arm in labels},
+        [record.source for record in records],
+        tasks,
+        [_configuration(record) for record in records],
+    )
+    return {
+        "conditions": labels,
+        "rates": {arm: _rate_json(conditions, arm) for arm in labels},
+        "outcomes": [
+            {"success": dict(zip(labels, flags, strict=True)), "cases": count}
+            for flags, count in conditions.joint().items()
+        ],
+        "contrasts": [
+            {"first": first, "second": second, **_contrast_json(contrast(conditions, first, second))}
+            for first, second in _pairs(study)
+        ],
+        "gap_contrasts": _gaps(study, conditions),
+        "approach": {
+            f"{share:g}": _approach(records, at_strength(RESET, share), at_strength(DYNAMIC, share))
+            for share in study.strengths
+        },
+    }
+
+
+def condition_labels(study: CameraTiming) -> dict[str, str]:
+    """What the conditions are called, by arm: Base first, the strengths upwards."""
+    labels = {BASE: "Base"}
+    for share in study.strengths:
+        end = f" {share:.0%}" if len(study.strengths) > 1 else ""
+        labels |= {at_strength(RESET, share): f"Reset{end}", at_strength(DYNAMIC, share): f"Mid-task{end}"}
+    return labels
+
+
+def _pairs(study: CameraTiming) -> list[tuple[str, str]]:
+    """The contrasts: within each strength, and of each timing between the strengths."""
+    pairs = []
+    for share in study.strengths:
+        reset, middle = at_strength(RESET, share), at_strength(DYNAMIC, share)
+        pairs += [(middle, reset), (reset, BASE), (middle, BASE)]
+    for weak, strong in combinations(study.strengths, 2):
+        pairs += [(at_strength(arm, strong), at_strength(arm, weak)) for arm in (RESET, DYNAMIC)]
+    return pairs
+
+
+def _gaps(study: CameraTiming, conditions: Conditions) -> list[Json]:
+    """Mid-task less Reset at one strength, less the same at another."""
+    rows = []
+    for one, other in combinations(study.strengths, 2):
+        gap = {share: (at_strength(DYNAMIC, share), at_strength(RESET, share)) for share in (one, other)}
+        found = contrast_of_contrasts(conditions, gap[other], gap[one])
+        rows.append({"first": f"{other:g}", "second": f"{one:g}", **_contrast_json(found)})
+    return rows
+
+
+def _approach(records: Sequence[PairRecord], reset_arm: str, middle_arm: str) -> Json:
+    """Whether the hand came near the trigger entity in Reset, and what followed the event in Mid-task."""
+    base = _flags(records, lambda record: record.arm(BASE).success)
+    reset = _flags(records, lambda record: record.arm(reset_arm).success)
+    middle = _flags(records, lambda record: record.arm(middle_arm).success)
+    entered = _flags(records, lambda record: _entered(record, record.arm(reset_arm)))
+    responded = _flags(records, lambda record: record.arm(middle_arm).response_step is not None)
+    fresh = _flags(records, lambda record: record.arm(middle_arm).stale_actions == 0)
+    kept_in_middle, kept_in_reset = base & middle & ~reset, base & reset & ~middle
+    return {
+        "triggered": sum(bool(record.arm(middle_arm).firings) for record in records),
+        "query_after_the_event": int(responded.sum()),
+        "reset": {
+            "failed_never_entered": int((~reset & ~entered).sum()),
+            "failed_entered": int((~reset & entered).sum()),
+            "succeeded_never_entered": int((reset & ~entered).sum()),
+            "succeeded_entered": int((reset & entered).sum()),
+        },
+        "base_and_middle_succeed_reset_fails": {
+            "cases": int(kept_in_middle.sum()),
+            "reset_never_entered": int((kept_in_middle & ~entered).sum()),
+        },
+        "base_and_reset_succeed_middle_fails": {
+            "cases": int(kept_in_reset.sum()),
+            "with_a_query_after_the_event": int((kept_in_reset & responded).sum()),
+            "without_stale_actions": int((kept_in_reset & responded & fresh).sum()),
+        },
+    }
+
+
+def _flags(records: Sequence[PairRecord], holds: Callable[[PairRecord], bool]) -> BoolArray:
+    return np.array([holds(record) for record in records], dtype=np.bool_)
+
+
+def _entered(record: PairRecord, arm: ArmRecord) -> bool:
+    """Whether the hand came as near the trigger entity in an arm as the case's event waits for."""
+    schedule = record.arm(DYNAMIC).schedule
+    if arm.min_distance_m is None or not schedule or "distance_m" not in schedule[0]["trigger"]:
+        raise ReportError(
+            f"{record.item_id} does not say how near the hand came, or what its event waits for, so it is of "
+            "no camera study. Play it again."
+        )
+    return bool(arm.min_distance_m <= schedule[0]["trigger"]["distance_m"])
+
+
+def _configuration(record: PairRecord) -> str:
+    """Task and initial state; cases of one configuration differ in their event alone."""
+    parts = (record.source, record.source_category, record.suite, record.task_index, record.init_state_index)
+    return "|".join(map(str, parts))
+
+
+def _rate_json(conditions: Conditions, arm: str) -> Json:
+    """A success rate with its source-stratified interval, and the same within each source."""
+    successes, sources = conditions.successes[arm].astype(np.int64), conditions.source
+    return {
+        "count": int(successes.sum()),
+        "of": len(successes),
+        **_mean_json(conditions.rate(arm)),
+        "by_source": {
+            name: {
+                "count": int(successes[sources == name].sum()),
+                "of": int((sources == name).sum()),
+                **_mean_json(mean_change(successes[sources == name])),
+            }
+            for name in conditions.sources
+        },
+    }
+
+
+def _contrast_json(found: Contrast) -> Json:
+    return {
+        "gains": found.gains,
+        "losses": found.losses,
+        **_mean_json(found.change),
+        "exact": interval_json(found.exact),
+        "by_source": {name: _mean_json(change) for name, change in found.by_source.items()},
+        "by_groups": {name: _group_json(interval) for name, interval in found.by_groups.items()},
+    }
+
+
+def _mean_json(change: MeanChange | None) -> Json:
+    return {
+        "value": number(change.estimate if change else None),
+        "lower": number(change.lower if change else None),
+        "upper": number(change.upper if change else None),
+        "degenerate": change.degenerate if change else None,
+    }
+
+
+def _group_json(interval: GroupInterval) -> Json:
+    return {
+        "groups": interval.groups,
+        "changed": interval.changed,
+        "replicates": interval.replicates,
+        **interval_json(interval.interval),
+    }

@@ -1,0 +1,338 @@
+"""A study as tables and sentences, which every writer of a report prints in its own way."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.formats import (
+    change_text,
+    count_text,
+    interval_text,
+    percent,
+    points,
+    rate_text,
+)
+
+_LISTED = 16
+"""So many joint outcomes are printed; ``report.json`` has all."""
+
+_MARKS = {True: "1", False: "0"}
+
+
+@dataclass(frozen=True)
+class StudyTable:
+    """One table of a study.
+
+    Attributes:
+        title: What it is about.
+        head: Headings.
+        rows: As many cells as headings in each.
+        note: How to read it; empty where that is plain.
+        narrow: So many of its columns are printed in the terminal; 0 for none.
+    """
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+    narrow: int = 0
+
+
+def study_tables(study: Json) -> list[StudyTable]:
+    """The tables of a study, in the order in which they are read.
+
+    Args:
+        study: ``report["study"]``.
+    """
+    if study["cases"] == 0:
+        return []
+    return _cadence(study) if "settings" in study else _camera(study)
+
+
+def study_notes(study: Json) -> list[str]:
+    """What is said of the whole study."""
+    if study["cases"] == 0:
+        return ["No case of the study has been measured."]
+    done = study["executed"]
+    notes = [
+        f"{study['cases']} cases, {done['arms']} arms. Shared steps were executed once: {done['steps']:,} "
+        f"steps and {done['queries']:,} queries, against {done['steps_singly']:,} and "
+        f"{done['queries_singly']:,} with every arm played by itself ({percent(done['steps_saved'])} and "
+        f"{percent(done['queries_saved'])} saved)."
+    ]
+    if "contrasts" in study:
+        notes.append(
+            "The first crossing of the trigger's distance was computed again from every trajectory, and the "
+            "camera after Reset compared with the one after Mid-task: a pair in which the crossing is not "
+            "the logged one, or the cameras differ, is invalid."
+        )
+    elif any(setting["horizon"] != study["settings"][0]["horizon"] for setting in study["settings"]):
+        notes.append(
+            "H differs between the settings, so the table compares settings of serving and not Q alone."
+        )
+    return notes
+
+
+def study_lines(study: Json) -> list[str]:
+    """The study for the terminal: title, the short tables and what is said of the whole."""
+    from textwrap import wrap
+
+    lines = ["", f"Study: {study['title']}"]
+    for table in study_tables(study):
+        if table.narrow:
+            lines += ["", *_aligned(table)]
+    return [*lines, "", *wrap(study_notes(study)[0], 100)]
+
+
+def study_csv(study: Json) -> str:
+    """All numbers of a study, one a row: where it lies in ``report["study"]``, and its value.
+
+    Shares are fractions; a value that does not exist is empty.
+    """
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(("place", "value"))
+    writer.writerows(_leaves("", study))
+    return buffer.getvalue()
+
+
+def _leaves(place: str, value: Any) -> list[tuple[str, Any]]:
+    if isinstance(value, dict):
+        items = value.items()
+    elif isinstance(value, list):
+        items = {str(index): item for index, item in enumerate(value)}.items()
+    else:
+        return [(place, "" if value is None else value)]
+    return [leaf for key, item in items for leaf in _leaves(f"{place}.{key}" if place else str(key), item)]
+
+
+def _aligned(table: StudyTable) -> list[str]:
+    rows = [row[: table.narrow] for row in (table.head, *table.rows)]
+    widths = [max(len(row[column]) for row in rows) for column in range(table.narrow)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+
+
+# Camera timing and strength.
+
+_ALIKE = "[n/a: all alike]"
+"""Stands for an interval that has no width because all cases of each source are alike."""
+
+
+def _rate(rate: Json) -> str:
+    if rate["degenerate"]:
+        return f"{percent(rate['value'])} {_ALIKE}  {count_text(rate)}"
+    return rate_text(rate)
+
+
+def _change(change: Json) -> str:
+    return f"{points(change['value'])} pp {_ALIKE}" if change["degenerate"] else change_text(change)
+
+
+def _camera(study: Json) -> list[StudyTable]:
+    labels = study["conditions"]
+    sources = sorted(next(iter(study["rates"].values()))["by_source"])
+    rates = [
+        (labels[arm], _rate(rate), *(_rate(rate["by_source"][source]) for source in sources))
+        for arm, rate in study["rates"].items()
+    ]
+    return [
+        StudyTable(
+            "Success",
+            ("Condition", "All", *sources),
+            rates,
+            "95% percentile intervals of the exact bootstrap distribution, with the composition of the "
+            "sources kept. There is none where all cases end alike.",
+            narrow=2,
+        ),
+        _joint(study),
+        *_contrasts(study, sources),
+        _approach(study),
+    ]
+
+
+def _joint(study: Json) -> StudyTable:
+    rows = [
+        (*(_MARKS[row["success"][arm]] for arm in study["conditions"]), str(row["cases"]))
+        for row in study["outcomes"]
+    ]
+    left = len(rows) - _LISTED
+    return StudyTable(
+        "Outcomes together",
+        (*study["conditions"].values(), "Cases"),
+        rows[:_LISTED],
+        "1 for a success. " + (f"{left} rarer combinations are in report.json." if left > 0 else ""),
+    )
+
+
+def _contrasts(study: Json, sources: Sequence[str]) -> list[StudyTable]:
+    labels = study["conditions"]
+    rows = [
+        (
+            f"{labels[row['first']]} - {labels[row['second']]}",
+            str(row["gains"]),
+            str(row["losses"]),
+            _change(row),
+            interval_text(row["exact"], signed=True),
+        )
+        for row in study["contrasts"]
+    ]
+    tables = [
+        StudyTable(
+            "Paired contrasts",
+            ("Contrast", "Gain", "Loss", "Difference", "Exact"),
+            rows,
+            "Gain: only the first condition succeeds; loss: only the second. The interval of the difference "
+            "resamples cases within each source; the exact one also has a width where few cases differ. All "
+            "are pointwise: no number of contrasts is corrected for. Reset and Mid-task differ in more than "
+            "the moment: in how long the new view is seen, in the states visited and in the steps left.",
+            narrow=5,
+        )
+    ]
+    named = [(f"{labels[row['first']]} - {labels[row['second']]}", row) for row in study["contrasts"]]
+    if study["gap_contrasts"]:
+        gaps = [(_gap_label(row), row) for row in study["gap_contrasts"]]
+        named += gaps
+        tables.append(
+            StudyTable(
+                "Mid-task less Reset, between strengths",
+                ("Contrast", "Difference"),
+                [(label, _change(row)) for label, row in gaps],
+            )
+        )
+    tables.append(
+        StudyTable(
+            "Contrasts by source, and over groups of cases",
+            ("Contrast", *sources, "Reference tasks", "Tasks of each source", "Configurations"),
+            [
+                (
+                    label,
+                    *(_change(row["by_source"][source]) for source in sources),
+                    *(_group_text(group) for group in row["by_groups"].values()),
+                )
+                for label, row in named
+            ],
+            "Reference tasks are resampled jointly across the sources, whose shares stay fixed; tasks of "
+            "each source, and configurations (task and initial state), within each source. The case-weighted "
+            "estimate stays the same.",
+        )
+    )
+    return tables
+
+
+def _gap_label(row: Json) -> str:
+    return f"strength {row['first']} - strength {row['second']}"
+
+
+def _group_text(group: Json) -> str:
+    if group["lower"] is None:
+        return f"too few ({group['groups']}, changed {group['changed']})"
+    return f"{interval_text(group, signed=True)}  {group['groups']} groups"
+
+
+def _approach(study: Json) -> StudyTable:
+    strengths = study["approach"]
+    head = (
+        ("Cases", *(f"strength {strength}" for strength in strengths))
+        if len(strengths) > 1
+        else (
+            "Cases",
+            "Number",
+        )
+    )
+    words = (
+        ("Event fired in Mid-task", ("triggered",)),
+        ("... and a query followed it", ("query_after_the_event",)),
+        ("Reset fails, the hand never came within the trigger's distance", ("reset", "failed_never_entered")),
+        ("Reset fails after it came within the distance", ("reset", "failed_entered")),
+        ("Reset succeeds without coming within the distance", ("reset", "succeeded_never_entered")),
+        ("Reset succeeds after it came within the distance", ("reset", "succeeded_entered")),
+        ("Base and Mid-task succeed, Reset fails", ("base_and_middle_succeed_reset_fails", "cases")),
+        (
+            "... of these: Reset never came within the distance",
+            ("base_and_middle_succeed_reset_fails", "reset_never_entered"),
+        ),
+        ("Base and Reset succeed, Mid-task fails", ("base_and_reset_succeed_middle_fails", "cases")),
+        (
+            "... of these: a query followed the event",
+            ("base_and_reset_succeed_middle_fails", "with_a_query_after_the_event"),
+        ),
+        (
+            "... of these: and no stale action was executed",
+            ("base_and_reset_succeed_middle_fails", "without_stale_actions"),
+        ),
+    )
+    rows = [
+        (label, *(_count(strengths[strength], place) for strength in strengths)) for label, place in words
+    ]
+    return StudyTable("Approach", head, rows)
+
+
+def _count(values: Json, place: Sequence[str]) -> str:
+    found: Any = values
+    for key in place:
+        found = found[key]
+    return str(found)
+
+
+# Query cadence.
+
+
+def _cadence(study: Json) -> list[StudyTable]:
+    rows = []
+    for setting in study["settings"]:
+        stale = setting["stale_actions"]
+        rows.append(
+            (
+                setting["label"] + (" (own)" if setting["own"] else ""),
+                rate_text(setting["base_success"]),
+                rate_text(setting["dynamic_success"]),
+                change_text(setting["paired_change"]),
+                percent(setting["conditional_regression"]["value"]),
+                count_text(setting["response_coverage"]),
+                "n/a" if stale["mean"] is None else f"{stale['median']:g} / {stale['mean']:.2f}",
+            )
+        )
+    head = ("Setting", "Base", "Dynamic", "Change", "Lost", "Query after", "Stale")
+    return [
+        StudyTable(
+            "Settings",
+            head,
+            rows,
+            "Every setting has an executed prefix of its own. Stale: median and mean of the actions executed "
+            "between the event and the next query, which is a delay of feedback and no measure of safety. A "
+            "smaller change alone is no better result: read it with Dynamic success.",
+            narrow=4,
+        ),
+        *(
+            _best(what, study["best"][key])
+            for what, key in (("Base", "base_success"), ("Dynamic", "dynamic_success"))
+        ),
+    ]
+
+
+def _best(what: str, best: Json) -> StudyTable:
+    rows = [(best["setting"], rate_text(best), "best")]
+    rows += [
+        (
+            name,
+            f"{points(-difference['value'])} pp [{100 * -difference['upper']:+.1f}, "
+            f"{100 * -difference['lower']:+.1f}]",
+            "not shown to be worse" if name in best["not_worse"] else "worse",
+        )
+        for name, difference in best["differences"].items()
+    ]
+    return StudyTable(
+        f"Best setting for {what}",
+        ("Setting", "Success, or less than the best", "Verdict"),
+        rows,
+        "The intervals account for the choice of the best: those of all rates hold together with 95%, and so "
+        "do those of the differences of all pairs of settings.",
+        narrow=3,
+    )

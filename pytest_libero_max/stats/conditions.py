@@ -1,0 +1,183 @@
+"""The same cases under several conditions: rates, joint outcomes and contrasts, as in the paper's studies.
+
+Intervals keep the composition of sources (fixed strata) and all conditions of a case together. They are
+pointwise: no family of contrasts is corrected for. Further intervals resample groups of cases.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, cluster_bootstrap
+from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change
+from pytest_libero_max.stats.outcomes import BoolArray, boolean
+from pytest_libero_max.stats.paired_difference import paired_difference
+
+Differences = NDArray[np.int64]
+
+TASK_REPLICATES = 50_000
+"""Resamples of the reference tasks, as in the paper."""
+
+GROUP_REPLICATES = 10_000
+"""Resamples of configuration groups, of which there are about as many as cases."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Columns of cases, one row a case.
+
+    Attributes:
+        successes: (n,) bool by condition, whether the task was completed.
+        source: (n,) labels; strata.
+        task: (n,) labels of the reference task, the same in all sources.
+        configuration: (n,) labels of the configuration: cases of one differ in their event alone.
+
+    Raises:
+        ReportError: The columns differ in length.
+    """
+
+    successes: Mapping[str, BoolArray]
+    source: NDArray[np.str_]
+    task: NDArray[np.str_]
+    configuration: NDArray[np.str_]
+
+    def __post_init__(self) -> None:
+        columns = [*self.successes.values(), self.source, self.task, self.configuration]
+        lengths = sorted({len(column) for column in columns})
+        if len(lengths) > 1:
+            raise ReportError(f"Columns of conditions have the lengths {lengths}, but must have one.")
+
+    @classmethod
+    def of(
+        cls,
+        successes: Mapping[str, ArrayLike],
+        source: ArrayLike,
+        task: ArrayLike,
+        configuration: ArrayLike,
+    ) -> Conditions:
+        """Build the columns from any sequences."""
+        return cls(
+            {name: boolean(values, name) for name, values in successes.items()},
+            np.asarray(source, dtype=np.str_),
+            np.asarray(task, dtype=np.str_),
+            np.asarray(configuration, dtype=np.str_),
+        )
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    @property
+    def sources(self) -> list[str]:
+        """The sources there are, sorted."""
+        return sorted(set(self.source.tolist()))
+
+    def rate(self, condition: str) -> MeanChange | None:
+        """Success rate with its exact source-stratified bootstrap interval; None without cases."""
+        return mean_change(self.successes[condition].astype(np.int64), self.source)
+
+    def difference(self, first: str, second: str) -> Differences:
+        """(n,) success of the first condition less that of the second: -1, 0 or 1."""
+        return self.successes[first].astype(np.int64) - self.successes[second]
+
+    def joint(self) -> dict[tuple[bool, ...], int]:
+        """How many cases ended in each way, by the outcome in every condition; the frequent ones first."""
+        counts = Counter(zip(*(column.tolist() for column in self.successes.values()), strict=True))
+        return dict(sorted(counts.items(), key=lambda item: (-item[1], [not flag for flag in item[0]])))
+
+
+@dataclass(frozen=True)
+class GroupInterval:
+    """An interval of a mean difference that resamples groups of cases.
+
+    Attributes:
+        groups: How many groups there are.
+        changed: In how many of them a case differs between the conditions.
+        replicates: How many resamples.
+        interval: None where it cannot be decided: with fewer than :data:`.clusters.LEAST_TASKS` groups, or
+            fewer than :data:`.clusters.LEAST_CHANGED_TASKS` in which a case differs.
+    """
+
+    groups: int
+    changed: int
+    replicates: int
+    interval: Interval | None
+
+
+@dataclass(frozen=True)
+class Contrast:
+    """A mean difference of success over the same cases.
+
+    Attributes:
+        gains: Cases in which only the first condition succeeds (or the difference is above 0).
+        losses: Cases in which only the second does (or it is below 0).
+        change: The mean with its exact source-stratified bootstrap interval; None without cases.
+        exact: Exact interval of two conditions, which has a width also where few cases differ; None without
+            cases, and for differences of differences.
+        by_source: The same mean within each source.
+        by_groups: Intervals over groups of cases, by what was resampled: ``reference_tasks`` jointly across
+            the sources, ``source_tasks`` and ``configurations`` within each source.
+    """
+
+    gains: int
+    losses: int
+    change: MeanChange | None
+    exact: Interval | None
+    by_source: Mapping[str, MeanChange | None]
+    by_groups: Mapping[str, GroupInterval]
+
+
+def contrast(conditions: Conditions, first: str, second: str) -> Contrast:
+    """Success in the first condition less success in the second."""
+    differences = conditions.difference(first, second)
+    gains, losses = int((differences > 0).sum()), int((differences < 0).sum())
+    exact = paired_difference(losses, gains, len(differences)) if len(differences) else None
+    return _contrast(conditions, differences, exact)
+
+
+def contrast_of_contrasts(
+    conditions: Conditions, first: tuple[str, str], second: tuple[str, str]
+) -> Contrast:
+    """The difference of two conditions less the difference of two others, over the same cases."""
+    return _contrast(conditions, conditions.difference(*first) - conditions.difference(*second), None)
+
+
+def _contrast(conditions: Conditions, differences: Differences, exact: Interval | None) -> Contrast:
+    source, task = conditions.source, conditions.task
+    source_task = np.char.add(np.char.add(source, "|"), task)
+    return Contrast(
+        gains=int((differences > 0).sum()),
+        losses=int((differences < 0).sum()),
+        change=mean_change(differences, source),
+        exact=exact,
+        by_source={name: mean_change(differences[source == name]) for name in conditions.sources},
+        by_groups={
+            "reference_tasks": _by_groups(differences, task, None, source, TASK_REPLICATES),
+            "source_tasks": _by_groups(differences, source_task, source, source, TASK_REPLICATES),
+            "configurations": _by_groups(
+                differences, conditions.configuration, source, source, GROUP_REPLICATES
+            ),
+        },
+    )
+
+
+def _by_groups(
+    differences: Differences,
+    groups: NDArray[np.str_],
+    strata: NDArray[np.str_] | None,
+    pools: NDArray[np.str_],
+    replicates: int,
+) -> GroupInterval:
+    count = len(np.unique(groups))
+    changed = len(np.unique(groups[differences != 0]))
+    interval = None
+    if count >= LEAST_TASKS and changed >= LEAST_CHANGED_TASKS:
+        found = cluster_bootstrap(differences, groups, strata=strata, pools=pools, replicates=replicates)
+        assert found is not None
+        interval = Interval(found.lower, found.upper)
+    return GroupInterval(count, changed, replicates, interval)

@@ -1,0 +1,70 @@
+"""What a study is: arms beside those of the pair, the cases it is about, and what has to hold of each."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.schedules import Arm
+
+if TYPE_CHECKING:
+    from pytest_libero_max.pairing.runner import Pair
+    from pytest_libero_max.policies.contract import PolicySpec
+
+
+class Study(ABC):
+    """A fixed set of arms over a set of cases.
+
+    Every case of a study is played in Base and Dynamic as in any run, and in the arms of the study; all of
+    them are one test item and one record.
+
+    Attributes:
+        name: What the command line calls it.
+        title: Heading of its part of the report.
+        track: The track that is played unless another one is asked for.
+        about: What the event of its cases does, in words that follow "whose event".
+        scales: Whether the study itself sets strengths, so that a run cannot set one as well.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    track: ClassVar[str]
+    about: ClassVar[str] = "is of any kind"
+    scales: ClassVar[bool] = False
+
+    @abstractmethod
+    def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
+        """The arms beside Base and Dynamic.
+
+        Args:
+            case: What is played.
+            spec: The policy's spec.
+            strength: Share of the event's change in the whole run.
+
+        Raises:
+            ChangeError: The event's change cannot be scaled.
+        """
+
+    def objection(self, case: Case) -> str | None:
+        """Why a case cannot be part of the study, in words that follow "these events"; None if it can."""
+        return None
+
+    def check_policy(self, spec: PolicySpec) -> None:  # noqa: B027  # most studies take every policy
+        """Check that the policy can be played in the study's arms, before the first of them.
+
+        Raises:
+            AdapterError: It cannot.
+        """
+
+    def check(self, pair: Pair) -> None:  # noqa: B027  # most studies have nothing of their own to check
+        """Check what has to hold of a case once its arms have been played.
+
+        Raises:
+            ProtocolError: It does not, so that the pair is invalid.
+        """
+
+    def to_dict(self) -> Json:
+        """The study as the header of a run holds it."""
+        return {"name": self.name}

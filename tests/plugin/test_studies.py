@@ -1,0 +1,157 @@
+"""Strength and studies through pytest: options, header, resume, report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.plugin.options import OPTIONS
+from pytest_libero_max.studies.registry import STUDIES
+from tests.plugin.conftest import REACHER, tiny_manifest
+
+Run = Callable[..., pytest.RunResult]
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
+
+CAMERA = ("-m", "camera_shift")
+
+
+def header(pytester: pytest.Pytester) -> dict[str, Any]:
+    path = pytester.path / "libero-max-results" / "pairs.jsonl"
+    protocol: dict[str, Any] = json.loads(path.read_text().splitlines()[0])["provenance"]["protocol"]
+    return protocol
+
+
+def test_a_strength_is_in_the_header_the_records_and_the_report(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    done = run(*CAMERA, "--libero-max-strength=0.5")
+    done.stdout.fnmatch_lines(["*, events at strength 0.5", "*, events at strength 0.5:*"])
+    assert header(pytester)["strength"] == 0.5
+    records, report = results()
+    assert {record["fingerprints"]["strength"] for record in records} == {"0.5"}
+    arms = {record["item_id"][-2:]: record["arms"]["dynamic"] for record in records}
+    assert arms["v0"]["schedule"][0]["change"]["delta_position_m"] == [0.03, 0.0, 0.01]
+    assert report["provenance"]["protocol"]["strength"] == 0.5
+    again = run(*CAMERA, "--libero-max-resume", "--libero-max-strength=0.25")
+    assert again.ret == pytest.ExitCode.USAGE_ERROR
+    again.stdout.fnmatch_lines(["*protocol.strength: 0.5, 0.25*"])
+
+
+def test_events_that_cannot_be_scaled_are_named_with_a_cure(run: Run) -> None:
+    done = run("--libero-max-strength=0.5")
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stdout.fnmatch_lines(
+        ["*distractor_burst (2 cases), obstacle_insertion (2 cases). Leave them out with -m 'not distractor*"]
+    )
+    rest = "not distractor_burst and not obstacle_insertion"
+    run("-m", rest, "--libero-max-strength=0.5").assert_outcomes(passed=12, deselected=4)
+
+
+def test_a_plain_run_says_nothing_of_strengths_and_studies(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    run("--libero-max-limit=1")
+    records, report = results()
+    assert header(pytester) == {"prefix": "fork", "noise_floor": None}
+    assert "strength" not in records[0]["fingerprints"]
+    assert "study" not in report
+
+
+def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
+    run: Run, results: Results, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest = json.dumps(tiny_manifest(events=("camera_shift",)))
+    pytester.path.joinpath("tiny.json").write_text(manifest)
+    study = ("--libero-max-study=camera-timing",)
+    for shard in ("1/2", "2/2"):
+        run(*study, f"--libero-max-shard={shard}", f"--libero-max-output=part{shard[0]}")
+    assert main(["merge", "part1", "part2", "--output", "joined"]) == 0
+    run(*study)
+    stored = pytester.path / "libero-max-results" / "pairs.jsonl"
+    kept = stored.read_text().splitlines(keepends=True)[:2]
+    stored.write_text("".join(kept))
+    other = run("--libero-max-study=camera-strength", "--libero-max-resume")
+    assert other.ret == pytest.ExitCode.USAGE_ERROR
+    other.stdout.fnmatch_lines(["*protocol.study: *camera-timing*camera-strength*"])
+    done = run(*study, "--libero-max-resume", "-n", "2", subprocess=True)
+    done.assert_outcomes(passed=1)
+    done.stdout.fnmatch_lines(["*, study camera-timing", "Study: Camera timing", "Condition *", "Mid-task *"])
+    records, report = results()
+    assert [list(record["arms"]) for record in records] == [["base", "dynamic", "reset"]] * 2
+    joined = results("joined")[1]
+    for part in ("study", "overall"):
+        assert joined[part] == report[part]
+    assert report["study"]["executed"]["arms"] == 6
+    folder = pytester.path / "libero-max-results"
+    for name in ("report.md", "report.html"):
+        assert "Mid-task - Reset" in (folder / name).read_text()
+    assert main(["report", str(folder), "--tables", "--figures"]) == 0
+    assert (folder / "study.csv").read_text().startswith("place,value\nname,camera-timing\n")
+    assert "<title>Camera timing" in (folder / "study-contrasts.svg").read_text()
+    capsys.readouterr()
+
+
+def test_the_cadence_study_plays_its_settings(run: Run, results: Results, pytester: pytest.Pytester) -> None:
+    done = run("--libero-max-limit=2", "--libero-max-study=cadence", "--libero-max-cadence=8,2,4")
+    done.assert_outcomes(passed=2)
+    done.stdout.fnmatch_lines(["Study: Query cadence", "H=8 Q=2 *", "H=8 Q=4 (own) *", "H=8 Q=8 *"])
+    records, report = results()
+    names = ["base", "dynamic", "base_q8", "dynamic_q8", "base_q2", "dynamic_q2"]
+    assert [list(record["arms"]) for record in records] == [names] * 2
+    assert [setting["query_interval"] for setting in report["study"]["settings"]] == [2, 4, 8]
+    assert header(pytester)["study"] == {"name": "cadence", "settings": "8,2,4"}
+
+
+def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
+    done = run("--libero-max-study=cadence", "--libero-max-cadence=2,16")
+    done.assert_outcomes(errors=1)
+    done.stdout.fnmatch_lines(["*query_interval=16 > horizon=8 (its own) of policy 'reacher'*"])
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (("--libero-max-strength=1.5",), "*--libero-max-strength='1.5': expected a number from 0 to 1*"),
+        (("--libero-max-strength=nan",), "*expected a number from 0 to 1*"),
+        (("--libero-max-study=camera",), "*unknown value. Did you mean*camera-timing*"),
+        (("--libero-max-study=cadence",), "*Add --libero-max-cadence=2,4,8*"),
+        (("--libero-max-cadence=2",), "*no study is asked for*"),
+        (("--libero-max-study=camera-timing", "--libero-max-cadence=2"), "*is for the study cadence*"),
+        (("--libero-max-study=cadence", "--libero-max-cadence=4/8"), "*Q=8 > H=4*"),
+        (
+            ("--libero-max-study=camera-strength", "--libero-max-strength=0.5"),
+            "*plays the event at strengths of its own*",
+        ),
+    ],
+)
+def test_options_that_cannot_be_used_are_refused(run: Run, flags: tuple[str, ...], message: str) -> None:
+    done = run(*flags)
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines([message])
+
+
+def test_a_camera_study_refuses_cases_with_other_events(run: Run) -> None:
+    done = run("--libero-max-study=camera-timing", "-m", "camera_shift or target_relocation")
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stdout.fnmatch_lines(["*target_relocation (2 cases)*-m 'not target_relocation'*"])
+
+
+@pytest.mark.parametrize(("study", "track"), [("camera-timing", "camera"), ("cadence", "lite")])
+def test_a_study_has_a_track_of_its_own(pytester: pytest.Pytester, study: str, track: str) -> None:
+    pytester.makepyfile(adapter=REACHER)
+    flags = ["--libero-max-policy=adapter.py", f"--libero-max-study={study}", "--collect-only", "-q"]
+    flags += ["--libero-max-cadence=2"] if study == "cadence" else []
+    own = pytester.runpytest_inprocess(*flags, "--libero-max-limit=2", "-v")
+    own.stdout.fnmatch_lines([f"*track {track} *"])
+    named = pytester.runpytest_inprocess(*flags, "--libero-max-track=smoke", "--libero-max-limit=2", "-v")
+    named.stdout.fnmatch_lines(["*track smoke *"])
+
+
+def test_the_option_names_every_study() -> None:
+    (option,) = (option for option in OPTIONS if option.name == "study")
+    assert [option.parse(name) for name in STUDIES] == list(STUDIES)
+    assert all(name in option.help for name in STUDIES)
