@@ -1,9 +1,10 @@
 """What a server costs a query: time to prepare the inputs, and time for codec and transport.
 
-    python -m tests.policies.peers.overhead --queries 100
+    python -m tests.policies.peers.overhead --queries 100 --episodes 3
 
 The policies cost nothing, and every server is a process of its own. They are asked in turn, query by query,
 so that a busy machine is busy for all. ``LIBERO_MAX_TEST_PEERS`` names the Python of the published servers.
+With ``--episodes``, each also plays 50 steps of an embedded scene as often, as does the policy in process.
 """
 
 from __future__ import annotations
@@ -13,14 +14,21 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
 
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.pairing.rollout import Rollout
+from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
+from pytest_libero_max.sources import open_substrate
+from tests.pairing.actors import shorten
 from tests.policies.peers.conftest import HERE, peer
+from tests.policies.peers.nothing import Nothing
 from tests.policies.servers import fakes
 
 
@@ -48,11 +56,31 @@ def timed(policy: ServedPolicy, index: int) -> tuple[float, float]:
     return 1e3 * (prepared - began), 1e3 * (time.perf_counter() - prepared)
 
 
+def played(policies: Mapping[str, Policy], episodes: int) -> Iterator[str]:
+    """Lines on how long an episode takes with each policy, in process first."""
+    substrate = open_substrate("embedded")
+    case = shorten(load_track("original").cases[0])
+    seconds: dict[str, list[float]] = {name: [] for name in policies}
+    for number in range(episodes + 1):
+        for name, policy in policies.items():
+            rollout = Rollout.start(Stage(case, substrate.world(case), policy))
+            began = time.perf_counter()
+            rollout.advance_to_end()
+            if number:
+                seconds[name].append(time.perf_counter() - began)
+    substrate.close()
+    own = np.array(seconds["in process"])
+    for name, values in seconds.items():
+        yield f"| {name} | {np.median(values):.2f} | {np.median(np.array(values) / own):.2f} |"
+
+
 def main() -> None:
-    """Print a table."""
+    """Print a table, or two."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--queries", type=int, default=100)
-    queries = parser.parse_args().queries
+    parser.add_argument("--episodes", type=int, default=0)
+    options = parser.parse_args()
+    queries = options.queries
     with ExitStack() as open_:
         port = open_.enter_context(own_server())
         openpi = open_.enter_context(peer("openpi_server.py"))
@@ -75,6 +103,9 @@ def main() -> None:
         for index in range(queries + 5):
             for name, policy in policies.items():
                 times[name].append(timed(policy, index))
+        lines = (
+            list(played({"in process": Nothing(), **policies}, options.episodes)) if options.episodes else []
+        )
         for policy in policies.values():
             policy.client.close()
     print(
@@ -83,6 +114,8 @@ def main() -> None:
     for name, values in times.items():
         (prepare, ask), (_, fastest) = (np.quantile(values[5:], share, axis=0) for share in (0.5, 0.1))
         print(f"| {name} | {prepare:.1f} | {ask:.1f} | {fastest:.1f} |")
+    if lines:
+        print("\n| Policy | 50 steps (s) | beside in process |\n| --- | --- | --- |", *lines, sep="\n")
 
 
 if __name__ == "__main__":
