@@ -9,15 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import (
-    ManifestFields,
-    Vector3,
-    items,
-    number,
-    strength_of,
-    text,
-    vector3,
-)
+from pytest_libero_max.changes.fields import ManifestFields, Vector3, items, number, place, strength_of, text
 from pytest_libero_max.changes.reversal import Reversal, altered_rows
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds import rotations
@@ -55,9 +47,12 @@ class ShiftCamera(ManifestFields):
 
     def __post_init__(self) -> None:
         self._set("camera", text("shift_camera.camera", self.camera))
-        self._set("delta_position_m", vector3("shift_camera.delta_position_m", self.delta_position_m))
-        self._set("yaw_degrees", number("shift_camera.yaw_degrees", self.yaw_degrees))
-        self._set("delta_fovy_degrees", number("shift_camera.delta_fovy_degrees", self.delta_fovy_degrees))
+        self._set("delta_position_m", place("shift_camera.delta_position_m", self.delta_position_m))
+        self._set("yaw_degrees", number("shift_camera.yaw_degrees", self.yaw_degrees, -360.0, 360.0))
+        self._set(
+            "delta_fovy_degrees",
+            number("shift_camera.delta_fovy_degrees", self.delta_fovy_degrees, -180.0, 180.0),
+        )
         if self.calibration is not None:
             text("shift_camera.calibration", self.calibration)
 
@@ -181,7 +176,7 @@ class OrbitCamera(ManifestFields):
     def __post_init__(self) -> None:
         where = self.operation
         text(f"{where}.camera", self.camera)
-        self._set("pivot_m", vector3(f"{where}.pivot_m", self.pivot_m))
+        self._set("pivot_m", place(f"{where}.pivot_m", self.pivot_m))
         for name in ("elevation_degrees", "azimuth_degrees", "yaw_degrees", "pitch_degrees"):
             self._set(name, number(f"{where}.{name}", getattr(self, name), -180.0, 180.0))
         self._set("distance_scale", number(f"{where}.distance_scale", self.distance_scale, 0.05, 20.0))
@@ -252,7 +247,7 @@ class PlaceCamera(ManifestFields):
     def __post_init__(self) -> None:
         where = self.operation
         text(f"{where}.camera", self.camera)
-        self._set("position_m", vector3(f"{where}.position_m", self.position_m))
+        self._set("position_m", place(f"{where}.position_m", self.position_m))
         given = items(f"{where}.quaternion_wxyz", self.quaternion_wxyz, 4)
         turn = tuple(number(f"{where}.quaternion_wxyz[{i}]", v, -1.0, 1.0) for i, v in enumerate(given))
         if abs(math.hypot(*turn) - 1.0) > 1e-3:

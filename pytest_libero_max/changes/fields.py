@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 
 Vector3 = tuple[float, float, float]
 
+FARTHEST_M = 10.0
+"""No coordinate or offset is larger. A scene is 3 m wide; a way to a place 1000 km off fills the memory."""
+
+MOST_TIMES = 100.0
+"""No brightness or colour is multiplied with more."""
+
 
 class ManifestFields:
     """Mixin of the frozen dataclasses that stand for an object of a manifest."""
@@ -113,14 +119,42 @@ def items(where: str, value: Any, length: int) -> Sequence[Any]:
     return value
 
 
-def vector3(where: str, value: Any, low: float = -math.inf) -> Vector3:
-    """Three finite numbers of at least ``low``.
+def vector3(where: str, value: Any, low: float = -math.inf, high: float = math.inf) -> Vector3:
+    """Three finite numbers within [low, high].
 
     Raises:
         ChangeError: It is not.
     """
-    x, y, z = (number(f"{where}[{i}]", item, low) for i, item in enumerate(items(where, value, 3)))
+    x, y, z = (number(f"{where}[{i}]", item, low, high) for i, item in enumerate(items(where, value, 3)))
     return x, y, z
+
+
+def place(where: str, value: Any) -> Vector3:
+    """A position or an offset in a scene, m.
+
+    Raises:
+        ChangeError: It is none, or farther than :data:`FARTHEST_M`.
+    """
+    return vector3(where, value, -FARTHEST_M, FARTHEST_M)
+
+
+def offset(where: str, value: Any) -> float:
+    """One coordinate of a position or an offset, m; see :func:`place`."""
+    return number(where, value, -FARTHEST_M, FARTHEST_M)
+
+
+def factor(where: str, value: Any) -> float:
+    """What a brightness or a colour is multiplied with.
+
+    Raises:
+        ChangeError: It is negative, or above :data:`MOST_TIMES`.
+    """
+    return number(where, value, 0.0, MOST_TIMES)
+
+
+def factors3(where: str, value: Any) -> Vector3:
+    """The same for red, green and blue."""
+    return vector3(where, value, 0.0, MOST_TIMES)
 
 
 def strength_of(operation: str, strength: float) -> float:

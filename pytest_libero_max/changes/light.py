@@ -9,7 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, Vector3, flag, number, strength_of, vector3
+from pytest_libero_max.changes.fields import (
+    ManifestFields,
+    Vector3,
+    factor,
+    factors3,
+    flag,
+    number,
+    strength_of,
+)
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.pixels import Brightness
 from pytest_libero_max.changes.reversal import Reversal, added_filters, altered_rows
@@ -40,9 +48,9 @@ class SetLighting(ManifestFields):
     brightness: float | None = None
 
     def __post_init__(self) -> None:
-        self._set("scale", number("set_lighting.scale", self.scale, 0.0))
+        self._set("scale", factor("set_lighting.scale", self.scale))
         if self.brightness is not None:
-            self._set("brightness", number("set_lighting.brightness", self.brightness, 0.0))
+            self._set("brightness", factor("set_lighting.brightness", self.brightness))
 
     @property
     def pixel_brightness(self) -> float:
@@ -119,7 +127,7 @@ class SetLamps(ManifestFields):
         where = self.operation
         for name in ("levels", "diffuse_factor"):
             if getattr(self, name) is not None:
-                self._set(name, vector3(f"{where}.{name}", getattr(self, name), 0.0))
+                self._set(name, factors3(f"{where}.{name}", getattr(self, name)))
         bounds = {
             "specular": (0.0, 10.0),
             "azimuth_degrees": (-180.0, 180.0),

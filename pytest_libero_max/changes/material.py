@@ -14,12 +14,12 @@ from pytest_libero_max.changes.fields import (
     ManifestFields,
     Vector3,
     all_or_nothing,
+    factors3,
     integer,
     items,
     number,
     strength_of,
     text,
-    vector3,
 )
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, Row, frozen, saved
@@ -61,7 +61,7 @@ class SetVisualTheme(ManifestFields):
         if sorted(permutation) != [0, 1, 2]:
             raise ChangeError(f"{where}={list(permutation)!r}, but must be a permutation of [0, 1, 2].")
         self._set("rgb_permutation", permutation)
-        self._set("rgb_multiplier", vector3("set_visual_theme.rgb_multiplier", self.rgb_multiplier, 0.0))
+        self._set("rgb_multiplier", factors3("set_visual_theme.rgb_multiplier", self.rgb_multiplier))
         if self.blend is not None:
             self._set("blend", number("set_visual_theme.blend", self.blend, 0.0, 1.0))
 

@@ -196,7 +196,7 @@ class SetSensorCorruption(ManifestFields):
     seed: int
 
     def __post_init__(self) -> None:
-        self._set("noise_std", number("set_sensor_corruption.noise_std", self.noise_std, 0.0))
+        self._set("noise_std", number("set_sensor_corruption.noise_std", self.noise_std, 0.0, 255.0))
         where = "set_sensor_corruption.occlusion_fraction"
         self._set("occlusion_fraction", number(where, self.occlusion_fraction, 0.0, 1.0))
         self._set("seed", integer("set_sensor_corruption.seed", self.seed))

@@ -10,6 +10,7 @@ import numpy as np
 
 from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
+    FARTHEST_M,
     ManifestFields,
     Vector3,
     all_or_nothing,
@@ -17,9 +18,10 @@ from pytest_libero_max.changes.fields import (
     integer,
     items,
     number,
+    offset,
+    place,
     strength_of,
     text,
-    vector3,
 )
 from pytest_libero_max.changes.lowering import lower, reach, top
 from pytest_libero_max.changes.measuring import measure_poses
@@ -61,11 +63,11 @@ class MoveObject(ManifestFields):
 
     def __post_init__(self) -> None:
         text("move_object.object", self.object)
-        self._set("delta_position_m", vector3("move_object.delta_position_m", self.delta_position_m))
+        self._set("delta_position_m", place("move_object.delta_position_m", self.delta_position_m))
         if self.support_entity is not None:
             text("move_object.support_entity", self.support_entity)
         if self.distance_m is not None:
-            self._set("distance_m", number("move_object.distance_m", self.distance_m, 0.0))
+            self._set("distance_m", number("move_object.distance_m", self.distance_m, 0.0, 2 * FARTHEST_M))
         if self.direction_xy is not None:
             where = "move_object.direction_xy"
             given = items(where, self.direction_xy, 2)
@@ -128,9 +130,7 @@ class RemoveObject(ManifestFields):
 
     def __post_init__(self) -> None:
         text("remove_object.object", self.object)
-        self._set(
-            "offworld_position_m", vector3("remove_object.offworld_position_m", self.offworld_position_m)
-        )
+        self._set("offworld_position_m", place("remove_object.offworld_position_m", self.offworld_position_m))
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -188,7 +188,7 @@ class Placement(ManifestFields):
         where = self.operation
         text(f"{where}.object", self.object)
         text(f"{where}.relative_to", self.relative_to)
-        self._set("offset_m", vector3(f"{where}.offset_m", self.offset_m))
+        self._set("offset_m", place(f"{where}.offset_m", self.offset_m))
         flag(f"{where}.preserve_initial_z", self.preserve_initial_z)
         if self.support_entity is not None:
             text(f"{where}.support_entity", self.support_entity)
@@ -301,7 +301,7 @@ class PutObject(ManifestFields):
         text(f"{where}.object", self.object)
         text(f"{where}.onto", self.onto)
         given = items(f"{where}.offset_xy_m", self.offset_xy_m, 2)
-        self._set("offset_xy_m", tuple(number(f"{where}.offset_xy_m[{i}]", v) for i, v in enumerate(given)))
+        self._set("offset_xy_m", tuple(offset(f"{where}.offset_xy_m[{i}]", v) for i, v in enumerate(given)))
         if self.relative_to is not None:
             text(f"{where}.relative_to", self.relative_to)
         self._set("yaw_degrees", number(f"{where}.yaw_degrees", self.yaw_degrees, -180.0, 180.0))

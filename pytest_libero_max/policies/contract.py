@@ -18,6 +18,10 @@ from pytest_libero_max.worlds.contract import CAMERAS, Control, Observation, Wor
 Arm = Literal["base", "dynamic"]
 
 
+MOST = {"horizon": 10_000, "query_interval": 10_000, "image_size": 4096}
+"""No spec asks for more: an episode is shorter, and an answer or an image has to fit into the memory."""
+
+
 @dataclass(frozen=True)
 class PolicySpec:
     """What a policy declares about itself; part of every result.
@@ -110,6 +114,10 @@ class PolicySpec:
         if isinstance(value, bool | np.bool_) or count < 1:
             raise AdapterError(
                 f"{field}={value!r} of policy {self.name!r}, but must be an integer of at least 1."
+            )
+        if count > MOST[field]:
+            raise AdapterError(
+                f"{field}={value!r} of policy {self.name!r}, but may be {MOST[field]} at most."
             )
         return count
 

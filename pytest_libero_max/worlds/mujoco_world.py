@@ -78,10 +78,19 @@ HIDDEN_GROUP = 5
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _WARNINGS = {
-    "positions": mujoco.mjtWarning.mjWARN_BADQPOS,
-    "velocities": mujoco.mjtWarning.mjWARN_BADQVEL,
-    "accelerations": mujoco.mjtWarning.mjWARN_BADQACC,
+    "positions are no longer finite": mujoco.mjtWarning.mjWARN_BADQPOS,
+    "velocities are no longer finite": mujoco.mjtWarning.mjWARN_BADQVEL,
+    "accelerations are no longer finite": mujoco.mjtWarning.mjWARN_BADQACC,
+    "controls are no longer finite": mujoco.mjtWarning.mjWARN_BADCTRL,
+    "the inertia matrix is singular": mujoco.mjtWarning.mjWARN_INERTIA,
+    "contacts were left out for lack of memory": mujoco.mjtWarning.mjWARN_CONTACTFULL,
+    "constraints were left out for lack of memory": mujoco.mjtWarning.mjWARN_CNSTRFULL,
 }
+"""What MuJoCo counts and goes on after, as if nothing had happened."""
+
+FASTEST = 1e4
+"""Largest speed of a joint, m/s or rad/s; only where the integration has failed is one faster."""
+
 _UNIT_TOLERANCE = 1e-3
 
 
@@ -229,11 +238,16 @@ class MujocoWorld(ABC):
         counts = self._data.warning.number
         for what, warning in _WARNINGS.items():
             if counts[warning]:
-                raise SimulatorError(
-                    f"{self._scene}: {what} are no longer finite after control step {self._steps}. "
-                    "The episode is lost; reset the world."
-                )
+                raise self._numerical_trouble(what)
+        fastest = np.abs(self._data.qvel).max(initial=0.0)
+        if not fastest <= FASTEST:
+            raise self._numerical_trouble(f"a joint moves at {fastest:.3g} m/s or rad/s")
         self._after_step()
+
+    def _numerical_trouble(self, what: str) -> SimulatorError:
+        return SimulatorError(
+            f"{self._scene}: {what} after control step {self._steps}. The episode is lost; reset the world."
+        )
 
     def set_control(self, control: Control) -> None:
         if control not in get_args(Control):

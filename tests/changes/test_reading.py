@@ -148,7 +148,20 @@ def test_a_wrong_value_is_named(operation: str, field: str, wrong: str) -> None:
 @pytest.mark.parametrize(
     ("operation", "field", "wrong", "message"),
     [
-        ("set_lighting", "scale", -0.1, r"scale=-0.1, but must be a finite number of at least 0"),
+        ("set_lighting", "scale", -0.1, r"scale=-0.1, but must be a finite number from 0 to 100"),
+        ("set_lighting", "scale", 101, r"scale=101, but must be a finite number from 0 to 100"),
+        (
+            "move_object",
+            "delta_position_m",
+            [1e6, 0, 0],
+            r"delta_position_m\[0\]=1000000.0, but must be a finite number from -10 to 10",
+        ),
+        (
+            "remove_object",
+            "offworld_position_m",
+            [0, 0, -11],
+            r"offworld_position_m\[2\]=-11, but must be a finite number from -10 to 10",
+        ),
         ("set_lighting", "scale", True, r"scale=True, but must be a finite number"),
         (
             "shift_camera",

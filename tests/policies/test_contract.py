@@ -60,3 +60,9 @@ def test_a_policy_supports_all_suites_or_those_it_names() -> None:
 def test_the_suites_of_a_policy_are_names_of_suites(value: Any) -> None:
     with pytest.raises(AdapterError, match=r"^suites=.* of policy 'p'"):
         PolicySpec("p", suites=value)
+
+
+def test_no_spec_asks_for_more_than_fits() -> None:
+    with pytest.raises(AdapterError, match=r"^horizon=10001 of policy 'p', but may be 10000 at most\.$"):
+        PolicySpec("p", horizon=10_001)
+    assert PolicySpec("p", horizon=10_000).horizon == 10_000

@@ -377,6 +377,12 @@ def test_a_simulation_that_blows_up_is_an_error_and_a_reset_cures_it(
     assert np.isfinite(world.data.qpos).all()
 
 
+def test_a_joint_that_shoots_off_ends_the_episode(world: TinyWorld) -> None:
+    world.data.qvel[-1] = 1e7
+    with pytest.raises(SimulatorError, match=r"tiny/0: a joint moves at .* m/s or rad/s after"):
+        world.step(NOOP_ACTION)
+
+
 def test_a_filter_without_a_telling_repr_is_refused(world: TinyWorld) -> None:
     with pytest.raises(SubstrateError, match="frozen dataclass"):
         world.add_filter(lambda image, camera, step: image)
