@@ -15,7 +15,7 @@ from pytest_libero_max.report.figures import FIGURES
 from pytest_libero_max.report.html import html
 from pytest_libero_max.report.in_progress import require_ended
 from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.media import films_in
+from pytest_libero_max.report.media import VIEWS, films_in, pictures_in
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
 from pytest_libero_max.report.replay import replay_command
 from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, read_pairs
@@ -60,13 +60,10 @@ def write_reports(
     report = report_of(stored)
     if amend is not None:
         report = amend(report)
-    regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
-    measured = {record.item_id for record in stored.records}
-    films = {item: film for item, film in films_in(folder).items() if item in measured}
     files: dict[str, Callable[[], str]] = {
         REPORT_NAME: lambda: report_json(report),
         MARKDOWN_NAME: lambda: markdown(report),
-        HTML_NAME: lambda: html(report, regressions, replay_command(stored), films),
+        HTML_NAME: lambda: run_page(report, stored, folder),
         OUTCOMES_NAME: lambda: outcomes_json(RunOutcomes.of(stored), digest),
     }
     written = [folder / PAIRS_NAME]
@@ -80,6 +77,18 @@ def write_reports(
         else:
             written.append(folder / name)
     return report, [path for path in written if path.name != OUTCOMES_NAME]
+
+
+def run_page(report: Json, stored: StoredRun, folder: Path) -> str:
+    """The content of ``report.html``, with links to the films and pictures in the folder of the run."""
+    regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
+    films: dict[str, list[str]] = {}
+    for view in VIEWS:
+        for item, film in films_in(folder, view).items():
+            films.setdefault(item, []).append(film)
+    measured = {record.item_id for record in stored.records}
+    films = {item: films[item] for item in sorted(measured & films.keys())}
+    return html(report, regressions, replay_command(stored), films, stored, pictures_in(folder))
 
 
 def write_figures(report: Json, folder: Path) -> list[Path]:

@@ -1,11 +1,12 @@
-"""The report a person reads: one page that needs no network and no script."""
+"""The report a person reads: one page that needs no network. What a script adds is the table of cases."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
-from urllib.parse import quote
+from typing import NamedTuple
+from urllib.parse import quote, urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights
@@ -15,7 +16,12 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.figures import arrow_plot, category_map, change_profile, stale_histogram
 from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.page.case_table import CASES_SECTION, OUTCOME_TITLES, run_cases
+from pytest_libero_max.report.page.document import document
+from pytest_libero_max.report.page.events import events_section
+from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.statements import LIMITS_TITLE
+from pytest_libero_max.report.store import PAIRS_NAME, StoredRun
 from pytest_libero_max.report.study_figures import study_figures
 from pytest_libero_max.report.study_tables import study_notes, study_tables
 from pytest_libero_max.report.summary import (
@@ -33,26 +39,15 @@ from pytest_libero_max.report.summary import (
     unsupported_text,
 )
 
-_STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#1f2933;max-width:62rem;margin:2rem auto;padding:0 1rem}
-h1{font-size:1.5rem;margin:0 0 .5rem}
-h2{font-size:1.1rem;margin:2.2rem 0 .6rem;border-bottom:1px solid #d8dee4}
-.note{background:#f2f5f7;border-left:4px solid #66727f;padding:.5rem .8rem;margin:.6rem 0}
-.alarm{background:#fbeae4;border-left-color:#b3421b}
-.cards{display:flex;gap:1rem;flex-wrap:wrap;margin:1rem 0}
-.card{flex:1 1 14rem;border:1px solid #d8dee4;border-radius:6px;padding:.7rem 1rem}
-.card b{display:block;font-size:1.9rem;font-weight:600}.card span{color:#66727f}
-table{border-collapse:collapse;margin:.4rem 0;font-variant-numeric:tabular-nums}
-th,td{padding:.22rem .7rem;border-bottom:1px solid #e6eaee;text-align:left;white-space:nowrap}
-td+td,th+th{text-align:right}th{white-space:normal;vertical-align:bottom}.wide{overflow-x:auto}svg{max-width:100%;height:auto;display:block}
-details{margin:.5rem 0}summary{cursor:pointer}code{background:#f2f5f7;padding:.1rem .3rem}
-.origin td+td,.words td+td,.words th+th{text-align:left;white-space:normal;overflow-wrap:anywhere}
-.outcomes td{border:1px solid #d8dee4;text-align:center!important;padding:.5rem 1rem}
-"""
-
 
 def html(
-    report: Json, regressions: Sequence[str], replay: Sequence[str], films: Mapping[str, str] | None = None
+    report: Json,
+    regressions: Sequence[str],
+    replay: Sequence[str],
+    films: Mapping[str, Sequence[str]] | None = None,
+    stored: StoredRun | None = None,
+    pictures: Mapping[str, Sequence[str]] | None = None,
+    pairs_name: str = PAIRS_NAME,
 ) -> str:
     """Render a report as a page.
 
@@ -60,7 +55,10 @@ def html(
         report: What :func:`~pytest_libero_max.report.build.build_report` returned.
         regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
         replay: The command that plays one of them again, once its item id is appended.
-        films: Path of the film of each pair that has one, relative to the page, by item id.
+        films: Paths of the films of each pair that has some, relative to the page, by item id.
+        stored: The run, for the table of its cases; None leaves the table out.
+        pictures: Paths of the pictures of each pair that has some, in the same way.
+        pairs_name: The file of the pairs beside the page.
     """
     pairs = report["pairs"]
     body = [f"<h1>{escape(title_text(report))}</h1>"]
@@ -77,8 +75,13 @@ def html(
         body.append(_note(report["substrate"]["note"]))
     body += [_note(caveat_text(caveat)) for caveat in report["caveats"]]
     if pairs["played"]:
+        body += _summary(report)
+    if stored is not None:
+        body.append(CASES_SECTION)
+        body += events_section(stored.records, list(report["by"]["variant"]))
+    if pairs["played"]:
         body += _results(report)
-        body += _regressions(regressions, replay, films or {})
+        body += _regressions(regressions, replay, films or {}, pairs_name)
         others = [item for item in films or {} if item not in regressions]
         body += [_listed(f"Films of {len(others)} other pairs", others, films or {})] if others else []
     body += _study(report["study"]) if "study" in report else []
@@ -87,19 +90,14 @@ def html(
         body += [f"<h2>{escape(title)}</h2>", _table(("Name", "Value"), list(values.items()))]
     body += [f"<h2>{LIMITS_TITLE}</h2>", "<ul>"]
     body += [f"<li>{escape(text)}</li>" for text in report["statements"].values()]
-    body += ["</ul>", *_provenance(report)]
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width,initial-scale=1'>"
-        f"<title>{escape(title_text(report))}</title><style>{_STYLE}</style></head>\n<body>\n"
-        + "\n".join(body)
-        + "\n</body></html>\n"
-    )
+    body += ["</ul>", *_provenance(report, stored)]
+    cases = None if stored is None else run_cases(stored, films or {}, pictures or {})
+    return document(title_text(report), body, cases)
 
 
-def _results(report: Json) -> list[str]:
+def _summary(report: Json) -> list[str]:
     overall = report["overall"]
-    body = [
+    return [
         "<div class='cards'>",
         _card("Base success", overall["base_success"]),
         _card("Dynamic success", overall["dynamic_success"]),
@@ -110,22 +108,28 @@ def _results(report: Json) -> list[str]:
         ),
         "<h2>Outcomes</h2>",
         _outcomes(overall["outcomes"]),
+    ]
+
+
+def _results(report: Json) -> list[str]:
+    overall = report["overall"]
+    body = [
         "<h2>From Base to Dynamic</h2>",
         "<p>A ring is Base success, the arrow ends at Dynamic success; pairs in brackets.</p>",
-        arrow_plot(report),
+        _figure(arrow_plot(report)),
     ]
     if any_floor(report["by"]["event"].values()):
         body.append(f"<p>{escape(FLOOR_NOTE)}</p>")
     body += [
         "<h2>Paired change by event</h2>",
         "<p>Percentage points with 95% intervals.</p>",
-        change_profile(report),
+        _figure(change_profile(report)),
         "<h2>Source categories</h2>",
         "<p>Paired change in percentage points (pairs). Cells hold different cases and describe them.</p>",
-        category_map(report),
+        _figure(category_map(report)),
         "<h2>Coverage and stale actions</h2>",
         _coverage(report),
-        stale_histogram(report),
+        _figure(stale_histogram(report)),
         "<h2>Given a query after the event</h2>",
         f"<p>{escape(GIVEN_RESPONSE_NOTE)}</p>",
         _groups("given_response", "Event", {ALL_PAIRS: overall, **report["by"]["event"]}),
@@ -140,7 +144,7 @@ def _results(report: Json) -> list[str]:
 def _study(study: Json) -> list[str]:
     body = [f"<h2>Study: {escape(study['title'])}</h2>"]
     body += [f"<p>{escape(note)}</p>" for note in study_notes(study)]
-    body += study_figures(study).values()
+    body += map(_figure, study_figures(study).values())
     for table in study_tables(study):
         body += [f"<h3>{escape(table.title)}</h3>", _table(table.head, table.rows)]
         body += [f"<p>{escape(table.note)}</p>"] if table.note else []
@@ -148,12 +152,16 @@ def _study(study: Json) -> list[str]:
 
 
 def _outcomes(outcomes: Json) -> str:
+    def cell(outcome: str) -> str:
+        view = f"outcome={outcome}"
+        return f"<td><span data-view='{view}'>{outcomes[outcome]} {OUTCOME_TITLES[outcome]}</span></td>"
+
     return (
-        "<table class='outcomes'><tr><td></td><td>Dynamic succeeds</td><td>Dynamic fails</td></tr>"
-        f"<tr><td>Base succeeds</td><td>{outcomes['preserved_success']}<br>preserved</td>"
-        f"<td>{outcomes['regression']}<br>regression</td></tr>"
-        f"<tr><td>Base fails</td><td>{outcomes['change_associated_success']}<br>change-associated</td>"
-        f"<td>{outcomes['persistent_failure']}<br>persistent failure</td></tr></table>"
+        "<div class='wide'><table class='outcomes'><thead><tr><td></td>"
+        "<th scope='col'>Dynamic succeeds</th><th scope='col'>Dynamic fails</th></tr></thead><tbody>"
+        f"<tr><th scope='row'>Base succeeds</th>{cell('preserved_success')}{cell('regression')}</tr>"
+        "<tr><th scope='row'>Base fails</th>"
+        f"{cell('change_associated_success')}{cell('persistent_failure')}</tr></tbody></table></div>"
     )
 
 
@@ -166,40 +174,60 @@ def _coverage(report: Json) -> str:
 
 
 def _breakdown(report: Json, key: str, title: str) -> str:
-    table = _groups("groups", title, report["by"][key])
+    table = _groups("groups", title, report["by"][key], key)
     return f"<details><summary>{escape(title)}</summary>{table}</details>"
 
 
-def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> str:
+def _groups(table: Table, title: str, groups: Mapping[str, Json], dimension: str = "event") -> str:
     """One row a group, and the note on groups whose Base success is too low."""
     columns = columns_in(table)
     rows = [
-        (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
+        (_Group(group_label(name, row), _view(dimension, name)), *(column.long(row) for column in columns))
+        for name, row in groups.items()
     ]
     note = f"<p>{escape(FLOOR_NOTE)}</p>" if any_floor(groups.values()) else ""
     return _table((title, *headings(table)), rows) + note
 
 
-def _regressions(regressions: Sequence[str], replay: Sequence[str], films: Mapping[str, str]) -> list[str]:
+class _Group(NamedTuple):
+    """The name of a group, and the fragment of the table of its cases."""
+
+    name: str
+    view: str
+
+
+def _view(dimension: str, name: str) -> str:
+    if name == ALL_PAIRS:
+        return ""
+    if dimension == "variant":
+        event, _, variant = name.rpartition("-v")
+        return urlencode({"event": event, "variant": variant})
+    return urlencode({dimension: name})
+
+
+def _regressions(
+    regressions: Sequence[str], replay: Sequence[str], films: Mapping[str, Sequence[str]], pairs_name: str
+) -> list[str]:
     if not regressions:
         return []
     return [
         "<h2>Regressions</h2>",
         f"<p>Play one again: <code>{escape(shlex.join(replay))} NAME</code>. Its record is a line of "
-        "<a href='pairs.jsonl'>pairs.jsonl</a>.</p>",
+        f"<a href='{pairs_name}'>{pairs_name}</a>.</p>",
         _listed(f"{len(regressions)} pairs succeed in Base and fail in Dynamic", regressions, films),
     ]
 
 
-def _listed(title: str, items: Sequence[str], films: Mapping[str, str]) -> str:
+def _listed(title: str, items: Sequence[str], films: Mapping[str, Sequence[str]]) -> str:
+    """Names of pairs; the table of cases replaces the list."""
     listed = "".join(f"<li>{_pair(item, films)}</li>" for item in items)
-    return f"<details><summary>{escape(title)}</summary><ul>{listed}</ul></details>"
+    return f"<details data-without-script><summary>{escape(title)}</summary><ul>{listed}</ul></details>"
 
 
-def _pair(item: str, films: Mapping[str, str]) -> str:
-    """The name of a pair, with a link to its film where there is one."""
-    film = f" <a href='{quote(films[item])}'>film</a>" if item in films else ""
-    return f"<code>{escape(item)}</code>{film}"
+def _pair(item: str, films: Mapping[str, Sequence[str]]) -> str:
+    """The name of a pair, with links to its films."""
+    links = "".join(f" <a href='{quote(film)}'>film</a>" for film in films.get(item, ()))
+    return f"<code>{escape(item)}</code>{links}"
 
 
 def _faults(pairs: Json) -> list[str]:
@@ -215,16 +243,17 @@ def _faults(pairs: Json) -> list[str]:
     return body
 
 
-def _provenance(report: Json) -> list[str]:
+def _provenance(report: Json, stored: StoredRun | None) -> list[str]:
     origin = report["provenance"]
-    rows = [(name, version or "not installed") for name, version in origin["versions"].items()]
+    rows = list(origin_rows(report, stored)) if stored is not None else []
+    rows += [(name, version or "not installed") for name, version in origin["versions"].items()]
     rows += [("case set", f"{origin['case_set']['name']}, {origin['case_set']['digest'][:12]}")]
     if "released_as" in origin["case_set"]:
         rows.append(("case set is", origin["case_set"]["released_as"]))
     if report["selection"]:
         rows += [("selection", f"{selection_text(report)}, {report['selection']['digest'][:12]}")]
     rows += [("MUJOCO_GL", origin["gl_backend"] or "not set"), ("command", shlex.join(origin["command"]))]
-    return ["<h2>Provenance</h2>", "<div class='origin'>", _table(("", ""), rows), "</div>"]
+    return ["<h2 id='provenance'>Provenance</h2>", "<div class='words'>", _table((), rows), "</div>"]
 
 
 def _card(name: str, rate: Json) -> str:
@@ -237,9 +266,24 @@ def _note(words: str, kind: str = "") -> str:
     return f"<p class='note {kind}'>{escape(words)}</p>"
 
 
+def _figure(svg: str) -> str:
+    return f"<figure class='wide'>{svg}</figure>"
+
+
 def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    """A table whose first column names the rows."""
+    top = "".join(f"<th scope='col'>{escape(cell)}</th>" for cell in head)
     body = "".join(
-        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+        f"<tr><th scope='row'>{_name(name)}</th>"
+        + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
+        + "</tr>"
+        for name, *cells in rows
     )
-    return f"<div class='wide'><table><tr>{top}</tr>{body}</table></div>"
+    heading = f"<thead><tr>{top}</tr></thead>" if head else ""
+    return f"<div class='wide'><table>{heading}<tbody>{body}</tbody></table></div>"
+
+
+def _name(name: object) -> str:
+    if isinstance(name, _Group) and name.view:
+        return f"<span data-view='{escape(name.view)}'>{escape(name.name)}</span>"
+    return escape(name.name if isinstance(name, _Group) else str(name))

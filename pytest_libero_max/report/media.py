@@ -9,6 +9,8 @@ TRACES_NAME = "traces"
 FILMS_NAME = "films"
 CRASHES_NAME = "crashes"
 """What processes said that died."""
+PICTURES_NAME = "pictures"
+"""Where a page looks for what ``libero-max show CASE --pictures`` has written."""
 
 FILM_FORMATS = ("mp4", "webp")
 FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
@@ -35,21 +37,39 @@ def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world
     return f"{item_id}{_SEPARATOR}{'-'.join(arms)}{_SAW if view == 'saw' else ''}{suffix}"
 
 
-def films_in(folder: Path) -> dict[str, str]:
+def films_in(folder: Path, view: str = "world") -> dict[str, str]:
     """Path of the film of each pair that has one, relative to the folder of the run, by item id.
 
-    Films of what a policy saw are not among them.
+    Args:
+        folder: Of the run.
+        view: One of :data:`VIEWS`.
     """
-    return {
-        path.name.rpartition(_SEPARATOR)[0]: f"{FILMS_NAME}/{path.name}"
-        for path in _films(folder)
-        if not path.stem.endswith(_SAW)
-    }
+    found = {}
+    for path in _films(folder):
+        saw = path.stem.endswith(_SAW)
+        if saw == (view == "saw"):
+            name = path.stem.removesuffix(_SAW) if saw else path.stem
+            found[name.rpartition(_SEPARATOR)[0]] = f"{FILMS_NAME}/{path.name}"
+    return found
 
 
 def _films(folder: Path) -> list[Path]:
     found = sorted((folder / FILMS_NAME).glob(f"*{_SEPARATOR}*"))
     return [path for path in found if path.suffix in FILM_SUFFIXES and not path.name.startswith(".")]
+
+
+def pictures_in(folder: Path) -> dict[str, list[str]]:
+    """Paths of the pictures of each pair that has some, relative to the folder of the run, by item id."""
+    found: dict[str, list[str]] = {}
+    for path in sorted((folder / PICTURES_NAME).glob(f"*{_SEPARATOR}*.png"), key=_camera_then_when):
+        found.setdefault(path.name.rpartition(_SEPARATOR)[0], []).append(f"{PICTURES_NAME}/{path.name}")
+    return found
+
+
+def _camera_then_when(path: Path) -> tuple[str, bool]:
+    """Before comes before after."""
+    begin, _, when = path.stem.rpartition("-")
+    return begin, when != "before"
 
 
 def kept_beside(folder: Path) -> list[str]:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.report.media import film_name, films_in, kept_beside
+from pytest_libero_max.report.media import film_name, films_in, kept_beside, pictures_in
 
 
 def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
@@ -23,4 +23,21 @@ def test_a_film_of_what_a_policy_saw_is_kept_but_not_taken_for_the_film_of_the_p
     assert name == "a-t00--base-dynamic--saw.webp"
     (folder / name).touch()
     assert films_in(tmp_path) == {}
+    assert films_in(tmp_path, "saw") == {"a-t00": f"films/{name}"}
     assert kept_beside(tmp_path) == ["films"]
+
+
+def test_the_pictures_of_a_case_are_found_before_first(tmp_path: Path) -> None:
+    (tmp_path / "pictures").mkdir()
+    for name in (
+        "a--wrist-after.png",
+        "a--wrist-before.png",
+        "a--agent-after.png",
+        "b--agent-before.png",
+        "c.png",
+    ):
+        (tmp_path / "pictures" / name).touch()
+    assert pictures_in(tmp_path) == {
+        "a": ["pictures/a--agent-after.png", "pictures/a--wrist-before.png", "pictures/a--wrist-after.png"],
+        "b": ["pictures/b--agent-before.png"],
+    }

@@ -1,0 +1,1 @@
+"""Pages that people explore: one file each, whose script needs no network, no framework and no build."""

@@ -1,0 +1,175 @@
+"""What the table of cases on the page of a run shows: every planned pair, played or not."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+from urllib.parse import quote
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
+from pytest_libero_max.report.page.packing import labelled, packed
+from pytest_libero_max.report.replay import replay_command
+from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
+from pytest_libero_max.report.store import StoredRun
+
+OUTCOME_TITLES = {
+    "preserved_success": "preserved",
+    "change_associated_success": "change-associated",
+    "regression": "regression",
+    "persistent_failure": "persistent failure",
+    "invalid": "invalid",
+    "missing": "missing",
+    "unsupported": "unsupported",
+}
+"""What an outcome is called, by its name; the last three are of pairs without a record."""
+
+_FILMED = ("yes", "no")
+
+CASES_SECTION = (
+    "<div data-with-script><h2>Cases</h2><div id='cases'></div></div>"
+    "<noscript><p>With scripts, a table of all cases stands here.</p></noscript>"
+)
+"""Where the table of cases goes."""
+
+
+def run_cases(
+    stored: StoredRun, films: Mapping[str, Sequence[str]], pictures: Mapping[str, Sequence[str]]
+) -> Json:
+    """The data of the table of cases of a run.
+
+    Args:
+        stored: The run.
+        films: Paths of the films of each pair that has some, relative to the page, by item id.
+        pictures: Paths of the pictures of each pair that has some, in the same way.
+
+    Returns:
+        ``items``: the item ids in their order; everything else is in the same order, or by the place in it.
+        ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
+        :func:`number_column`. ``details``: what is said of each case, packed. ``films`` and ``pictures``:
+        captions and addresses. ``commands``: captions with the command that plays a case again once its item
+        id is appended.
+    """
+    records = {record.item_id: record for record in stored.records}
+    errors = {error.item_id: error for error in stored.errors}
+    planned = sorted(stored.run.planned, key=lambda pair: pair.item_id)
+    policy = stored.records[0].policy if stored.records else None
+    unsupported = {pair.item_id for pair in unsupported_pairs(planned, policy)}
+    found = [records.get(pair.item_id) for pair in planned]
+    outcomes = [
+        record.outcome if record else _without_record(pair.item_id, errors, unsupported)
+        for pair, record in zip(planned, found, strict=True)
+    ]
+    filmed = [_FILMED[pair.item_id not in films] for pair in planned]
+    columns = [
+        *label_columns(planned),
+        {**label_column("outcome", "Outcome", outcomes, [*OUTCOME_TITLES], OUTCOME_TITLES), "outcome": True},
+        number_column(
+            "base_steps", "Base steps", [record and record.base_steps for record in found], secondary=True
+        ),
+        number_column(
+            "dynamic_steps",
+            "Dynamic steps",
+            [record and record.dynamic_steps for record in found],
+            secondary=True,
+        ),
+        number_column("stale", "Stale actions", [record and record.stale_actions for record in found]),
+    ]
+    if films:
+        columns.append(label_column("film", "Film", filmed, _FILMED))
+    return {
+        "items": [pair.item_id for pair in planned],
+        "columns": columns,
+        "case_ids": [pair.case_id for pair in planned],
+        "instructions": _names([record.instruction if record else "" for record in found]),
+        "details": packed([_details(pair, records, errors) for pair in planned]),
+        "films": media_by_place(planned, films),
+        "pictures": media_by_place(planned, pictures),
+        "commands": [["In the folder in which the run was started:", shlex.join(replay_command(stored))]],
+    }
+
+
+def media_by_place(planned: Sequence[PlannedPair], paths: Mapping[str, Sequence[str]]) -> Json:
+    """Captions and addresses of files by the place of their pair, as the page asks for them."""
+    return {
+        str(place): [
+            [path.rpartition("/")[2].removeprefix(f"{pair.item_id}--"), quote(path)]
+            for path in paths[pair.item_id]
+        ]
+        for place, pair in enumerate(planned)
+        if pair.item_id in paths
+    }
+
+
+def label_columns(planned: Sequence[PlannedPair]) -> Iterator[Json]:
+    """The columns that a plan tells: those of the table, and three that can only be filtered by."""
+    yield label_column("source", "Source", [pair.source for pair in planned], secondary=True)
+    yield label_column("suite", "Suite", [pair.suite for pair in planned], secondary=True)
+    yield label_column("category", "Source category", [pair.category for pair in planned], secondary=True)
+    yield label_column("event", "Event", [pair.event for pair in planned], [*EVENTS], secondary=True)
+    yield label_column("variant", "Variant", [str(pair.variant) for pair in planned], secondary=True)
+    more = {
+        "family": [pair.family for pair in planned],
+        "severity": [pair.severity for pair in planned],
+        "difficulty": ["none" if pair.difficulty is None else str(pair.difficulty) for pair in planned],
+    }
+    order = {"severity": ("low", "medium", "high")}
+    for key, names in more.items():
+        yield {**label_column(key, key.capitalize(), names, order.get(key, ())), "shown": False, "more": True}
+
+
+def label_column(
+    key: str,
+    title: str,
+    names: Sequence[str],
+    order: Sequence[str] = (),
+    titles: Mapping[str, str] | None = None,
+    *,
+    secondary: bool = False,
+) -> Json:
+    """A column of names, which can be chosen from.
+
+    Args:
+        key: Its name in the address of a view.
+        title: Its heading.
+        names: One a case.
+        order: See :func:`~pytest_libero_max.report.page.packing.labelled`.
+        titles: What the names are called, where that is something else.
+        secondary: Whether narrow screens leave it out; the item id says it as well.
+    """
+    column = {"key": key, "title": title, **labelled(names, order), "shown": True, "filter": "choice"}
+    if titles is not None:
+        column["titles"] = [titles[label] for label in column["labels"]]
+    return {**column, "secondary": secondary}
+
+
+def number_column(key: str, title: str, values: Sequence[Any], **more: bool) -> Json:
+    """A column of numbers, which can be bounded; None where a case has none."""
+    values = list(values)
+    return {
+        "key": key,
+        "title": title,
+        "values": values,
+        "shown": True,
+        "filter": "range",
+        "more": True,
+        **more,
+    }
+
+
+def _without_record(item: str, errors: Mapping[str, PairError], unsupported: set[str]) -> str:
+    return "invalid" if item in errors else "unsupported" if item in unsupported else "missing"
+
+
+def _details(pair: PlannedPair, records: Mapping[str, PairRecord], errors: Mapping[str, PairError]) -> Json:
+    if pair.item_id in records:
+        return details_of(pair, records[pair.item_id])
+    return error_details(pair, errors[pair.item_id]) if pair.item_id in errors else plan_details(pair)
+
+
+def _names(names: Sequence[str]) -> Json:
+    column = labelled(names)
+    return {"names": column["labels"], "at": column["at"]}

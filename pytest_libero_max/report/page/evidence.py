@@ -1,0 +1,112 @@
+"""What is said of one case: tables by their titles, names with values or with values by column."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.schedules import DYNAMIC
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.run import PlannedPair
+
+_DIGITS = 16
+"""Hexadecimal digits of a digest that are shown; the records have all of them."""
+
+
+def details_of(pair: PlannedPair, record: PairRecord) -> Json:
+    """The tables of a measured pair: the case, its arms, its event, and what the event found and left."""
+    case = _case(pair) | {
+        "Instruction": record.instruction,
+        "Initial state": record.init_state_index,
+        "Policy seed": record.policy_seed,
+        "Steps at most": record.max_steps,
+        "Trigger entity": record.trigger_entity,
+    }
+    return {"Case": case, "Arms": _arms(record), **dict(_event(record))}
+
+
+def error_details(pair: PlannedPair, error: PairError) -> Json:
+    """The tables of a pair that could not be measured."""
+    return {
+        "Case": _case(pair),
+        "Error": {"Phase": error.phase, "Kind": error.kind, "Message": error.message},
+    }
+
+
+def plan_details(pair: PlannedPair) -> Json:
+    """The tables of a pair of which only the plan is known."""
+    return {"Case": _case(pair)}
+
+
+def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """The values inside nested objects, by their names joined with dots; an empty object is a value."""
+    if not isinstance(value, Mapping) or not value:
+        yield name, value if value != {} else None
+        return
+    for key, part in value.items():
+        yield from flat(part, f"{name}.{key}" if name else str(key))
+
+
+def parameters(change: Json) -> Json:
+    """The parameters of a change, by name."""
+    return dict(flat(change))
+
+
+def _case(pair: PlannedPair) -> Json:
+    """What no column says."""
+    return {"Task": pair.task}
+
+
+def _arms(record: PairRecord) -> Json:
+    """A row a quantity, a column an arm."""
+    return {
+        title: {name: getattr(arm, field) for name, arm in record.arms.items()}
+        for title, field in (
+            ("Success", "success"),
+            ("Steps", "steps"),
+            ("Queries", "queries"),
+            ("Smallest distance to the trigger entity, m", "min_distance_m"),
+            ("Touches the trigger entity at the end", "contacts"),
+            ("Action components that were clipped", "clipped_components"),
+        )
+    }
+
+
+def _event(record: PairRecord) -> Iterator[tuple[str, Json]]:
+    schedule = record.arm(DYNAMIC).schedule or ()
+    trigger = record.trigger
+    happened: Json = {"Happened": trigger is not None}
+    if trigger is not None:
+        happened |= {
+            "After steps": trigger.step,
+            "Distance to the trigger entity, m": trigger.distance_m,
+            "Next query after steps": record.response_step,
+            "Stale actions": record.stale_actions,
+            "Digest of the prefix that the arms share": trigger.prefix_proof[:_DIGITS],
+        }
+    yield "Event", happened
+    for number, entry in enumerate(schedule, start=1):
+        which = f", {number} of {len(schedule)}" if len(schedule) > 1 else ""
+        asked = {**_named("trigger", entry.get("trigger")), **_named("", entry.get("change"))}
+        if asked:
+            yield f"Parameters{which}", asked
+    if trigger is not None:
+        yield from _evidence(trigger.evidence)
+
+
+def _evidence(evidence: Json) -> Iterator[tuple[str, Json]]:
+    before, after = (dict(flat(evidence.get(end) or {})) for end in ("before", "after"))
+    names = [name for name in {**before, **after} if name and before.get(name) != after.get(name)]
+    if names:
+        yield (
+            "What the event changed",
+            {name: {"before": before.get(name), "after": after.get(name)} for name in names},
+        )
+    rest = {key: value for key, value in evidence.items() if key not in ("before", "after", "operation")}
+    if rest:
+        yield "Evidence", parameters(rest)
+
+
+def _named(name: str, value: Any) -> Json:
+    return dict(flat(value, name)) if value else {}

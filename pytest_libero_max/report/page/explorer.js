@@ -1,0 +1,215 @@
+// Draws the controls and the table of cases, and keeps the fragment of the address in step with what is shown.
+
+class Explorer {
+  constructor(data, place) {
+    this.data = data;
+    this.table = new Table(data);
+    this.shown = data.columns.filter((column) => column.shown);
+    this.start = { ...emptyView(), chosen: data.start ?? {} };
+    this.place = place;
+    this.inputs = new Map();
+    this.status = element("p", { role: "status" });
+    this.head = element("tr");
+    this.body = element("tbody");
+    this.pages = element("div", { class: "pages" });
+    const caption = element("caption", {}, "Choose a name to see the case.");
+    place.append(
+      this.controls(),
+      this.status,
+      element("table", { class: "cases" }, caption, element("thead", {}, this.head), this.body),
+      this.pages,
+    );
+    window.addEventListener("hashchange", () => this.read());
+    this.read();
+    if (location.hash.startsWith(PREFIX)) place.scrollIntoView();
+  }
+
+  // The view that the address asks for.
+  read() {
+    this.view = location.hash.startsWith(PREFIX) ? this.table.view(location.hash) : { ...this.start };
+    if (this.view.open) this.view.page = this.pageOf(this.view.open);
+    this.draw();
+  }
+
+  change(changes) {
+    this.view = { ...this.view, page: 1, open: "", ...changes };
+    history.replaceState(null, "", this.table.fragment(this.view));
+    this.draw();
+  }
+
+  pageOf(item) {
+    const row = this.table.items.indexOf(item);
+    const place = this.table.sorted(this.table.rows(this.view), this.view.sort).indexOf(row);
+    return Math.floor(Math.max(place, 0) / PAGE_ROWS) + 1;
+  }
+
+  controls() {
+    const text = element("input", { type: "search", placeholder: "name, instruction, …" });
+    text.addEventListener("input", () => this.change({ words: text.value }));
+    this.inputs.set("q", text);
+    const control = (column) => (column.filter === "choice" ? this.choice(column) : this.range(column));
+    const filtered = this.data.columns.filter((column) => column.filter);
+    const more = filtered.filter((column) => column.more);
+    const orders = [["", "Name"], ...this.shown.flatMap(({ key, title }) => [[key, `${title} ↑`], [`-${key}`, `${title} ↓`]])];
+    const order = element("select", {}, ...orders.map(([value, title]) => element("option", { value }, title)));
+    order.addEventListener("change", () => this.change({ sort: order.value }));
+    this.inputs.set("sort", order);
+    const reset = element("button", { type: "button" }, "Show all");
+    reset.addEventListener("click", () => this.change(emptyView()));
+    this.more = element("details", {}, element("summary", {}, "More filters"), element("div", {}, ...more.map(control)));
+    return element(
+      "div",
+      { class: "filters", role: "search", "aria-label": "Cases" },
+      labelled("Text", text, "search"),
+      ...filtered.filter((column) => !column.more).map(control),
+      labelled("Order", order, "narrow-only"),
+      reset,
+      ...(more.length ? [this.more] : []),
+    );
+  }
+
+  choice(column) {
+    const select = element("select");
+    select.addEventListener("change", () => {
+      const chosen = { ...this.view.chosen };
+      if (select.value) chosen[column.key] = select.value;
+      else delete chosen[column.key];
+      this.change({ chosen });
+    });
+    this.inputs.set(column.key, select);
+    return labelled(column.title, select);
+  }
+
+  range(column) {
+    const bound = (end, word) => {
+      const input = element("input", { type: "number", step: "any", "aria-label": `${column.title}, ${word}` });
+      input.addEventListener("input", () => {
+        const bounds = { ...this.view[end] };
+        if (input.value === "") delete bounds[column.key];
+        else bounds[column.key] = Number(input.value);
+        this.change({ [end]: bounds });
+      });
+      this.inputs.set(`${column.key} ${end}`, input);
+      return input;
+    };
+    const legend = element("legend", {}, column.title);
+    return element("fieldset", {}, legend, bound("least", "at least"), " to ", bound("most", "at most"));
+  }
+
+  fillControls() {
+    const set = (input, value) => {
+      if (input !== document.activeElement || input.value === "") input.value = value;
+    };
+    set(this.inputs.get("q"), this.view.words);
+    this.inputs.get("sort").value = this.view.sort;
+    for (const column of this.data.columns) {
+      const { key } = column;
+      const used = key in this.view.chosen || key in this.view.least || key in this.view.most;
+      if (column.more && used) this.more.open = true;
+      if (column.filter === "range") {
+        for (const end of ["least", "most"]) set(this.inputs.get(`${column.key} ${end}`), this.view[end][column.key] ?? "");
+      }
+      if (column.filter !== "choice") continue;
+      const counts = this.table.counts(this.view, column.key);
+      const options = column.labels.map((label, place) =>
+        element("option", { value: label }, `${column.titles?.[place] ?? label} (${counts[place]})`),
+      );
+      const select = this.inputs.get(column.key);
+      select.replaceChildren(element("option", { value: "" }, "all"), ...options);
+      select.value = this.view.chosen[column.key] ?? "";
+    }
+  }
+
+  draw() {
+    const rows = this.table.sorted(this.table.rows(this.view), this.view.sort);
+    const last = Math.max(1, Math.ceil(rows.length / PAGE_ROWS));
+    this.view.page = Math.min(this.view.page, last);
+    const from = (this.view.page - 1) * PAGE_ROWS;
+    const page = rows.slice(from, from + PAGE_ROWS);
+    this.status.textContent = rows.length
+      ? `${rows.length} of ${this.table.items.length} cases; ${from + 1} to ${from + page.length} are shown.`
+      : `None of ${this.table.items.length} cases is like that.`;
+    this.fillControls();
+    this.drawHead();
+    this.body.replaceChildren(...page.flatMap((row) => this.row(row)));
+    this.drawPages(last);
+  }
+
+  drawHead() {
+    const focused = this.head.contains(document.activeElement) ? document.activeElement.dataset.key : null;
+    const column = (key, title, kind) => {
+      const [up, down] = [this.view.sort === key || (key === "item" && !this.view.sort), this.view.sort === `-${key}`];
+      const next = up ? `-${key}` : key === "item" ? "" : key;
+      const button = element("button", { type: "button", "data-key": key }, title + (up ? " ↑" : down ? " ↓" : ""));
+      button.addEventListener("click", () => this.change({ sort: next }));
+      const sort = up ? "ascending" : down ? "descending" : null;
+      return element("th", { scope: "col", class: kind, "aria-sort": sort }, button);
+    };
+    this.head.replaceChildren(column("item", "Case", null), ...this.shown.map((shown) => column(shown.key, shown.title, this.kind(shown))));
+    if (focused) this.head.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+  }
+
+  kind(column) {
+    return [column.labels ? "" : "number", column.secondary ? "secondary" : ""].filter(Boolean).join(" ") || null;
+  }
+
+  row(row) {
+    const item = this.table.items[row];
+    const open = this.view.open === item;
+    const button = element("button", { type: "button", "aria-expanded": String(open) }, ...breakable(item));
+    button.addEventListener("click", () => this.toggle(item));
+    const cells = this.shown.map((column) => {
+      const text = this.table.text(column, row);
+      const label = column.labels?.[column.at[row]];
+      return element("td", { class: this.kind(column) }, column.outcome ? element("span", { class: `outcome ${label}` }, text) : element("span", {}, ...breakable(text)));
+    });
+    const shown = element("tr", { class: open ? "open" : null }, element("th", { scope: "row" }, button), ...cells);
+    if (!open) return [shown];
+    return [shown, element("tr", {}, element("td", { colspan: cells.length + 1 }, detail(this.data, this.table, row)))];
+  }
+
+  toggle(item) {
+    this.change({ page: this.view.page, open: this.view.open === item ? "" : item });
+    for (const button of this.body.querySelectorAll("th button")) if (button.textContent === item) button.focus();
+  }
+
+  drawPages(last) {
+    const step = (title, page) => {
+      const button = element("button", { type: "button", disabled: page < 1 || page > last }, title);
+      button.addEventListener("click", () => (this.change({ page }), this.place.scrollIntoView()));
+      return button;
+    };
+    const now = this.view.page;
+    const text = element("span", {}, `Page ${now} of ${last}`);
+    this.pages.replaceChildren(...(last > 1 ? [step("Previous", now - 1), text, step("Next", now + 1)] : []));
+  }
+}
+
+let controls = 0;
+
+function labelled(title, control, kind = null) {
+  control.id = `control-${++controls}`;
+  return element("div", { class: `control ${kind ?? ""}` }, element("label", { for: control.id }, title), control);
+}
+
+// A name that may go on in the next line after each part.
+function breakable(name) {
+  return name.split(/(?<=[_-])/).flatMap((part, place) => (place ? [element("wbr"), part] : [part]));
+}
+
+// Names in the static tables become links to the cases that they count.
+function linkViews() {
+  for (const place of document.querySelectorAll("[data-view]")) {
+    const link = element("a", { href: PREFIX + place.dataset.view }, ...place.childNodes);
+    place.append(link);
+  }
+}
+
+document.documentElement.classList.add("scripted"); // shows what needs the script, hides what it replaces
+try {
+  linkViews();
+  new Explorer(JSON.parse(document.getElementById("cases-data").textContent), document.getElementById("cases"));
+} catch (error) {
+  document.documentElement.classList.remove("scripted");
+  throw error;
+}

@@ -1,0 +1,55 @@
+"""Where a run comes from, as rows of a page: when, how long, which policy, on which machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.store import StoredRun
+
+_NOT_RECORDED = "not recorded"
+
+
+def origin_rows(report: Json, stored: StoredRun) -> Iterator[tuple[str, str]]:
+    """Names and values. What an older version did not record is said to be so.
+
+    Args:
+        report: Of the run.
+        stored: The run.
+    """
+    origin = report["provenance"]
+    yield "date", origin.get("started") or _NOT_RECORDED
+    yield "time in pairs", _duration(stored)
+    policy = report["policy"]
+    if policy is not None:
+        yield "policy", f"{policy['name']}, revision {policy.get('revision') or _NOT_RECORDED}"
+        yield "actions", f"horizon {policy['horizon']}, a query after {policy['query_interval']}"
+    yield "named as", origin["policy"]["reference"]
+    if origin["policy"].get("profile"):
+        yield "profile", origin["policy"]["profile"]
+    machine = [str(value) for value in origin["platform"].values() if value]
+    found = {
+        f"{name} {record.fingerprints[name]}"
+        for record in stored.records
+        for name in ("gl_device", "blas")
+        if record.fingerprints.get(name)
+    }
+    yield "machine", ", ".join([*machine, *sorted(found)])
+    git = origin.get("git")
+    if git:
+        yield "repository", f"{git['commit'][:12]}{', with changes' if git['dirty'] else ''}"
+
+
+def _duration(stored: StoredRun) -> str:
+    """The sum of what the pairs took, which is more than passed where several workers played."""
+    seconds = sum(
+        value
+        for record in stored.records
+        for name, value in record.timings.items()
+        if name == "prefix_s" or name.startswith("arm_")
+    )
+    if not seconds:
+        return _NOT_RECORDED
+    minutes, rest = divmod(round(seconds), 60)
+    spelled = f"{minutes} min {rest} s" if minutes else f"{rest} s"
+    return f"{spelled} of {len(stored.records)} pairs, workers added up"
