@@ -209,6 +209,7 @@ class RunController:
                 "code": adapter_digest(settings.reference, settings.profile),
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
+                **({} if settings.profile is None else {"profile": settings.profile}),
             },
             substrate=self.substrate,
             case_set={

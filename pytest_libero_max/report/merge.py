@@ -91,6 +91,8 @@ def _provenance(runs: Mapping[str, StoredRun], planned: Iterable[str]) -> Json:
     for key, unknown in _MAY_DIFFER.items():
         if any(part.get(key) != parts[0].get(key) for part in parts):
             merged[key] = unknown
+    if "started" in merged:
+        merged["started"] = min(part.get("started") or merged["started"] for part in parts)
     merged.pop("selection", None)
     selections = [part["selection"] for part in parts if "selection" in part]
     if len(selections) == len(parts):

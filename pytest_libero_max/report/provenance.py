@@ -7,6 +7,7 @@ import platform
 import re
 import subprocess
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
@@ -39,6 +40,7 @@ def collect(
     command: Sequence[str],
     selection: Json | None = None,
     gl_backend: str | None = None,
+    started: datetime | None = None,
     folder: Path | None = None,
 ) -> Json:
     """Gather the provenance of a run. Imports none of the packages whose versions it names.
@@ -53,9 +55,12 @@ def collect(
         selection: What is played of the case set, see
             :meth:`pytest_libero_max.benchmark.selection.Selection.to_dict`; None leaves it unsaid.
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
+        started: When the run began, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
     """
+    begun = datetime.now(UTC) if started is None else started.astimezone(UTC)
     return {
+        "started": begun.isoformat(timespec="seconds"),
         "versions": {"python": platform.python_version(), **package_versions()},
         "platform": {
             "system": platform.system(),

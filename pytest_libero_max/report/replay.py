@@ -30,7 +30,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     provenance = run.run.provenance
     policy, cases, substrate = (provenance[name] for name in ("policy", "case_set", "substrate"))
     kind, _, name = cases["name"].partition(" ")
-    options: list[tuple[str, object]] = [("policy", policy["reference"])]
+    options: list[tuple[str, object]] = [("policy", policy["reference"]), ("profile", policy.get("profile"))]
     if kind in ("track", "manifest") and name:
         options.append((kind, cases.get("path", name)))
     options.append(("substrate", substrate["name"]))

@@ -195,5 +195,5 @@ _PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
     "policy": {"reference": TEXT, "horizon": POSITIVE.or_null, "query_interval": POSITIVE.or_null},
     "protocol": {"noise_floor": POSITIVE.or_null},
 }
-_SESSION = {"gl_backend": ANY_TEXT.or_null, "command": TEXTS}
+_SESSION = {"started": TEXT.or_null, "gl_backend": ANY_TEXT.or_null, "command": TEXTS}
 """What reports read of the provenance: its parts, and what pytest was started with."""

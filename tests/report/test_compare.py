@@ -68,6 +68,17 @@ def test_the_replay_command_plays_one_case_of_that_run() -> None:
     ]
 
 
+def test_the_replay_command_of_a_policy_behind_a_server_names_its_profile() -> None:
+    policy = {
+        "reference": "openpi://host:8000",
+        "profile": "mine.toml",
+        "horizon": None,
+        "query_interval": None,
+    }
+    command = replay_command(_run(ALWAYS, policy=policy))
+    assert command[1:3] == ["--libero-max-policy=openpi://host:8000", "--libero-max-profile=mine.toml"]
+
+
 def test_the_replay_command_of_a_genuine_run_names_all_that_it_played_on() -> None:
     run = _run(
         ALWAYS,

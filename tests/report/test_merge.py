@@ -68,6 +68,16 @@ def test_what_the_pieces_differ_in_is_not_claimed() -> None:
         assert merged.run.provenance == {**PROVENANCE, "command": [], "gl_backend": None}
 
 
+def test_a_merged_run_began_with_the_first_of_its_pieces() -> None:
+    dates = ("2026-05-02T10:00:00+00:00", "2026-05-01T23:00:00+00:00")
+    pieces = {
+        "a": _piece(PAIRS[:5], {**PROVENANCE, "started": dates[0]}),
+        "b": _piece(PAIRS[5:], {**PROVENANCE, "started": dates[1]}),
+    }
+    for names in permutations(pieces):
+        assert merge_runs({name: pieces[name] for name in names}).run.provenance["started"] == dates[1]
+
+
 @pytest.mark.parametrize("key", ["policy", "substrate", "case_set", "protocol", "versions"])
 def test_pieces_of_different_measurements_are_refused(key: str) -> None:
     other = {**PROVENANCE, key: {**PROVENANCE[key], "name": "another"}}

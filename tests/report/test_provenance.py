@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import pytest
@@ -69,9 +70,11 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
         case_set={"name": "track smoke", "digest": "ab"},
         protocol={"prefix": "fork"},
         command=["pytest"],
+        started=datetime(2026, 5, 1, 14, 30, tzinfo=timezone(timedelta(hours=2))),
         folder=tmp_path,
     )
     assert set(origin) == {
+        "started",
         "versions",
         "platform",
         "gl_backend",
@@ -82,6 +85,7 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
         "protocol",
         "command",
     }
+    assert origin["started"] == "2026-05-01T12:30:00+00:00"
     assert origin["gl_backend"] == "egl"
     assert origin["policy"] == {"reference": "~/a.py", "horizon": None}
     assert origin["versions"]["scipy"] is not None
