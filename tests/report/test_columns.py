@@ -44,7 +44,7 @@ def test_a_column_stands_in_every_file_it_names(column: Column) -> None:
         assert row[name] == ("" if number is None else str(number))
     if "summary" in column.tables:
         assert f"| {column.title} | {column.long(overall)} |" in markdown(REPORT)
-        assert f"<td>{column.title}</td><td>{column.long(overall)}</td>" in html(REPORT, [], [])
+        assert f"<th scope='row'>{column.title}</th><td>{column.long(overall)}</td>" in html(REPORT, [], [])
     if "narrow" in column.tables:
         assert f" {column.short_heading} " in latex_text(REPORT)
         assert column.latex(overall) in latex_text(REPORT)
