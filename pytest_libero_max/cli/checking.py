@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.errors import AdapterError
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.policies.contract import Policy
+
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
@@ -35,7 +38,6 @@ def add_commands(commands: Commands) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.policies.check import check_cameras
     from pytest_libero_max.policies.examination import examine, made_up
     from pytest_libero_max.policies.loading import load_policy
@@ -57,9 +59,10 @@ def _check(options: argparse.Namespace) -> int:
         )
     substrate = open_substrate(options.substrate, SubstrateOptions())
     try:
-        world = substrate.world(load_track("smoke").cases[0])
+        case = _case_for(policy)
+        world = substrate.world(case)
         check_cameras(policy, world)
-        shown = made_up(policy, world)
+        shown = made_up(policy, world, case.suite)
     finally:
         substrate.close()
     spec = policy.spec
@@ -76,3 +79,10 @@ def _check(options: argparse.Namespace) -> int:
     wrong = [finding for finding in findings if finding.level == "wrong"]
     print(f"{len(wrong)} wrong, {sum(finding.level == 'note' for finding in findings)} to look at")
     return 1 if wrong else 0
+
+
+def _case_for(policy: Policy) -> Case:
+    """The first case of ``smoke`` that the policy supports; every suite is in that track."""
+    from pytest_libero_max.benchmark.tracks import load_track
+
+    return next(case for case in load_track("smoke").cases if policy.spec.supports(case.suite))

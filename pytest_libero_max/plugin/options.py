@@ -167,9 +167,9 @@ OPTIONS = (
     Option(
         "policy",
         "ADAPTER",
-        "Policy to test: the name of a policy (expert, stale_expert, noop, random), FILE.py, FILE.py:NAME or "
-        "PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a profile); given on the "
-        "command line without test paths, every pair of the track is "
+        "Policy to test: the name of a policy (expert, stale_expert, servo, noop, random), FILE.py, "
+        "FILE.py:NAME or PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a "
+        "profile); given on the command line without test paths, every pair of the track is "
         "collected; given in the ini file, pytest libero-max plays them, and so does testpaths = libero-max",
         _text,
     ),

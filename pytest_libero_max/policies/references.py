@@ -20,7 +20,7 @@ DEFAULT_NAME = "policy"
 GROUP = "pytest_libero_max.policies"
 """Entry point group by which an installed package offers policies by name."""
 
-BUILT_IN = ("expert", "stale_expert", "noop", "random")
+BUILT_IN = ("expert", "stale_expert", "servo", "noop", "random")
 """Names of the policies that ship with the package."""
 
 

@@ -61,8 +61,8 @@ def test_a_misspelt_name_is_told_the_closest(text: str, meant: str | None) -> No
     if meant is not None:
         assert str(caught.value) == (
             f"policy={text!r} is neither the name of a policy nor a module on the import path. Did you mean "
-            f"{meant!r}? Known: expert, noop, random, stale_expert. For an adapter of your own, give its "
-            f"file: {text}.py."
+            f"{meant!r}? Known: expert, noop, random, servo, stale_expert. For an adapter of your own, give "
+            f"its file: {text}.py."
         )
 
 
