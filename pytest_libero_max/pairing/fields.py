@@ -92,6 +92,10 @@ def _is_distance(value: Any) -> bool:
     return type(value) in (float, int) and 0 <= value <= LARGEST and isfinite(value)
 
 
+def _is_counts(value: Any) -> bool:
+    return type(value) is dict and all(map(COUNT.holds, value.values()))
+
+
 FLAG = Rule("true or false", lambda value: type(value) is bool)
 TEXT = Rule("text that is not empty", lambda value: type(value) is str and value != "")
 ANY_TEXT = Rule("text", lambda value: type(value) is str)
@@ -100,6 +104,7 @@ POSITIVE = Rule("an integer of at least 1", lambda value: type(value) is int and
 DISTANCE = Rule("a number of at least 0", _is_distance)
 SHA256 = Rule("64 hexadecimal digits", lambda value: type(value) is str and _is_sha256(value) is not None)
 PROOF = Rule("hexadecimal digits", lambda value: type(value) is str and _is_hexadecimal(value) is not None)
+COUNTS = Rule("an object of integers of at least 0", _is_counts)
 TEXTS = listed("texts", ANY_TEXT.holds)
 OBJECT = Rule("an object", lambda value: type(value) is dict)
 NAMED_TEXTS = Rule("an object of texts", _is_texts)

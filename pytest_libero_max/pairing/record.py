@@ -5,7 +5,7 @@ Version 2 holds one entry an arm. Version 1 held one pair as flat fields and is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -27,6 +27,7 @@ from pytest_libero_max.pairing.version_1 import from_version_1
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.rollout import RolloutResult
+    from pytest_libero_max.pairing.stage import Answer
     from pytest_libero_max.policies.contract import PolicySpec
 
 RECORD_VERSION = 2
@@ -81,6 +82,8 @@ class ArmRecord:
         proof: The hash chain over the whole rollout, changes included, hexadecimal.
         shares: The earlier arm that this one equals bit for bit, because nothing happened in it that did not
             in the other: it was not played a second time. None for an arm that was played.
+        notes: What a wrapper around the policy counted, summed over the queries of Base, or over those after
+            the first firing of another arm; by name. Absent without such a wrapper.
     """
 
     schedule: tuple[Json, ...] | None
@@ -96,6 +99,7 @@ class ArmRecord:
     contacts: tuple[str, ...] | None
     proof: str | None
     shares: str | None
+    notes: Mapping[str, int] | None = None
 
     @property
     def clipped_share(self) -> float | None:
@@ -139,11 +143,14 @@ class ArmRecord:
             contacts=rollout.contacts,
             proof=rollout.proof,
             shares=None if first == arm.name else first,
+            notes=_summed(rollout.answers[rollout.firings[0].queries if rollout.firings else 0 :]),
         )
 
     def to_dict(self) -> Json:
-        """JSON types only."""
+        """JSON types only; without ``notes`` where there are none."""
         values = asdict(self)
+        if values["notes"] is None:
+            del values["notes"]
         for name in ("schedule", "firings", "contacts"):
             values[name] = None if values[name] is None else list(values[name])
         return values
@@ -155,6 +162,7 @@ class ArmRecord:
         Raises:
             ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one.
         """
+        values = {"notes": None, **values} if type(values) is dict else values
         check_fields(values, ARM_FIELDS, "arm")
         firings = tuple(
             FiringRecord(**check_fields(firing, FIRING_FIELDS, "firing")) for firing in values["firings"]
@@ -165,6 +173,13 @@ class ArmRecord:
         arm = cls(**{**values, **lists, "firings": firings})
         require_consistent_arm(arm)
         return arm
+
+
+def _summed(answers: Sequence[Answer]) -> dict[str, int] | None:
+    """The notes of some queries, added up; None where nothing was noted."""
+    noted = [answer.notes for answer in answers if answer.notes is not None]
+    names = sorted({name for notes in noted for name in notes})
+    return {name: sum(notes.get(name, 0) for notes in noted) for name in names} if noted else None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pytest_libero_max.pairing.fields import (
     ANY_TEXT,
     ARMS,
     COUNT,
+    COUNTS,
     DISTANCE,
     FLAG,
     LARGEST,
@@ -72,6 +73,7 @@ ARM_FIELDS = {
     "contacts": TEXTS.or_null,
     "proof": PROOF.or_null,
     "shares": TEXT.or_null,
+    "notes": COUNTS.or_null,
 }
 FIRING_FIELDS = {
     "step": COUNT,

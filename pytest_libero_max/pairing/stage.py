@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -38,11 +39,13 @@ class Answer:
         index: Number of the query in the episode, from 0.
         step: Policy steps executed before it.
         actions: (n, 7), Q <= n <= H.
+        notes: What a wrapper around the policy counted at the query, by name; None where it counts nothing.
     """
 
     index: int
     step: int
     actions: Actions
+    notes: Mapping[str, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,10 @@ class Stage:
         require_spec(self.policy, spec, where)
         self._require_unaltered(before, where)
         # The numbers are ours: the policy has had the query in its hands.
-        return Answer(index, step, actions)
+        for name, seconds in getattr(self.policy, "query_seconds", {}).items():
+            self.clock.add(name, seconds)
+        notes = getattr(self.policy, "query_notes", None)
+        return Answer(index, step, actions, None if notes is None else dict(notes))
 
     def _waited_s(self) -> float:
         """How long a policy behind a server has waited for it to come back, s; 0 for every other policy."""

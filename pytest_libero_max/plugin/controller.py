@@ -210,6 +210,7 @@ class RunController:
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
                 **({} if settings.profile is None else {"profile": settings.profile}),
+                **({} if settings.restore == "native" else {"restore": settings.restore}),
             },
             substrate=self.substrate,
             case_set={

@@ -39,6 +39,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
     """The policy under test, loaded once a worker."""
     from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.loading import load_policy
+    from pytest_libero_max.policies.restoration import with_restoration
 
     settings = libero_max_settings
     if settings.policy is None:
@@ -48,12 +49,13 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
             pytrace=False,
         )
     try:
-        return load_policy(
+        policy = load_policy(
             settings.policy,
             horizon=settings.horizon,
             query_interval=settings.query_interval,
             profile=settings.profile,
         )
+        return with_restoration(policy, settings.restore)
     except BaseException as error:
         if isinstance(error, Exception) or ends_the_session(error):
             raise

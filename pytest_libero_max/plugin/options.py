@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.studies.study import Study
 
 PREFIX_MODES = ("fork", "replay")
+RESTORE_MODES = ("native", "gated", "always")
 STRICT_MODES = ("regression",)
 TRACE_MODES = ("none", "regression", "all")
 FILM_MODES = ("none", *FILM_SELECTIONS)
@@ -269,6 +270,14 @@ OPTIONS = (
     Option("horizon", "ACTIONS", "Override H, the most actions a query returns", _positive),
     Option("query-interval", "ACTIONS", "Override Q, the actions executed before the next query", _positive),
     Option(
+        "restore",
+        "MODE",
+        "Restore the images before the policy sees them, by what they show alone: native (never), gated "
+        "(those that look damaged) or always",
+        _one_of(*RESTORE_MODES),
+        "native",
+    ),
+    Option(
         "strict",
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
@@ -386,6 +395,7 @@ class Settings:
     study: Study | None
     horizon: int | None
     query_interval: int | None
+    restore: Literal["native", "always", "gated"]
     strict: str | None
     traces: str
     film: str

@@ -42,6 +42,7 @@ class PolicySpec:
             are skipped, and neither played nor failed.
         control: What its actions are: movements (``delta``), or poses of the grip site in the world
             (``absolute``: position in m, axis times angle in rad).
+        wrappers: What is around the policy, from the inside out, for example ``restore=gated``.
 
     Raises:
         AdapterError: A value breaks its rule.
@@ -57,6 +58,7 @@ class PolicySpec:
     revision: str | None = None
     suites: tuple[str, ...] | None = None
     control: Control = "delta"
+    wrappers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -122,11 +124,13 @@ class PolicySpec:
         return count
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as JSON types; without ``suites`` if it is None, without ``control`` if it is delta."""
+        """The fields as JSON types; without ``suites``, ``control`` and ``wrappers`` at their defaults."""
         values = {**asdict(self), "cameras": list(self.cameras)}
-        suites, control = values.pop("suites"), values.pop("control")
+        suites, control, wrappers = (values.pop(name) for name in ("suites", "control", "wrappers"))
         if suites is not None:
             values["suites"] = list(suites)
+        if wrappers:
+            values["wrappers"] = list(wrappers)
         return values if control == "delta" else {**values, "control": control}
 
 

@@ -192,7 +192,12 @@ _PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
     "platform": {},
     "substrate": {"name": TEXT},
     "case_set": {"name": TEXT, "digest": TEXT},
-    "policy": {"reference": TEXT, "horizon": POSITIVE.or_null, "query_interval": POSITIVE.or_null},
+    "policy": {
+        "reference": TEXT,
+        "horizon": POSITIVE.or_null,
+        "query_interval": POSITIVE.or_null,
+        "restore": TEXT.or_null,
+    },
     "protocol": {"noise_floor": POSITIVE.or_null},
 }
 _SESSION = {"started": TEXT.or_null, "gl_backend": ANY_TEXT.or_null, "command": TEXTS}

@@ -196,7 +196,8 @@ def _policy(report: Json) -> str:
         return str(report["provenance"]["policy"]["reference"])
     privileged = ", privileged" if spec["privileged"] else ""
     control = f", {spec['control']} control" if "control" in spec else ""
-    return f"{spec['name']} (H={spec['horizon']} Q={spec['query_interval']}{privileged}{control})"
+    wrappers = "".join(f", {words}" for words in spec.get("wrappers", ()))
+    return f"{spec['name']} (H={spec['horizon']} Q={spec['query_interval']}{privileged}{control}{wrappers})"
 
 
 def _written(paths: Sequence[str]) -> list[str]:

@@ -1,0 +1,112 @@
+"""How damaged an image is, judged by the image alone: its noise, and the black areas that cover it.
+
+The limits are the paper's (its sensor-restoration study). It does not name its high-pass filter; here it is
+that of Immerkær (Fast noise variance estimation, 1996), which answers 0 to constant and linear brightness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.worlds.contract import Image
+
+Mask = NDArray[np.uint8]
+"""(H, W): 1 where an image is covered, 0 elsewhere."""
+
+NOISE_LIMIT = 12.0
+"""Estimated noise from which an image counts as damaged, grey levels."""
+COVERED_LIMIT = 0.035
+"""Covered share of the image from which it counts as damaged."""
+BLACK = 2
+"""The largest value that any channel of a covered pixel has."""
+LEAST_SHARE, LEAST_SIDE_PX, LEAST_FILL = 0.002, 8, 0.85
+"""What a black area must at least have to count as a cover: its share of the image, both sides of its
+bounding box, and its share of that box."""
+MOST_COVERED = 0.3
+"""Share of the image above which no cover is believed, and none is marked."""
+
+_HIGH_PASS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+_GAIN = 6.0  # root of the sum of the squares above: what the filter makes of independent noise
+_MEDIAN_OF_NORMAL = 0.6744897501960817  # of the absolute value, in standard deviations
+_GREEN = 1
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What is wrong with an image.
+
+    Attributes:
+        noise: Standard deviation of the noise, grey levels, 0 to 255.
+        mask: What is covered.
+    """
+
+    noise: float
+    mask: Mask
+
+    @property
+    def covered(self) -> float:
+        """Share of the image that is covered, 0 to 1."""
+        return float(self.mask.mean())
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether the noise reaches its limit."""
+        return self.noise >= NOISE_LIMIT
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether what is covered reaches its limit."""
+        return self.covered >= COVERED_LIMIT
+
+    @property
+    def damaged(self) -> bool:
+        """Whether the image is to be restored."""
+        return self.is_noisy or self.is_covered
+
+
+def assess(image: Image) -> Quality:
+    """Judge an image.
+
+    Args:
+        image: (H, W, 3) uint8, in any orientation.
+    """
+    mask = cover_of(image)
+    return Quality(noise_of(image, mask), mask)
+
+
+def cover_of(image: Image) -> Mask:
+    """The black rectangles that cover an image."""
+    import cv2
+
+    black = (image.max(axis=2) <= BLACK).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(black, connectivity=8)
+    mask = np.zeros(black.shape, dtype=np.uint8)
+    for number in range(1, count):
+        width, height, area = (
+            int(stats[number, k]) for k in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_AREA)
+        )
+        if (
+            area >= LEAST_SHARE * black.size
+            and min(width, height) >= LEAST_SIDE_PX
+            and area >= LEAST_FILL * width * height
+        ):
+            mask[labels == number] = 1
+    return mask if mask.mean() <= MOST_COVERED else np.zeros_like(mask)
+
+
+def noise_of(image: Image, mask: Mask) -> float:
+    """The standard deviation of the noise outside what is covered, and outside its edges, grey levels.
+
+    The median of the filter's answers is hardly moved by the few that come from edges of things. Noise that
+    was cut off at 0 or 255 is missing from it.
+    """
+    import cv2
+
+    green = np.ascontiguousarray(image[..., _GREEN]).astype(np.float32)
+    response = np.abs(cv2.filter2D(green, cv2.CV_32F, _HIGH_PASS))
+    near = cv2.dilate(mask, np.ones((3, 3), dtype=np.uint8)) if mask.any() else mask
+    clear = response[1:-1, 1:-1][near[1:-1, 1:-1] == 0]
+    return float(np.median(clear)) / (_MEDIAN_OF_NORMAL * _GAIN) if clear.size else 0.0

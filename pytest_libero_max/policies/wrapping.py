@@ -1,0 +1,61 @@
+"""A policy around another one: what both have in common, so that a wrapper only writes what it changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
+from pytest_libero_max.worlds.contract import Observation
+
+
+class WrappedPolicy:
+    """Hands everything on to the policy inside. Its spec names the wrapper.
+
+    Memory, waiting times, ``close`` and all else that the policy inside offers are offered likewise, but for
+    ``predict_batch``: the queries of a wrapped policy are answered one by one.
+
+    Attributes:
+        inner: The policy inside.
+        spec: Its spec with the wrapper's words in ``wrappers``.
+
+    Args:
+        policy: The policy inside.
+        words: What the wrapper is, and how it is set, for example ``restore=gated``.
+    """
+
+    def __init__(self, policy: Policy, words: str) -> None:
+        self.inner = policy
+        self.spec: PolicySpec = replace(policy.spec, wrappers=(*policy.spec.wrappers, words))
+        for name in (
+            "snapshot",
+            "restore",
+            "close",
+        ):  # looked up on the object itself by a Protocol's isinstance
+            if hasattr(policy, name):
+                setattr(self, name, getattr(policy, name))
+        if hasattr(policy, "model_inputs"):
+            self.model_inputs = self._model_inputs
+
+    def reset(self, episode: Episode) -> None:
+        """A new episode begins."""
+        self.inner.reset(episode)
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        """Actions for the coming steps."""
+        return self.inner.predict(self.seen(observation), query)
+
+    def seen(self, observation: Observation) -> Observation:
+        """What the policy inside is shown in place of an observation."""
+        return observation
+
+    def _model_inputs(self, observation: Observation, query: Query) -> Any:
+        return self.inner.model_inputs(self.seen(observation), query)  # type: ignore[attr-defined]
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("inner", "predict_batch"):
+            raise AttributeError(name)
+        return getattr(self.inner, name)
