@@ -1,12 +1,13 @@
-"""The command that films recorded pairs: film."""
+"""The commands that play recorded pairs again to show them: film and rerun."""
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_libero_max.cli.substrates import add_libero
 from pytest_libero_max.cli.work import Work
@@ -14,13 +15,17 @@ from pytest_libero_max.errors import LiberoMaxError, OptionError
 from pytest_libero_max.report.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.benchmark.documents import Json
     from pytest_libero_max.pairing.record import PairRecord
+    from pytest_libero_max.pairing.trace import ArmTrace
+    from pytest_libero_max.worlds.contract import World
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_commands(commands: Commands) -> None:
-    """Add ``film`` to the parser."""
+    """Add ``film`` and ``rerun`` to the parser."""
     film = commands.add_parser(
         "film",
         help="Film pairs of a run: all arms side by side, both cameras",
@@ -28,24 +33,7 @@ def add_commands(commands: Commands) -> None:
         "reaches the recorded digests. The run must have kept traces (--libero-max-traces). Without the "
         "extra film (PyAV), films are animated WebP. Exit status 1 if a film was refused.",
     )
-    film.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
-    film.add_argument("cases", nargs="*", metavar="CASE", help="Ids of pairs (default: see --select)")
-    film.add_argument(
-        "--select",
-        default="regressions",
-        choices=FILM_SELECTIONS,
-        help="Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces "
-        "(default: %(default)s)",
-    )
-    film.add_argument(
-        "--output", type=Path, metavar="FOLDER", help="Where films are written (default: films in RUN)"
-    )
-    film.add_argument(
-        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
-    )
-    film.add_argument(
-        "--every", type=int, default=1, metavar="STEPS", help="Show every so many steps (default: 1)"
-    )
+    _add_pairs(film, "films")
     film.add_argument(
         "--format", choices=FILM_FORMATS, help="Default: mp4 if PyAV is installed, otherwise webp"
     )
@@ -66,68 +54,174 @@ def add_commands(commands: Commands) -> None:
         metavar="NAME|PATH",
         help="With --view=saw: the profile of the run's server, if it is none of this package's",
     )
-    film.add_argument("--overwrite", action="store_true", help="Replace films that are there already")
-    film.add_argument(
+    film.set_defaults(run=_film)
+
+    rerun = commands.add_parser(
+        "rerun",
+        help="Write pairs of a run for the viewer of Rerun (.rrd)",
+        description="The recorded actions are played again, as for films, and arms, cameras, poses, actions, "
+        "queries and event are put on one timeline. Needs the extra rerun. Exit status 1 if a file was "
+        "refused.",
+    )
+    _add_pairs(rerun, "rerun")
+    rerun.set_defaults(run=_rerun)
+
+
+def _add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
+    """Let a command be told which pairs are played again, and how.
+
+    Args:
+        command: The command.
+        folder: Where its files go, in the folder of the run.
+    """
+    command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
+    command.add_argument("cases", nargs="*", metavar="CASE", help="Ids of pairs (default: see --select)")
+    command.add_argument(
+        "--select",
+        default="regressions",
+        choices=FILM_SELECTIONS,
+        help="Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces "
+        "(default: %(default)s)",
+    )
+    command.add_argument(
+        "--output", type=Path, metavar="FOLDER", help=f"Where files are written (default: {folder} in RUN)"
+    )
+    command.add_argument(
+        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
+    )
+    command.add_argument(
+        "--every", type=int, default=1, metavar="STEPS", help="Show every so many steps (default: 1)"
+    )
+    command.add_argument("--overwrite", action="store_true", help="Replace files that are there already")
+    command.add_argument(
         "--cases",
         dest="case_set",
         metavar="TRACK|MANIFEST",
         help="Where the cases are, if not where the run says",
     )
-    add_libero(film)
-    film.set_defaults(run=_film)
+    add_libero(command)
 
 
 def _film(options: argparse.Namespace) -> int:
+    from pytest_libero_max.films.recorded import film_pair, film_path
+    from pytest_libero_max.films.saw import shown_by
+
+    saw = options.view == "saw"
+    if not saw and (options.adapter or options.profile):
+        raise OptionError("--adapter and --profile say what the policy saw: give --view=saw as well.")
+    made = _each(
+        options,
+        "films",
+        lambda folder, record: film_path(folder, record, options.format, options.view),
+        lambda ran: partial(
+            film_pair, shown=shown_by(ran, options.adapter, options.profile) if saw else None
+        ),
+    )
+    if made.files and options.output is None and not saw:
+        print(f"libero-max report {options.run_folder} links the films in report.html.")
+    return made.exit_status
+
+
+def _rerun(options: argparse.Namespace) -> int:
+    from pytest_libero_max.films.recorded import record_pair
+    from pytest_libero_max.report.media import RERUN_NAME
+
+    made = _each(
+        options,
+        RERUN_NAME,
+        lambda folder, record: folder / f"{record.item_id}.rrd",
+        lambda ran: record_pair,
+    )
+    return made.exit_status
+
+
+class _Made(NamedTuple):
+    """What came of it.
+
+    Attributes:
+        files: How many files are there.
+        refused: How many are not.
+    """
+
+    files: int
+    refused: int
+
+    @property
+    def exit_status(self) -> int:
+        return 1 if self.refused else 0
+
+
+def _each(
+    options: argparse.Namespace,
+    name: str,
+    path_of: Callable[[Path, PairRecord], Path],
+    how: Callable[[Json], Callable[..., None]],
+) -> _Made:
+    """Play the chosen pairs again and write a file for each.
+
+    Args:
+        options: See :func:`_add_pairs`.
+        name: Of the folder for the files, in that of the run.
+        path_of: Path of the file of a pair, in a folder.
+        how: What writes it, for a run of this policy (``policy`` of its provenance).
+    """
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in a run: the last bits depend on it
-    from pytest_libero_max.films.recorded import chosen, film_path, open_recorded
-    from pytest_libero_max.films.saw import shown_by
+    from pytest_libero_max.films.recorded import chosen, open_recorded
 
-    for name, least in (("size", 32), ("every", 1)):
-        if getattr(options, name) < least:
-            raise OptionError(f"--{name}={getattr(options, name)}, but must be at least {least}.")
-    if options.view != "saw" and (options.adapter or options.profile):
-        raise OptionError("--adapter and --profile say what the policy saw: give --view=saw as well.")
-    refused = 0
+    for option, least in (("size", 32), ("every", 1)):
+        if getattr(options, option) < least:
+            raise OptionError(f"--{option}={getattr(options, option)}, but must be at least {least}.")
     where = options.run_folder, options.case_set, options.libero, options.libero_assets
+    how_drawn = {"size": options.size, "every": options.every, "overwrite": options.overwrite}
+    refused = 0
     with open_recorded(*where) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
-        policy = run.stored.run.provenance["policy"]
-        shown = shown_by(policy, options.adapter, options.profile) if options.view == "saw" else None
-        folder = options.output or run.folder / "films"
+        write = how(run.stored.run.provenance["policy"])
         for number, record in enumerate(records, start=1):
-            path, place = film_path(folder, record, options.format, options.view), f"{number}/{len(records)}"
-            begin = time.perf_counter()
+            path = path_of(options.output or run.folder / name, record)
+            place, begin = f"{number}/{len(records)}", time.perf_counter()
             if path.exists() and not options.overwrite:
                 work.say(f"{place} {path} is there already; --overwrite makes it again")
                 continue
             told = partial(_tell, work, number - 1, len(records), record)
             try:
-                run.film(record, path, options.size, options.every, options.overwrite, told, shown)
+                run.again(record, partial(_write, write, path, record, told, how_drawn))
             except LiberoMaxError as error:
                 refused += 1
-                work.say(f"{place} no film: {error}")
+                work.say(f"{place} refused: {error}")
             else:
                 seconds, kilobytes = time.perf_counter() - begin, path.stat().st_size / 1000
                 work.say(f"{place} {path} ({kilobytes:.0f} kB, {seconds:.1f} s)")
-    if options.output is None and options.view == "world" and refused < len(records):
-        print(f"libero-max report {options.run_folder} links the films in report.html.")
     if not records:
         print(f"No pair of this run is selected by --select={options.select}.")
-    return 1 if refused else 0
+    return _Made(len(records) - refused, refused)
 
 
-def _tell(work: Work, before: int, films: int, record: PairRecord, step: int) -> None:
-    """Show how far the filming is.
+def _write(
+    write: Callable[..., None],
+    path: Path,
+    record: PairRecord,
+    told: Callable[[int], None],
+    how_drawn: Json,
+    case: Case,
+    world: World,
+    traces: Mapping[str, ArmTrace],
+) -> None:
+    write(path, case, world, record, traces, on_step=told, **how_drawn)
+
+
+def _tell(work: Work, before: int, files: int, record: PairRecord, step: int) -> None:
+    """Show how far the work is.
 
     Args:
         work: Where.
-        before: Films that are finished.
-        films: All films.
-        record: The pair that is being filmed.
+        before: Files that are finished.
+        files: All files.
+        record: The pair that is being played again.
         step: Policy steps of it that are drawn.
     """
     steps = max(arm.steps or 0 for arm in record.arms.values())
-    left = work.left(before + step / max(steps, 1), films)
-    work.show(f"film {before + 1} of {films}, step {step} of {steps}{left}: {record.item_id}")
+    left = work.left(before + step / max(steps, 1), files)
+    work.show(f"{before + 1} of {files}, step {step} of {steps}{left}: {record.item_id}")

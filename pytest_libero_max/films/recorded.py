@@ -90,6 +90,39 @@ def film_pair(
     write_film(path, film_frames(record, traces, ticks, size, caption), CONTROL_HZ / every, overwrite)
 
 
+def record_pair(
+    path: Path,
+    case: Case,
+    world: World,
+    record: PairRecord,
+    traces: Mapping[str, ArmTrace],
+    *,
+    size: int = SIZE_PX,
+    every: int = 1,
+    overwrite: bool = False,
+    on_step: Callable[[int], None] | None = None,
+) -> None:
+    """Play a recorded pair again and write it for Rerun, or nothing at all.
+
+    Args:
+        path: Ends in ``.rrd``; otherwise as for :func:`film_pair`, which raises the same errors.
+        case: As there.
+        world: As there.
+        record: As there.
+        traces: As there.
+        size: As there.
+        every: As there.
+        overwrite: As there.
+        on_step: As there.
+    """
+    from pytest_libero_max.films.rerun_file import scenes, write_recording
+
+    ticks = play_again(case, world, record, traces, scenes(size), every)
+    if on_step is not None:
+        ticks = _told(ticks, on_step)
+    write_recording(path, record, traces, ticks, overwrite)
+
+
 def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
     for tick in ticks:
         on_step(tick.step)
@@ -126,21 +159,17 @@ class RecordedRun:
             )
         return read_trace(path, record)
 
-    def film(
-        self,
-        record: PairRecord,
-        path: Path,
-        size: int,
-        every: int,
-        overwrite: bool,
-        on_step: Callable[[int], None] | None = None,
-        shown: Shown | None = None,
-    ) -> None:
-        """Write the film of a pair; see :func:`film_pair`.
+    def again(self, record: PairRecord, use: Callable[[Case, World, Mapping[str, ArmTrace]], None]) -> None:
+        """Do something for which a pair is played again, for example :func:`film_pair`.
+
+        Args:
+            record: The pair.
+            use: Plays it again; is given its case, its world and the traces of its arms.
 
         Raises:
             ProtocolError: The replay does not reach the recorded digests; names what differs from then.
-            ReportError: What is needed is missing, or the film is there already or cannot be written.
+            ReportError: What is needed is missing, or a file is there already or cannot be written.
+            AdapterError: What the policy saw cannot be made.
             SubstrateError: The substrate cannot build the scene.
             ChangeError: A change does not fit this world.
             SimulatorError: The simulation broke, or the renderer does not answer.
@@ -149,20 +178,8 @@ class RecordedRun:
         if case is None:
             raise ReportError(f"{record.item_id} is not among the cases of the run's track or manifest.")
         traces = self.traces(record)
-        world = self.substrate.world(case)
         try:
-            film_pair(
-                path,
-                case,
-                world,
-                record,
-                traces,
-                size=size,
-                every=every,
-                overwrite=overwrite,
-                on_step=on_step,
-                shown=shown,
-            )
+            use(case, self.substrate.world(case), traces)
         except ProtocolError as error:
             raise ProtocolError(f"{error} {self._differences(record)}") from error
 

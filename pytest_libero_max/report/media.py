@@ -7,6 +7,7 @@ from pathlib import Path
 
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
+RERUN_NAME = "rerun"
 CRASHES_NAME = "crashes"
 """What processes said that died."""
 PICTURES_NAME = "pictures"
@@ -73,7 +74,8 @@ def _camera_then_when(path: Path) -> tuple[str, bool]:
 
 
 def kept_beside(folder: Path) -> list[str]:
-    """Names of the folders of traces, films and crashes that a run has filled."""
+    """Names of the folders of traces, films, recordings and crashes that a run has filled."""
     traces = [TRACES_NAME] if any((folder / TRACES_NAME).glob("*.npz")) else []
     crashes = [CRASHES_NAME] if any((folder / CRASHES_NAME).glob("*.txt")) else []
-    return traces + ([FILMS_NAME] if _films(folder) else []) + crashes
+    recordings = [RERUN_NAME] if any((folder / RERUN_NAME).glob("*.rrd")) else []
+    return traces + ([FILMS_NAME] if _films(folder) else []) + recordings + crashes
