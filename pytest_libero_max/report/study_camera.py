@@ -16,8 +16,8 @@ from pytest_libero_max.stats.conditions import (
     Conditions,
     Contrast,
     GroupInterval,
-    contrast,
-    contrast_of_contrasts,
+    contrasts,
+    contrasts_of_contrasts,
 )
 from pytest_libero_max.stats.intervals import MeanChange, mean_change
 from pytest_libero_max.stats.outcomes import BoolArray
@@ -42,6 +42,7 @@ def camera_json(study: CameraTiming, records: Sequence[PairRecord], tasks: Seque
         tasks,
         [_configuration(record) for record in records],
     )
+    pairs = _pairs(study)
     return {
         "conditions": labels,
         "rates": {arm: _rate_json(conditions, arm) for arm in labels},
@@ -50,8 +51,8 @@ def camera_json(study: CameraTiming, records: Sequence[PairRecord], tasks: Seque
             for flags, count in conditions.joint().items()
         ],
         "contrasts": [
-            {"first": first, "second": second, **_contrast_json(contrast(conditions, first, second))}
-            for first, second in _pairs(study)
+            {"first": first, "second": second, **_contrast_json(found)}
+            for (first, second), found in zip(pairs, contrasts(conditions, pairs), strict=True)
         ],
         "gap_contrasts": _gaps(study, conditions),
         "approach": {
@@ -83,12 +84,13 @@ def _pairs(study: CameraTiming) -> list[tuple[str, str]]:
 
 def _gaps(study: CameraTiming, conditions: Conditions) -> list[Json]:
     """Mid-task less Reset at one strength, less the same at another."""
-    rows = []
-    for one, other in combinations(study.strengths, 2):
-        gap = {share: (at_strength(DYNAMIC, share), at_strength(RESET, share)) for share in (one, other)}
-        found = contrast_of_contrasts(conditions, gap[other], gap[one])
-        rows.append({"first": f"{other:g}", "second": f"{one:g}", **_contrast_json(found)})
-    return rows
+    gap = {share: (at_strength(DYNAMIC, share), at_strength(RESET, share)) for share in study.strengths}
+    pairs = list(combinations(study.strengths, 2))
+    found = contrasts_of_contrasts(conditions, [(gap[other], gap[one]) for one, other in pairs])
+    return [
+        {"first": f"{other:g}", "second": f"{one:g}", **_contrast_json(row)}
+        for (one, other), row in zip(pairs, found, strict=True)
+    ]
 
 
 def _approach(records: Sequence[PairRecord], reset_arm: str, middle_arm: str) -> Json:

@@ -21,7 +21,7 @@ from pytest_libero_max.report.svg import (
     text,
 )
 
-_ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 220, 420, 170, 34
+_ROW, _LABEL, _PLOT, _TOP = 26, 220, 420, 34
 _LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
 
 
@@ -59,6 +59,7 @@ def study_figures(study: Json | None) -> dict[str, str]:
 def contrast_plot(study: Json) -> str:
     """Every contrast with its interval and its gains and losses, one row each."""
     labels, rows = study["conditions"], study["contrasts"]
+    head = _LABEL + _PLOT + 16
     shapes: list[str] = []
     for tick in range(-100, 101, 50):
         x = _signed(tick / 100)
@@ -70,15 +71,21 @@ def contrast_plot(study: Json) -> str:
         y = _TOP + _ROW * (index + 0.5)
         color = LOSS if row["value"] < 0 else GAIN if row["value"] > 0 else NEUTRAL
         name = f"{labels[row['first']]} - {labels[row['second']]}"
-        note = f"{points(row['value'])} {interval_text(row, signed=True)}  +{row['gains']} -{row['losses']}"
+        interval = "n/a: all alike" if row["degenerate"] else interval_text(row, signed=True)
         shapes += [
             text(_LABEL - 10, y + 4, name, "end"),
             line(_signed(row["lower"]), y, _signed(row["upper"]), y, color, 2.5),
             circle(_signed(row["value"]), y, 5, color),
-            text(_LABEL + _PLOT + 16, y + 4, note, color=MUTED),
+            text(head, y + 4, f"{points(row['value'])} {interval}", color=MUTED),
+            text(head + 190, y + 4, str(row["gains"]), "end", color=GAIN),
+            text(head + 240, y + 4, str(row["losses"]), "end", color=LOSS),
         ]
+    shapes += [
+        text(head + 190, _TOP - 10, "gain", "end", 11, MUTED),
+        text(head + 240, _TOP - 10, "loss", "end", 11, MUTED),
+    ]
     title = f"{study['title']}: paired contrasts in percentage points, with gains and losses"
-    return document(_LABEL + _PLOT + _NOTE + 40, _TOP + _ROW * len(rows) + 12, title, shapes)
+    return document(_LABEL + _PLOT + 270, _TOP + _ROW * len(rows) + 12, title, shapes)
 
 
 def strength_plot(study: Json) -> str:

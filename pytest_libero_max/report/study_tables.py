@@ -330,7 +330,7 @@ def _best(what: str, best: Json) -> StudyTable:
     ]
     return StudyTable(
         f"Best setting for {what}",
-        ("Setting", "Success, or less than the best", "Verdict"),
+        (f"Best for {what}", "Success, or less than the best", "Verdict"),
         rows,
         "The intervals account for the choice of the best: those of all rates hold together with 95%, and so "
         "do those of the differences of all pairs of settings.",

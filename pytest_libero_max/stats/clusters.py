@@ -87,14 +87,59 @@ def cluster_bootstrap(
     n = len(numbers)
     if n == 0:
         return None
+    means, cluster_count = resampled_means(
+        numbers[:, None], clusters, strata=strata, pools=pools, replicates=replicates, seed=seed
+    )
+    tail = (1 - confidence) / 2
+    if expanded and cluster_count > 1:
+        widening = np.sqrt(cluster_count / (cluster_count - 1))
+        tail = float(special.ndtr(widening * special.stdtrit(cluster_count - 1, tail)))
+    lower, upper = np.quantile(means[:, 0], [tail, 1 - tail], method="inverted_cdf")
+    return ClusterInterval(
+        estimate=float(numbers.sum() / n),
+        lower=float(lower),
+        upper=float(upper),
+        clusters=cluster_count,
+        replicates=replicates,
+        seed=seed,
+    )
+
+
+def resampled_means(
+    columns: NDArray[np.float64],
+    clusters: ArrayLike,
+    *,
+    strata: ArrayLike | None = None,
+    pools: ArrayLike | None = None,
+    replicates: int = REPLICATES,
+    seed: int = 0,
+) -> tuple[NDArray[np.float64], int]:
+    """The means of :func:`cluster_bootstrap` for several columns of the same cases, drawn together.
+
+    Args:
+        columns: (n, k) values, n >= 1.
+        clusters: See :func:`cluster_bootstrap`, as for the following.
+        strata: Labels within which clusters are drawn.
+        pools: Labels whose means are weighted.
+        replicates: How many resamples.
+        seed: Of the private generator.
+
+    Returns:
+        (replicates, k) means, and how many clusters there are.
+
+    Raises:
+        ReportError: The arrays differ in length, or a cluster lies in two strata.
+    """
+    n, width = columns.shape
     cluster_of, cluster_count = _codes(clusters, n, "clusters")
     stratum_of, _ = _codes(np.zeros(n) if strata is None else strata, n, "strata")
     pool_of, pool_count = _codes(np.zeros(n) if pools is None else pools, n, "pools")
 
     cell = cluster_of * pool_count + pool_of
-    shape = (cluster_count, pool_count)
-    sums = np.bincount(cell, weights=numbers, minlength=cluster_count * pool_count).reshape(shape)
-    sizes = np.bincount(cell, minlength=cluster_count * pool_count).reshape(shape)
+    cells = cluster_count * pool_count
+    sums = np.stack([np.bincount(cell, weights=column, minlength=cells) for column in columns.T], axis=1)
+    sums = sums.reshape(cluster_count, pool_count * width)
+    sizes = np.bincount(cell, minlength=cells).reshape(cluster_count, pool_count)
     stratum_of_cluster = np.empty(cluster_count, dtype=np.int64)
     stratum_of_cluster[cluster_of] = stratum_of
     if (stratum_of_cluster[cluster_of] != stratum_of).any():
@@ -102,7 +147,7 @@ def cluster_bootstrap(
             "A cluster lies in two strata, so it cannot be drawn within one. Split the cluster."
         )
 
-    total = np.zeros((replicates, pool_count))
+    total = np.zeros((replicates, pool_count * width))
     cases = np.zeros((replicates, pool_count))
     strata_found = np.unique(stratum_of_cluster)
     if len(strata_found) == 1 and replicates * cluster_count <= _CHUNK:
@@ -114,21 +159,10 @@ def cluster_bootstrap(
         for rows, times in _draws(generator, replicates, len(members)):
             total[rows] += times @ sums[members]
             cases[rows] += times @ sizes[members]
-    weights = np.where(cases > 0, sizes.sum(axis=0) / n, 0.0)
-    means = (weights * total / np.maximum(cases, 1)).sum(axis=1) / weights.sum(axis=1)
-    tail = (1 - confidence) / 2
-    if expanded and cluster_count > 1:
-        widening = np.sqrt(cluster_count / (cluster_count - 1))
-        tail = float(special.ndtr(widening * special.stdtrit(cluster_count - 1, tail)))
-    lower, upper = np.quantile(means, [tail, 1 - tail], method="inverted_cdf")
-    return ClusterInterval(
-        estimate=float(numbers.sum() / n),
-        lower=float(lower),
-        upper=float(upper),
-        clusters=cluster_count,
-        replicates=replicates,
-        seed=seed,
-    )
+    weights = np.where(cases > 0, sizes.sum(axis=0) / n, 0.0)[:, :, None]
+    by_pool = total.reshape(replicates, pool_count, width)
+    means = (weights * by_pool / np.maximum(cases, 1)[:, :, None]).sum(axis=1) / weights.sum(axis=1)
+    return means, cluster_count
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,17 @@ pointwise: no family of contrasts is corrected for. Further intervals resample g
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, cluster_bootstrap
-from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change
+from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
 from pytest_libero_max.stats.outcomes import BoolArray, boolean
-from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.paired_difference import paired_differences
 
 Differences = NDArray[np.int64]
 
@@ -132,52 +132,65 @@ class Contrast:
     by_groups: Mapping[str, GroupInterval]
 
 
-def contrast(conditions: Conditions, first: str, second: str) -> Contrast:
-    """Success in the first condition less success in the second."""
-    differences = conditions.difference(first, second)
-    gains, losses = int((differences > 0).sum()), int((differences < 0).sum())
-    exact = paired_difference(losses, gains, len(differences)) if len(differences) else None
-    return _contrast(conditions, differences, exact)
+def contrasts(conditions: Conditions, pairs: Sequence[tuple[str, str]]) -> tuple[Contrast, ...]:
+    """For each pair, success in the first condition less success in the second."""
+    columns = [conditions.difference(first, second) for first, second in pairs]
+    counts = [(int((column < 0).sum()), int((column > 0).sum()), len(column)) for column in columns]
+    exact = paired_differences(counts) if len(conditions) else [None] * len(columns)
+    return _contrasts(conditions, columns, exact)
 
 
-def contrast_of_contrasts(
-    conditions: Conditions, first: tuple[str, str], second: tuple[str, str]
-) -> Contrast:
-    """The difference of two conditions less the difference of two others, over the same cases."""
-    return _contrast(conditions, conditions.difference(*first) - conditions.difference(*second), None)
+def contrasts_of_contrasts(
+    conditions: Conditions, pairs: Sequence[tuple[tuple[str, str], tuple[str, str]]]
+) -> tuple[Contrast, ...]:
+    """For each pair of contrasts, the first difference less the second, over the same cases."""
+    columns = [conditions.difference(*first) - conditions.difference(*second) for first, second in pairs]
+    return _contrasts(conditions, columns, [None] * len(columns))
 
 
-def _contrast(conditions: Conditions, differences: Differences, exact: Interval | None) -> Contrast:
+def _contrasts(
+    conditions: Conditions, columns: Sequence[Differences], exact: Sequence[Interval | None]
+) -> tuple[Contrast, ...]:
     source, task = conditions.source, conditions.task
     source_task = np.char.add(np.char.add(source, "|"), task)
-    return Contrast(
-        gains=int((differences > 0).sum()),
-        losses=int((differences < 0).sum()),
-        change=mean_change(differences, source),
-        exact=exact,
-        by_source={name: mean_change(differences[source == name]) for name in conditions.sources},
-        by_groups={
-            "reference_tasks": _by_groups(differences, task, None, source, TASK_REPLICATES),
-            "source_tasks": _by_groups(differences, source_task, source, source, TASK_REPLICATES),
-            "configurations": _by_groups(
-                differences, conditions.configuration, source, source, GROUP_REPLICATES
-            ),
-        },
+    groups = {
+        "reference_tasks": _by_groups(columns, task, None, source, TASK_REPLICATES),
+        "source_tasks": _by_groups(columns, source_task, source, source, TASK_REPLICATES),
+        "configurations": _by_groups(columns, conditions.configuration, source, source, GROUP_REPLICATES),
+    }
+    return tuple(
+        Contrast(
+            gains=int((column > 0).sum()),
+            losses=int((column < 0).sum()),
+            change=mean_change(column, source),
+            exact=interval,
+            by_source={name: mean_change(column[source == name]) for name in conditions.sources},
+            by_groups={name: intervals[place] for name, intervals in groups.items()},
+        )
+        for place, (column, interval) in enumerate(zip(columns, exact, strict=True))
     )
 
 
 def _by_groups(
-    differences: Differences,
+    columns: Sequence[Differences],
     groups: NDArray[np.str_],
     strata: NDArray[np.str_] | None,
     pools: NDArray[np.str_],
     replicates: int,
-) -> GroupInterval:
+) -> list[GroupInterval]:
+    """The interval of each column; all are resampled together."""
     count = len(np.unique(groups))
-    changed = len(np.unique(groups[differences != 0]))
-    interval = None
-    if count >= LEAST_TASKS and changed >= LEAST_CHANGED_TASKS:
-        found = cluster_bootstrap(differences, groups, strata=strata, pools=pools, replicates=replicates)
-        assert found is not None
-        interval = Interval(found.lower, found.upper)
-    return GroupInterval(count, changed, replicates, interval)
+    changed = [len(np.unique(groups[column != 0])) for column in columns]
+    intervals: list[Interval | None] = [None] * len(columns)
+    decided = [place for place, number in enumerate(changed) if number >= LEAST_CHANGED_TASKS]
+    if count >= LEAST_TASKS and decided:
+        values = np.stack([columns[place] for place in decided], axis=1).astype(np.float64)
+        means, _ = resampled_means(values, groups, strata=strata, pools=pools, replicates=replicates)
+        tail = (1 - CONFIDENCE) / 2
+        lower, upper = np.quantile(means, [tail, 1 - tail], axis=0, method="inverted_cdf")
+        for place, low, high in zip(decided, lower.tolist(), upper.tolist(), strict=True):
+            intervals[place] = Interval(low, high)
+    return [
+        GroupInterval(count, number, replicates, interval)
+        for number, interval in zip(changed, intervals, strict=True)
+    ]
