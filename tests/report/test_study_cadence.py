@@ -26,7 +26,7 @@ def sweep(counts: dict[str, tuple[int, int]], cases: int, settings: str) -> Json
     """The report of a sweep with so many successes in Base and Dynamic, by the end of the arms' names."""
     cells = []
     for number in range(cases):
-        success = {}
+        success: dict[str, bool] = {}
         for end, (base, dynamic) in counts.items():
             success |= {f"base{end}": number < base, f"dynamic{end}": number < dynamic}
         cells.append(Cell("plus" if number % 10 < 7 else "pro", success, 1))
