@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def add_commands(commands: Commands) -> None:
-    """Add ``report``, ``compare``, ``publish``, ``published``, ``merge``, ``gate`` and ``power``."""
+    """Add the commands: ``report``, ``compare``, ``recovery``, ``publish`` and those that follow."""
     report = commands.add_parser(
         "report", help="Compute the report of a run again from its pairs.jsonl alone"
     )
@@ -49,6 +49,22 @@ def add_commands(commands: Commands) -> None:
         help="Also write the comparison here as JSON, Markdown and HTML, with its figures",
     )
     compare.set_defaults(run=_compare)
+
+    recovery = commands.add_parser(
+        "recovery", help="Compare runs of one policy with and without restoration of its images"
+    )
+    recovery.add_argument(
+        "folders",
+        type=Path,
+        nargs="+",
+        metavar="FOLDER",
+        help="The output folders of runs with --libero-max-restore=native, always and gated, in any order",
+    )
+    recovery.add_argument(
+        "--restrict", action="store_true", help="Compare on common cases where the runs have different ones"
+    )
+    recovery.add_argument("--json", type=Path, metavar="FILE", help="Also write the numbers here")
+    recovery.set_defaults(run=_recovery)
 
     publish = commands.add_parser(
         "publish", help="Write packed pairs, report and figures of a run into a folder to be published"
@@ -144,6 +160,17 @@ def _compare(options: argparse.Namespace) -> None:
     if options.output:
         write_comparison(comparison, options.output)
     print("\n".join(comparison_lines(comparison, options.flips)))
+
+
+def _recovery(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.files import report_json, write_text
+    from pytest_libero_max.report.recovery import recovery_of
+    from pytest_libero_max.report.recovery_text import recovery_lines
+
+    recovery = recovery_of(options.folders, options.restrict)
+    if options.json:
+        write_text(options.json, report_json(recovery))
+    print("\n".join(recovery_lines(recovery)))
 
 
 def _publish(options: argparse.Namespace) -> None:

@@ -26,8 +26,8 @@ RESTORE_MODES: tuple[RestoreMode, ...] = get_args(RestoreMode)
 INPAINT_RADIUS_PX = 3.0
 BILATERAL_DIAMETER_PX, BILATERAL_COLOUR, BILATERAL_SPACE_PX = 5, 45.0, 2.0
 
-IMAGES, RESTORED, NOISY, COVERED = "images", "restored", "noisy", "covered"
-"""What is counted at each query: the images, those restored, and those over either limit."""
+COUNTS = ("queries", "active", "images", "restored", "noisy", "covered")
+"""What is counted: queries, those at which an image was restored; images, those restored, over a limit."""
 RESTORE_TIME = "restore_s"
 """Among the timings of a pair: how long judging and restoring took."""
 
@@ -52,7 +52,7 @@ class RestoringPolicy(WrappedPolicy):
     """Shows a policy restored images.
 
     Attributes:
-        query_notes: Counts of the last query: images, restored, noisy, covered.
+        query_notes: :data:`COUNTS` of the last query.
         query_seconds: How long judging and restoring took then.
 
     Args:
@@ -80,7 +80,7 @@ class RestoringPolicy(WrappedPolicy):
         return self._restored(observation)[0]
 
     def _restored(self, observation: Observation) -> tuple[Observation, dict[str, int]]:
-        counts = dict.fromkeys((IMAGES, RESTORED, NOISY, COVERED), 0)
+        counts = {**dict.fromkeys(COUNTS, 0), "queries": 1}
         shown: dict[str, NDArray[Any]] = dict(observation)
         for camera in self.spec.cameras:
             key = f"{camera}_image"
@@ -88,10 +88,11 @@ class RestoringPolicy(WrappedPolicy):
             act = self._mode == "always" or quality.damaged
             if act:
                 shown[key] = restore(observation[key], quality.mask)
-            counts[IMAGES] += 1
-            counts[RESTORED] += act
-            counts[NOISY] += quality.is_noisy
-            counts[COVERED] += quality.is_covered
+            counts["active"] |= act
+            counts["images"] += 1
+            counts["restored"] += act
+            counts["noisy"] += quality.is_noisy
+            counts["covered"] += quality.is_covered
         return shown, counts
 
 

@@ -16,7 +16,7 @@ from pytest_libero_max.policies.check import check_policy, remembers
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
 from pytest_libero_max.policies.image_quality import assess
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.policies.restoration import RestoringPolicy, restore, with_restoration
+from pytest_libero_max.policies.restoration import COUNTS, RestoringPolicy, restore, with_restoration
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.pairing.actors import Approaching, make_case
@@ -123,7 +123,7 @@ def test_gated_shows_undamaged_images_as_they_are_and_always_does_not(world: Tin
         policy.predict(observation, QUERY)
     seen = gated.inner.shown[0]  # type: ignore[attr-defined]
     assert all(seen[key] is observation[key] for key in observation)
-    assert gated.query_notes == {"images": 2, "restored": 0, "noisy": 0, "covered": 0}  # type: ignore[attr-defined]
+    assert gated.query_notes == dict(zip(COUNTS, (1, 0, 2, 0, 0, 0), strict=True))  # type: ignore[attr-defined]
     changed = always.inner.shown[0]  # type: ignore[attr-defined]
     assert all(not np.array_equal(changed[f"{name}_image"], observation[f"{name}_image"]) for name in CAMERAS)
     assert always.query_notes["restored"] == 2  # type: ignore[attr-defined]
@@ -139,7 +139,7 @@ def test_only_the_damaged_image_is_restored_and_nothing_is_written_to(world: Tin
     (seen,) = policy.inner.shown  # type: ignore[attr-defined]
     assert [name for name in seen if seen[name] is not observation[name]] == [key]
     assert all(np.array_equal(kept[name], value) for name, value in observation.items())
-    assert dict(policy.query_notes) == {"images": 2, "restored": 1, "noisy": 1, "covered": 1}
+    assert dict(policy.query_notes) == dict(zip(COUNTS, (1, 1, 2, 1, 1, 1), strict=True))
     assert policy.query_seconds["restore_s"] > 0.0
 
 
@@ -168,10 +168,11 @@ def test_counts_and_times_are_in_the_record(world: TinyWorld) -> None:
     record = play_pair(make_case("sensor_noise_onset"), world, policy)
     base, dynamic = record.arms["base"], record.arms["dynamic"]
     assert record.trigger is not None
-    assert base.notes == {"covered": 0, "images": 2 * record.base_queries, "noisy": 0, "restored": 0}
-    damaged = 2 * record.dynamic_queries  # only queries after the event count
-    assert dynamic.notes == dict.fromkeys(("covered", "images", "noisy", "restored"), damaged)
-    assert damaged > 0
+    count = record.base_queries
+    assert base.notes == {**dict.fromkeys(COUNTS, 0), "queries": count, "images": 2 * count}
+    count = record.dynamic_queries  # only queries after the event
+    assert count > 0
+    assert dynamic.notes == {**dict.fromkeys(COUNTS, 2 * count), "queries": count, "active": count}
     assert record.timings["restore_s"] > 0
     assert PairRecord.from_dict(record.to_dict()) == record
     assert record.policy["wrappers"] == ["restore=gated"]
