@@ -100,6 +100,7 @@ def manifest_of(config: pytest.Config) -> Manifest:
 def cases_of(config: pytest.Config) -> tuple[Case, ...]:
     """The cases of the run before ``-k`` and ``-m``, sorted by item id."""
     from pytest_libero_max.benchmark.sampling import stratified
+    from pytest_libero_max.benchmark.sharding import shard
 
     settings = settings_of(config)
     cases = manifest_of(config).cases
@@ -107,9 +108,7 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
         cases = stratified(cases, settings.limit)
     cases = tuple(sorted(cases, key=lambda case: case.item_id))
     if settings.shard is not None:
-        index, count = settings.shard
-        # Blocks, not every n-th: neighbours share scenes, which are expensive to build.
-        cases = cases[len(cases) * (index - 1) // count : len(cases) * index // count]
+        return shard(cases, *settings.shard)
     return cases
 
 

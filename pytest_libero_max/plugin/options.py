@@ -6,6 +6,7 @@ Precedence, for every option: command line, then ini file, then default.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.plugin.array_jobs import shard_of_job
 from pytest_libero_max.plugin.timeouts import Limits
 from pytest_libero_max.report.media import FILM_SELECTIONS
 from pytest_libero_max.worlds.kind import SubstrateOptions
@@ -115,9 +117,11 @@ def _gibibytes(text: str) -> float | None:
 
 
 def _shard(text: str) -> tuple[int, int]:
+    if text == "env":
+        return shard_of_job(os.environ)
     index, slash, count = text.partition("/")
     if not (slash and index.isascii() and index.isdigit() and count.isascii() and count.isdigit()):
-        raise ValueError("expected I/N, for example 1/4")
+        raise ValueError("expected I/N, for example 1/4, or env")
     if not 1 <= int(index) <= int(count):
         raise ValueError("expected I/N with 1 <= I <= N")
     return int(index), int(count)
@@ -190,7 +194,12 @@ OPTIONS = (
     Option("manifest", "PATH", "Play the cases of this manifest instead of a track", _text),
     Option("limit", "N", "Play a stratified, deterministic subset of N cases", _positive),
     Option(
-        "shard", "I/N", "Play the I-th of N parts of the cases; join the runs with libero-max merge", _shard
+        "shard",
+        "I/N",
+        "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
+        "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
+        "say it); join the runs with libero-max merge",
+        _shard,
     ),
     Option(
         "substrate",
@@ -502,6 +511,8 @@ def resolve(config: pytest.Config) -> Settings:
             "at most H actions, so no more than H can be executed before the next (Q <= H). "
             "Lower Q or raise H."
         )
+    if values["shard"] is not None:  # a worker on another machine has another environment
+        config.option.libero_max_shard = "{}/{}".format(*values["shard"])
     settings = Settings(**values)
     return replace(settings, track=_track(settings, values["track"]))
 

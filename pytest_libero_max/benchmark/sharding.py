@@ -1,0 +1,31 @@
+"""Parts of a case set of about the same cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+
+from pytest_libero_max.benchmark.cases import Case
+
+
+def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
+    """The cases of one of several parts. All parts together are all cases, each of them once.
+
+    A part is a block of cases in the order of their item ids. So the cases of a scene, which is expensive to
+    build, stay together, with all events and variants that are played in it. Blocks are cut where the budgets
+    of the cases, the most steps an arm may take, add up to the same; the suites' budgets differ by more than
+    twice.
+
+    Args:
+        cases: All cases.
+        index: Which part, from 1.
+        count: How many parts.
+    """
+    ordered = sorted(cases, key=lambda case: case.item_id)
+    before = [0, *accumulate(case.budget for case in ordered)]
+    middles = (2 * start + case.budget for start, case in zip(before, ordered, strict=False))
+    return tuple(
+        case
+        for middle, case in zip(middles, ordered, strict=True)
+        if middle * count // (2 * before[-1]) == index - 1
+    )

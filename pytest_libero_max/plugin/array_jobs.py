@@ -1,0 +1,131 @@
+"""Which shard a job of an array plays: the scheduler says so in the environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+COUNT = "LIBERO_MAX_SHARDS"
+"""How many shards there are, where the scheduler does not say, or says it of a part of the array alone."""
+
+
+@dataclass(frozen=True)
+class Scheduler:
+    """How a scheduler numbers the jobs of an array.
+
+    Attributes:
+        name: For messages.
+        index: Variable with the number of this job.
+        first: The number of the first job, or the variable that has it.
+        last: Variable with the number of the last job; None where there is none.
+        step: Variable with the step between two numbers; None where it is 1.
+        count: Variable with how many jobs there are; None where there is none.
+        cure: How to number an array so that its jobs are shards 1 to N.
+    """
+
+    name: str
+    index: str
+    first: int | str
+    last: str | None
+    step: str | None
+    count: str | None
+    cure: str
+
+
+SCHEDULERS = (
+    Scheduler(
+        "Slurm",
+        "SLURM_ARRAY_TASK_ID",
+        "SLURM_ARRAY_TASK_MIN",
+        "SLURM_ARRAY_TASK_MAX",
+        "SLURM_ARRAY_TASK_STEP",
+        "SLURM_ARRAY_TASK_COUNT",
+        "sbatch --array=1-N",
+    ),
+    Scheduler("Kubernetes", "JOB_COMPLETION_INDEX", 0, None, None, None, "completionMode: Indexed"),
+    Scheduler(
+        "AWS Batch",
+        "AWS_BATCH_JOB_ARRAY_INDEX",
+        0,
+        None,
+        None,
+        "AWS_BATCH_JOB_ARRAY_SIZE",
+        "an array size of N",
+    ),
+    Scheduler("PBS", "PBS_ARRAY_INDEX", 1, None, None, None, "qsub -J 1-N"),
+    Scheduler("Torque", "PBS_ARRAYID", 1, None, None, None, "qsub -t 1-N"),
+    Scheduler("LSF", "LSB_JOBINDEX", 1, "LSB_JOBINDEX_END", "LSB_JOBINDEX_STEP", None, 'bsub -J "name[1-N]"'),
+    Scheduler(
+        "Grid Engine",
+        "SGE_TASK_ID",
+        "SGE_TASK_FIRST",
+        "SGE_TASK_LAST",
+        "SGE_TASK_STEPSIZE",
+        None,
+        "qsub -t 1-N",
+    ),
+)
+
+_NO_ARRAY = {"LSB_JOBINDEX": "0", "SGE_TASK_ID": "undefined"}
+"""What a variable holds in a job that is of no array."""
+
+
+def shard_of_job(environment: Mapping[str, str]) -> tuple[int, int]:
+    """The shard of this job and the number of shards, from 1.
+
+    Raises:
+        ValueError: This is no job of an array, or its place in the array is not known.
+    """
+    scheduler = next((known for known in SCHEDULERS if _in_array(known, environment)), None)
+    if scheduler is None:
+        variables = ", ".join(known.index for known in SCHEDULERS)
+        raise ValueError(f"this is no job of an array: none of {variables} is set. Write I/N")
+    index = _number(environment, scheduler.index)
+    if environment.get(COUNT):
+        count = _number(environment, COUNT)
+        index = index + 1 if scheduler.first == 0 else index
+    else:
+        index, count = _place(scheduler, environment, index)
+    if not 1 <= index <= count:
+        raise ValueError(
+            f"{scheduler.name} says job {index} where there are {count} shards. Number the array from 1 "
+            f"({scheduler.cure}), or write I/N"
+        )
+    return index, count
+
+
+def _in_array(scheduler: Scheduler, environment: Mapping[str, str]) -> bool:
+    value = environment.get(scheduler.index, "")
+    return value not in ("", _NO_ARRAY.get(scheduler.index))
+
+
+def _place(scheduler: Scheduler, environment: Mapping[str, str], index: int) -> tuple[int, int]:
+    """The place of a job among those that its scheduler knows of, and how many these are."""
+    first = scheduler.first if isinstance(scheduler.first, int) else _number(environment, scheduler.first)
+    step = 1 if scheduler.step is None else _number(environment, scheduler.step, 1)
+    count = None if scheduler.count is None else _number(environment, scheduler.count)
+    if scheduler.last is not None and step > 0:
+        regular = (_number(environment, scheduler.last) - first) // step + 1
+        if count not in (None, regular) or (index - first) % step:
+            raise ValueError(
+                f"{scheduler.name} plays a part of an array. Set {COUNT} to the number of all shards, and "
+                f"number the array from 1 ({scheduler.cure})"
+            )
+        count = regular
+    if count is None:
+        raise ValueError(f"{scheduler.name} does not say how many jobs there are. Set {COUNT}")
+    if count == 1 and index > 1:
+        raise ValueError(
+            f"{scheduler.name} plays job {index} of an array alone, which would be all pairs. Set {COUNT} to "
+            "the number of all shards, or write I/N"
+        )
+    return (index - first) // step + 1, count
+
+
+def _number(environment: Mapping[str, str], name: str, default: int | None = None) -> int:
+    text = environment.get(name, "")
+    if not text and default is not None:
+        return default
+    if not (text.isascii() and text.isdigit()):
+        raise ValueError(f"{name}={text!r} is no number. Write I/N")
+    return int(text)
