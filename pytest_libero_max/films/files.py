@@ -15,7 +15,7 @@ from pytest_libero_max.worlds.contract import Image
 
 INSTALL = "pip install 'pytest-libero-max[film]'"
 
-_CRF = "23"
+_CRF = "26"
 _WEBP_QUALITY = 60
 _KEY_FRAMES = (30, 60)
 """Between whole frames of a WebP lie at least and at most so many that hold only what differs. Whole frames
