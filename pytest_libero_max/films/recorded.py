@@ -14,7 +14,7 @@ from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, 
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.files import available_format, write_film
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
-from pytest_libero_max.films.saw import Shown, saw
+from pytest_libero_max.films.saw import Shown, caption, saw
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.report.media import TRACES_NAME, film_name
@@ -80,14 +80,14 @@ def film_pair(
         ChangeError: A change does not fit this world.
         SimulatorError: The simulation broke, or the renderer does not answer.
     """
-    look, also, caption = through_cameras(size), frozenset[int](), None
+    look, also, words = through_cameras(size), frozenset[int](), None
     if shown is not None:
         look, also = saw(case, record, traces, shown, size)
-        caption = f"What the policy saw: {shown.words}"
+        words = caption(record, shown)
     ticks = play_again(case, world, record, traces, look, every, also)
     if on_step is not None:
         ticks = _told(ticks, on_step)
-    write_film(path, film_frames(record, traces, ticks, size, caption), CONTROL_HZ / every, overwrite)
+    write_film(path, film_frames(record, traces, ticks, size, words), CONTROL_HZ / every, overwrite)
 
 
 def record_pair(

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from pytest_libero_max.benchmark.cases import Case
@@ -20,15 +22,18 @@ from pytest_libero_max.films.replay import Look, View, opening_m
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.policies.code import adapter_digest
-from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
+from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.model_inputs import as_image, model_inputs
 from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
+from pytest_libero_max.policies.restoration import RestoringPolicy
 from pytest_libero_max.policies.servers.address import is_address
 from pytest_libero_max.policies.servers.request import Request
+from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.contract import Image, Observation, World
 
 _GROUND = 96
+_RESTORE = "restore="
 _AS_DELIVERED = "the images as delivered, bottom row first"
 
 
@@ -106,6 +111,7 @@ def saw(
         shown.policy.reset(
             Episode(case.suite, case.task_index, record.instruction, case.policy_seed, case.budget)
         )
+    wrappers = _wrapped(record)
     number = {
         name: {int(step): index for index, step in enumerate(trace.query_steps)}
         for name, trace in traces.items()
@@ -118,7 +124,9 @@ def saw(
             return View(before.images, opening, before.words) if before else View({}, opening)
         told = world.language if case.instruction is None else case.instruction
         query = Query(index, step, told, query_seed(case.policy_seed, index))
-        observation = world.observe(cameras, int(record.policy["image_size"]))
+        observation: Observation = world.observe(cameras, int(record.policy["image_size"]))
+        for wrapper in wrappers:
+            observation = wrapper.seen(observation)
         images = shown.images(observation, query)
         if not images:
             raise ReportError(f"{record.item_id}: there is no image among what the policy was shown.")
@@ -132,6 +140,38 @@ def saw(
         return View(pictures, opening_m(observation), tuple(words))
 
     return look, frozenset(step for steps in number.values() for step in steps)
+
+
+def caption(record: PairRecord, shown: Shown) -> str:
+    """What is said above a film of what a policy saw."""
+    words = f"What the policy saw: {shown.words}"
+    for wrapper in record.policy.get("wrappers", ()):
+        restores = wrapper.startswith(_RESTORE)
+        words += f"; after {wrapper}" if restores else f"; what {wrapper} does to them is not known"
+    return words
+
+
+def _wrapped(record: PairRecord) -> list[WrappedPolicy]:
+    """Wrappers that show the policy other images than the world, from the outside in."""
+    spec = PolicySpec("recorded", cameras=tuple(record.policy["cameras"]))
+    return [
+        RestoringPolicy(_Recorded(spec), wrapper.removeprefix(_RESTORE))
+        for wrapper in reversed(record.policy.get("wrappers", ()))
+        if wrapper.startswith(_RESTORE)
+    ]
+
+
+@dataclass
+class _Recorded:
+    """Stands inside a wrapper for the policy that was recorded; it is asked nothing."""
+
+    spec: PolicySpec
+
+    def reset(self, episode: Episode) -> None:
+        """Nothing."""
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        raise AssertionError("a recorded policy is asked nothing")
 
 
 def fitted(image: Image, size: int) -> Image:
@@ -160,7 +200,7 @@ def _delivered(observation: Observation, query: Query) -> dict[str, Image]:
     }
 
 
-def _images_among(arrays: Mapping[str, np.ndarray]) -> dict[str, Image]:
+def _images_among(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Image]:
     return {name: image for name, array in arrays.items() if (image := as_image(array)) is not None}
 
 
