@@ -149,16 +149,17 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.compare import compare_folders
+    from pytest_libero_max.report.compare import common_cases, compare_runs, read_runs
     from pytest_libero_max.report.compare_files import write_comparison
     from pytest_libero_max.report.compare_text import comparison_lines
     from pytest_libero_max.report.files import report_json, write_text
 
-    comparison = compare_folders(options.folders, options.restrict)
+    runs = read_runs(options.folders)
+    comparison = compare_runs(runs, options.restrict)
     if options.json:
         write_text(options.json, report_json(comparison))
     if options.output:
-        write_comparison(comparison, options.output)
+        write_comparison(comparison, options.output, common_cases(runs, options.restrict))
     print("\n".join(comparison_lines(comparison, options.flips)))
 
 

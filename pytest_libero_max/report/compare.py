@@ -234,15 +234,24 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
 
 
 def compare_folders(paths: Sequence[Path], restrict: bool = False) -> Json:
-    """Compare the runs in folders (or of ``pairs.jsonl`` files), named by their paths as given.
+    """Compare the runs in folders, see :func:`read_runs`.
 
     Raises:
         ReportError: A run cannot be read, or see :func:`common_cases`.
     """
+    return compare_runs(read_runs(paths), restrict)
+
+
+def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
+    """Read the runs in folders (or of ``pairs.jsonl`` files), named by their paths as given.
+
+    Raises:
+        ReportError: A run cannot be read, or is given twice.
+    """
     repeated = [path for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
     if repeated:
         raise ReportError(f"{str(repeated[0])!r} is given twice; a comparison is of different runs.")
-    return compare_runs({str(path): read_outcomes(path) for path in paths}, restrict)
+    return {str(path): read_outcomes(path) for path in paths}
 
 
 _COMPARED = ("substrate", "protocol", "case_set", "versions")
@@ -298,7 +307,7 @@ def _with_tasks(
 
 def _flips(common: CommonCases) -> list[Json]:
     names = list(common.pairs)
-    codes = np.stack([_codes(pairs) for pairs in common.pairs.values()], axis=1)
+    codes = np.stack([outcome_codes(pairs) for pairs in common.pairs.values()], axis=1)
     changed = np.flatnonzero((codes != codes[:, :1]).any(axis=1))
     flips: list[Json] = []
     for index in changed.tolist():
@@ -313,7 +322,7 @@ def _flips(common: CommonCases) -> list[Json]:
     return flips
 
 
-def _codes(pairs: Pairs) -> NDArray[np.int64]:
+def outcome_codes(pairs: Pairs) -> NDArray[np.int64]:
     """The place of every pair's outcome in :data:`OUTCOMES`."""
     failed = 1 - pairs.dynamic.astype(np.int64)
     return np.where(pairs.base, 2 * failed, 1 + 2 * failed)

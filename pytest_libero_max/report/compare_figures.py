@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.compare_text import with_short_names
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.svg import (
     GAIN,
@@ -104,6 +105,19 @@ COMPARISON_FIGURES: Mapping[str, Callable[[Json], str]] = {
     "outcome-shares": outcome_shares,
 }
 """Every figure of a comparison by the stem of its file name."""
+
+CAPTIONS = {
+    "event-changes": "Paired change by event. A dot is a run; the line is the range over the runs, the box "
+    "reaches from the lower to the upper quartile, and the bar in it is the median.",
+    "outcome-shares": "Outcomes of the pairs (Base, Dynamic) of every run, as shares of the common cases.",
+}
+"""What they show."""
+
+
+def drawn(comparison: Json) -> dict[str, str]:
+    """Every figure, its runs named briefly."""
+    shown = with_short_names({**comparison, "flips": []})
+    return {stem: draw(shown) for stem, draw in COMPARISON_FIGURES.items()}
 
 
 def _over_runs_text(over_runs: Json) -> str:

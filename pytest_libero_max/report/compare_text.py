@@ -42,6 +42,11 @@ def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
     return lines
 
 
+def comparison_title(comparison: Json) -> str:
+    """What a comparison is of, in a line."""
+    return f"Comparison of {len(comparison['runs'])} runs on {comparison['pairs']['common']} common cases"
+
+
 def result_lines(comparison: Json, flips: int = 20) -> list[str]:
     """Render the results of a comparison.
 

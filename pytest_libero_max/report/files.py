@@ -18,7 +18,7 @@ from pytest_libero_max.report.markdown import markdown
 from pytest_libero_max.report.media import VIEWS, films_in, pictures_in
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
 from pytest_libero_max.report.replay import replay_command
-from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, read_pairs
+from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, pairs_file, read_pairs
 from pytest_libero_max.report.study_figures import study_figures
 
 REPORT_NAME = "report.json"
@@ -88,7 +88,15 @@ def run_page(report: Json, stored: StoredRun, folder: Path) -> str:
             films.setdefault(item, []).append(film)
     measured = {record.item_id for record in stored.records}
     films = {item: films[item] for item in sorted(measured & films.keys())}
-    return html(report, regressions, replay_command(stored), films, stored, pictures_in(folder))
+    return html(
+        report,
+        regressions,
+        replay_command(stored),
+        films,
+        stored,
+        pictures_in(folder),
+        pairs_file(folder).name,
+    )
 
 
 def write_figures(report: Json, folder: Path) -> list[Path]:

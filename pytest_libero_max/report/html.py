@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import NamedTuple
 from urllib.parse import quote, urlencode
 
 from pytest_libero_max.benchmark.documents import Json
@@ -19,6 +18,7 @@ from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.page.case_table import CASES_SECTION, OUTCOME_TITLES, run_cases
 from pytest_libero_max.report.page.document import document
 from pytest_libero_max.report.page.events import events_section
+from pytest_libero_max.report.page.markup import Viewed, figure, listed, note, table
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.store import PAIRS_NAME, StoredRun
@@ -64,21 +64,21 @@ def html(
     body = [f"<h1>{escape(title_text(report))}</h1>"]
     body.append(f"<p>{pairs['played']} of {pairs['planned']} planned pairs played</p>")
     if not pairs["complete"]:
-        body.append(_note(f"{incomplete_text(pairs)} All rates are over the played pairs.", "alarm"))
+        body.append(note(f"{incomplete_text(pairs)} All rates are over the played pairs.", "alarm"))
     partial = unsupported_text(pairs)
     if partial is not None:
-        body.append(_note(partial, "alarm"))
+        body.append(note(partial, "alarm"))
     repaired = repaired_text(pairs)
     if repaired is not None:
-        body.append(_note(repaired))
+        body.append(note(repaired))
     if report["substrate"]["note"]:
-        body.append(_note(report["substrate"]["note"]))
-    body += [_note(caveat_text(caveat)) for caveat in report["caveats"]]
+        body.append(note(report["substrate"]["note"]))
+    body += [note(caveat_text(caveat)) for caveat in report["caveats"]]
     if pairs["played"]:
         body += _summary(report)
     if stored is not None:
         body.append(CASES_SECTION)
-        body += events_section(stored.records, list(report["by"]["variant"]))
+        body += events_section(stored.run.planned, stored.records)
     if pairs["played"]:
         body += _results(report)
         body += _regressions(regressions, replay, films or {}, pairs_name)
@@ -87,10 +87,9 @@ def html(
     body += _study(report["study"]) if "study" in report else []
     body += _faults(pairs)
     for title, values in report["sections"].items():
-        body += [f"<h2>{escape(title)}</h2>", _table(("Name", "Value"), list(values.items()))]
-    body += [f"<h2>{LIMITS_TITLE}</h2>", "<ul>"]
-    body += [f"<li>{escape(text)}</li>" for text in report["statements"].values()]
-    body += ["</ul>", *_provenance(report, stored)]
+        body += [f"<h2>{escape(title)}</h2>", table(("Name", "Value"), list(values.items()))]
+    body += [f"<h2>{LIMITS_TITLE}</h2>", listed(report["statements"].values())]
+    body += _provenance(report, stored)
     cases = None if stored is None else run_cases(stored, films or {}, pictures or {})
     return document(title_text(report), body, cases)
 
@@ -103,7 +102,7 @@ def _summary(report: Json) -> list[str]:
         _card("Dynamic success", overall["dynamic_success"]),
         _card("Base successes lost", overall["conditional_regression"]),
         "</div>",
-        _table(
+        table(
             ("Quantity", "Value"), [(column.title, column.long(overall)) for column in columns_in("summary")]
         ),
         "<h2>Outcomes</h2>",
@@ -116,26 +115,26 @@ def _results(report: Json) -> list[str]:
     body = [
         "<h2>From Base to Dynamic</h2>",
         "<p>A ring is Base success, the arrow ends at Dynamic success; pairs in brackets.</p>",
-        _figure(arrow_plot(report)),
+        figure(arrow_plot(report)),
     ]
     if any_floor(report["by"]["event"].values()):
         body.append(f"<p>{escape(FLOOR_NOTE)}</p>")
     body += [
         "<h2>Paired change by event</h2>",
         "<p>Percentage points with 95% intervals.</p>",
-        _figure(change_profile(report)),
+        figure(change_profile(report)),
         "<h2>Source categories</h2>",
         "<p>Paired change in percentage points (pairs). Cells hold different cases and describe them.</p>",
-        _figure(category_map(report)),
+        figure(category_map(report)),
         "<h2>Coverage and stale actions</h2>",
         _coverage(report),
-        _figure(stale_histogram(report)),
+        figure(stale_histogram(report)),
         "<h2>Given a query after the event</h2>",
         f"<p>{escape(GIVEN_RESPONSE_NOTE)}</p>",
         _groups("given_response", "Event", {ALL_PAIRS: overall, **report["by"]["event"]}),
         f"<h2>{highlights.TITLE}</h2>",
         f"<p>{escape(highlights.NOTE)}</p>",
-        f"<div class='words'>{_table(('What', 'Where', 'Value'), highlight_rows(report))}</div>",
+        f"<div class='words'>{table(('What', 'Where', 'Value'), highlight_rows(report))}</div>",
         "<h2>Breakdowns</h2>",
     ]
     return body + [_breakdown(report, key, dimension.title) for key, dimension in DIMENSIONS.items()]
@@ -144,10 +143,10 @@ def _results(report: Json) -> list[str]:
 def _study(study: Json) -> list[str]:
     body = [f"<h2>Study: {escape(study['title'])}</h2>"]
     body += [f"<p>{escape(note)}</p>" for note in study_notes(study)]
-    body += map(_figure, study_figures(study).values())
-    for table in study_tables(study):
-        body += [f"<h3>{escape(table.title)}</h3>", _table(table.head, table.rows)]
-        body += [f"<p>{escape(table.note)}</p>"] if table.note else []
+    body += map(figure, study_figures(study).values())
+    for part in study_tables(study):
+        body += [f"<h3>{escape(part.title)}</h3>", table(part.head, part.rows)]
+        body += [f"<p>{escape(part.note)}</p>"] if part.note else []
     return body
 
 
@@ -166,34 +165,27 @@ def _outcomes(outcomes: Json) -> str:
 
 
 def _coverage(report: Json) -> str:
-    table = _groups("coverage", "Event", {ALL_PAIRS: report["overall"], **report["by"]["event"]})
+    groups = _groups("coverage", "Event", {ALL_PAIRS: report["overall"], **report["by"]["event"]})
     noise, clipping = noise_text(report), clipping_text(report)
     if noise is not None:
-        table += f"<p>Noise floor, Base played twice: {escape(noise)}</p>"
-    return table if clipping is None else f"{table}<p>{escape(clipping)}</p>"
+        groups += f"<p>Noise floor, Base played twice: {escape(noise)}</p>"
+    return groups if clipping is None else f"{groups}<p>{escape(clipping)}</p>"
 
 
 def _breakdown(report: Json, key: str, title: str) -> str:
-    table = _groups("groups", title, report["by"][key], key)
-    return f"<details><summary>{escape(title)}</summary>{table}</details>"
+    groups = _groups("groups", title, report["by"][key], key)
+    return f"<details><summary>{escape(title)}</summary>{groups}</details>"
 
 
-def _groups(table: Table, title: str, groups: Mapping[str, Json], dimension: str = "event") -> str:
+def _groups(kind: Table, title: str, groups: Mapping[str, Json], dimension: str = "event") -> str:
     """One row a group, and the note on groups whose Base success is too low."""
-    columns = columns_in(table)
+    columns = columns_in(kind)
     rows = [
-        (_Group(group_label(name, row), _view(dimension, name)), *(column.long(row) for column in columns))
+        (Viewed(group_label(name, row), _view(dimension, name)), *(column.long(row) for column in columns))
         for name, row in groups.items()
     ]
-    note = f"<p>{escape(FLOOR_NOTE)}</p>" if any_floor(groups.values()) else ""
-    return _table((title, *headings(table)), rows) + note
-
-
-class _Group(NamedTuple):
-    """The name of a group, and the fragment of the table of its cases."""
-
-    name: str
-    view: str
+    floor = f"<p>{escape(FLOOR_NOTE)}</p>" if any_floor(groups.values()) else ""
+    return table((title, *headings(kind)), rows) + floor
 
 
 def _view(dimension: str, name: str) -> str:
@@ -220,8 +212,8 @@ def _regressions(
 
 def _listed(title: str, items: Sequence[str], films: Mapping[str, Sequence[str]]) -> str:
     """Names of pairs; the table of cases replaces the list."""
-    listed = "".join(f"<li>{_pair(item, films)}</li>" for item in items)
-    return f"<details data-without-script><summary>{escape(title)}</summary><ul>{listed}</ul></details>"
+    pairs = "".join(f"<li>{_pair(item, films)}</li>" for item in items)
+    return f"<details data-without-script><summary>{escape(title)}</summary><ul>{pairs}</ul></details>"
 
 
 def _pair(item: str, films: Mapping[str, Sequence[str]]) -> str:
@@ -236,10 +228,11 @@ def _faults(pairs: Json) -> list[str]:
         rows = [
             (pair["item_id"], pair["phase"], pair["kind"], pair["message"]) for pair in pairs["invalid_pairs"]
         ]
-        body += ["<h2>Invalid pairs</h2>", _table(("Pair", "Phase", "Error", "Message"), rows)]
+        found = table(("Pair", "Phase", "Error", "Message"), rows)
+        body += ["<h2>Invalid pairs</h2>", f"<div class='words'>{found}</div>"]
     if pairs["missing_pairs"]:
         items = "".join(f"<li><code>{escape(pair['item_id'])}</code></li>" for pair in pairs["missing_pairs"])
-        body += [f"<h2>Missing pairs</h2><ul>{items}</ul>"]
+        body += [f"<div data-without-script><h2>Missing pairs</h2><ul>{items}</ul></div>"]
     return body
 
 
@@ -253,37 +246,10 @@ def _provenance(report: Json, stored: StoredRun | None) -> list[str]:
     if report["selection"]:
         rows += [("selection", f"{selection_text(report)}, {report['selection']['digest'][:12]}")]
     rows += [("MUJOCO_GL", origin["gl_backend"] or "not set"), ("command", shlex.join(origin["command"]))]
-    return ["<h2 id='provenance'>Provenance</h2>", "<div class='words'>", _table((), rows), "</div>"]
+    return ["<h2 id='provenance'>Provenance</h2>", "<div class='words'>", table((), rows), "</div>"]
 
 
 def _card(name: str, rate: Json) -> str:
     value = percent(rate["value"])
     detail = rate_text(rate).removeprefix(value).strip()
     return f"<div class='card'>{escape(name)}<b>{value}</b><span>{escape(detail)}</span></div>"
-
-
-def _note(words: str, kind: str = "") -> str:
-    return f"<p class='note {kind}'>{escape(words)}</p>"
-
-
-def _figure(svg: str) -> str:
-    return f"<figure class='wide'>{svg}</figure>"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """A table whose first column names the rows."""
-    top = "".join(f"<th scope='col'>{escape(cell)}</th>" for cell in head)
-    body = "".join(
-        f"<tr><th scope='row'>{_name(name)}</th>"
-        + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
-        + "</tr>"
-        for name, *cells in rows
-    )
-    heading = f"<thead><tr>{top}</tr></thead>" if head else ""
-    return f"<div class='wide'><table>{heading}<tbody>{body}</tbody></table></div>"
-
-
-def _name(name: object) -> str:
-    if isinstance(name, _Group) and name.view:
-        return f"<span data-view='{escape(name.view)}'>{escape(name.name)}</span>"
-    return escape(name.name if isinstance(name, _Group) else str(name))

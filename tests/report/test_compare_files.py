@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import re
 from html import escape
 from pathlib import Path
@@ -9,9 +10,11 @@ import pytest
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.compare import compare_runs
+from pytest_libero_max.report.compare import common_cases, compare_runs
 from pytest_libero_max.report.compare_figures import COMPARISON_FIGURES, event_changes, outcome_shares
-from pytest_libero_max.report.compare_files import comparison_html, comparison_markdown, write_comparison
+from pytest_libero_max.report.compare_files import comparison_markdown, write_comparison
+from pytest_libero_max.report.compare_html import comparison_html
+from pytest_libero_max.report.page.packing import unpacked
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.store import StoredRun
@@ -21,9 +24,9 @@ PAIRS = plan()
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def _comparison(runs: int) -> Json:
+def _runs(runs: int) -> dict[str, StoredRun]:
     """Run k loses the pairs whose number divides by k + 2, and its Base fails in two of the 32."""
-    stored = {
+    return {
         f"run {k} & <co>": StoredRun(
             Run(tuple(PAIRS), PROVENANCE),
             tuple(
@@ -35,7 +38,10 @@ def _comparison(runs: int) -> Json:
         )
         for k in range(runs)
     }
-    return compare_runs(stored)
+
+
+def _comparison(runs: int) -> Json:
+    return compare_runs(_runs(runs))
 
 
 THREE = _comparison(3)
@@ -98,3 +104,42 @@ def test_the_page_of_a_comparison_needs_no_network_and_escapes_names() -> None:
     page = comparison_html(THREE)
     assert page.count("<svg") == page.count("</svg>") == 2
     assert not re.search(r"<script|<link|url\(|src=|<co>", page)
+
+
+def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every_run(tmp_path: Path) -> None:
+    runs = {str(tmp_path / f"run{k}"): run for k, run in enumerate(_runs(2).values())}
+    item = PAIRS[2].item_id
+    for path in map(Path, runs):
+        (path / "films").mkdir(parents=True)
+        (path / "films" / f"{item}--base dynamic.mp4").touch()
+    (tmp_path / "run1" / "report.html").touch()
+    page = comparison_html(compare_runs(runs), common_cases(runs), tmp_path / "page")
+    data = json.loads(re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)[0])
+    assert data["items"] == sorted(pair.item_id for pair in PAIRS)
+    columns = {column["title"]: column for column in data["columns"]}
+    outcomes = {
+        name: dict(zip(data["items"], (column["labels"][place] for place in column["at"]), strict=True))
+        for name, column in columns.items()
+        if name in ("run0", "run1", "Changed")
+    }
+    assert [outcomes[name][item] for name in ("run0", "run1", "Changed")] == [
+        "regression",
+        "preserved_success",
+        "yes",
+    ]
+    flips = {flip["item_id"] for flip in compare_runs(runs)["flips"]}
+    assert {name for name, changed in outcomes["Changed"].items() if changed == "yes"} == flips
+    place = str(data["items"].index(item))
+    assert data["films"][place] == [
+        [f"run{k}", f"../run{k}/films/{item}--base%20dynamic.mp4"] for k in (0, 1)
+    ]
+    assert data["pages"] == [["run1", "../run1/report.html"]]
+    assert data["start"] == {"changed": "yes"}
+    assert unpacked(data["details"])[int(place)]["Runs"]["run0"]["outcome"] == "regression"
+
+
+def test_a_comparison_in_which_nothing_changed_shows_all_cases() -> None:
+    stored = next(iter(_runs(1).values()))
+    runs = {"a": stored, "b": stored}
+    page = comparison_html(compare_runs(runs), common_cases(runs))
+    assert json.loads(re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)[0])["start"] == {}

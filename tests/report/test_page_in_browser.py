@@ -15,6 +15,8 @@ import pytest
 from pytest_libero_max.films.files import write_film
 from pytest_libero_max.policies.pieces.images import png_file
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.compare import common_cases, compare_runs
+from pytest_libero_max.report.compare_files import write_comparison
 from pytest_libero_max.report.files import run_page
 from pytest_libero_max.report.media import FILMS_NAME, PICTURES_NAME, film_name
 from pytest_libero_max.report.run import Run
@@ -70,6 +72,8 @@ def test_a_page_fits_its_window_and_nothing_is_complained_about(
     shown.page.evaluate("for (const details of document.querySelectorAll('details')) details.open = true")
     assert shown.page.get_by_role("heading", name="Play it again").is_visible()
     assert shown.too_wide() == []
+    cases = shown.page.locator(".cases")
+    assert cases.evaluate("(table) => table.scrollWidth <= table.parentElement.clientWidth")
     assert shown.complaints == []
     paper, ink = (
         [
@@ -175,6 +179,34 @@ def test_pages_are_turned_and_groups_lead_to_their_cases(browser: Any, page: Pat
     shown.page.get_by_role("link", name="regression").click()
     assert shown.fragment == "#cases?outcome=regression"
     assert "regression" in shown.page.locator(".cases > tbody > tr").first.inner_text()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_comparison_fits_its_window_and_shows_what_changed(
+    browser: Any, tmp_path: Path, width: int
+) -> None:
+    pairs = PAIRS[:40]
+    runs = {
+        str(tmp_path / name): StoredRun(
+            Run(tuple(pairs), PROVENANCE),
+            tuple(record_of(pair, True, bool(index % rhythm)) for index, pair in enumerate(pairs)),
+            (),
+            torn=False,
+        )
+        for name, rhythm in (("first", 2), ("second_of_the_runs", 4), ("third", 8))
+    }
+    write_comparison(compare_runs(runs), tmp_path, common_cases(runs))
+    shown = Shown(browser, tmp_path / "comparison.html", width=width)
+    assert shown.too_wide() == []
+    assert shown.status.startswith("15 of 40 cases")
+    shown.page.get_by_label("second_of_the_runs", exact=True).select_option("regression")
+    assert shown.status.startswith("5 of 40 cases")
+    again = Shown(browser, tmp_path / "comparison.html", shown.fragment, width=width)
+    assert again.cases() == shown.cases()
+    shown.page.locator(".cases > tbody button").first.click()
+    assert shown.page.locator(".detail .command").count() == 3
+    assert shown.too_wide() == []
+    assert shown.complaints == []
 
 
 def test_every_table_has_heads_with_a_scope(browser: Any, page: Path) -> None:

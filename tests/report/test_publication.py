@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.compare import compare_folders
+from pytest_libero_max.report.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.compare_files import write_comparison
 from pytest_libero_max.report.files import report_of
 from pytest_libero_max.report.publication import publish, published_files
@@ -77,10 +78,11 @@ def test_everything_in_a_published_run_follows_from_its_pairs(folder: Path) -> N
 def test_a_published_comparison_follows_from_the_runs_beside_it(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(folder)
-    runs = sorted(path for path in folder.iterdir() if path.is_dir())
-    comparison = compare_folders([path.relative_to(folder) for path in runs])
-    written = {path.name: path for path in write_comparison(comparison, tmp_path)}
+    """The comparison is made in a copy, because its page holds the ways from it to the runs."""
+    copy = shutil.copytree(folder, tmp_path / "copy", ignore=shutil.ignore_patterns("comparison.*"))
+    monkeypatch.chdir(copy)
+    runs = read_runs(sorted(Path(path.name) for path in copy.iterdir() if path.is_dir()))
+    written = {path.name: path for path in write_comparison(compare_runs(runs), Path(), common_cases(runs))}
     assert {path.name for path in folder.iterdir() if path.is_file()} == {*written}
     for name, path in written.items():
         if name.endswith(".json"):

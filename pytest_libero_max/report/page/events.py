@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import inspect
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib import resources
 from typing import Any
@@ -14,7 +14,9 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.page.evidence import flat
+from pytest_libero_max.report.run import PlannedPair
 
 PICTURES = "pictures"
 """Folder of the pictures beside this file, one a variant of an event."""
@@ -30,17 +32,19 @@ NOTE = (
 _VARIES = object()
 
 
-def events_section(records: Sequence[PairRecord], names: Sequence[str]) -> list[str]:
-    """The events with pictures and parameters as markup.
+def events_section(planned: Iterable[PlannedPair], records: Iterable[PairRecord] = ()) -> list[str]:
+    """The events with pictures and parameters as markup, in the benchmark's order.
 
     Args:
-        records: The measured pairs.
-        names: The names of events with their variant, as ``camera_shift-v1``, in their order.
+        planned: Pairs whose events are shown.
+        records: Pairs whose parameters are said.
     """
-    by_name: dict[str, list[PairRecord]] = {name: [] for name in names}
+    pairs = {pair.event_variant: pair for pair in planned}
+    found: dict[str, list[PairRecord]] = {name: [] for name in pairs}
     for record in records:
-        by_name.get(f"{record.event}-v{record.variant}", []).append(record)
-    cards = [_card(name, found) for name, found in by_name.items() if found]
+        found[f"{record.event}-v{record.variant}"].append(record)
+    names = sorted(pairs, key=lambda name: group_order("variant", name))
+    cards = [_card(pairs[name], found[name]) for name in names]
     if not cards:
         return []
     return [
@@ -50,17 +54,17 @@ def events_section(records: Sequence[PairRecord], names: Sequence[str]) -> list[
     ]
 
 
-def _card(name: str, records: Sequence[PairRecord]) -> str:
-    first = records[0]
-    facts = {"Severity": first.severity, "Family": first.family, **_common_parameters(records)}
+def _card(pair: PlannedPair, records: Sequence[PairRecord]) -> str:
+    name = pair.event_variant
+    facts = {"Severity": pair.severity, "Family": pair.family, **_common_parameters(records)}
     listed = "".join(
         f"<dt>{escape(key)}</dt><dd>{escape(_spelled(value))}</dd>" for key, value in facts.items()
     )
-    view = f"event={first.event}&amp;variant={first.variant}"
+    view = f"event={pair.event}&amp;variant={pair.variant}"
     return (
         f"<article class='event' id='event-{escape(name, quote=True)}'>"
-        f"<h3 data-view='{view}'>{escape(first.event)}, variant {first.variant}</h3>"
-        f"{_picture(name)}<p>{escape(_sentence(first.event))}</p>"
+        f"<h3 data-view='{view}'>{escape(pair.event)}, variant {pair.variant}</h3>"
+        f"{_picture(name)}<p>{escape(_sentence(pair.event))}</p>"
         f"<details><summary>Parameters</summary><dl>{listed}</dl></details></article>"
     )
 

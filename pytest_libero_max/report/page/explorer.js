@@ -16,12 +16,11 @@ class Explorer {
     place.append(
       this.controls(),
       this.status,
-      element("table", { class: "cases" }, caption, element("thead", {}, this.head), this.body),
+      element("div", { class: "wide" }, element("table", { class: "cases" }, caption, element("thead", {}, this.head), this.body)),
       this.pages,
     );
     window.addEventListener("hashchange", () => this.read());
     this.read();
-    if (location.hash.startsWith(PREFIX)) place.scrollIntoView();
   }
 
   // The view that the address asks for.
@@ -29,6 +28,7 @@ class Explorer {
     this.view = location.hash.startsWith(PREFIX) ? this.table.view(location.hash) : { ...this.start };
     if (this.view.open) this.view.page = this.pageOf(this.view.open);
     this.draw();
+    if (location.hash.startsWith(PREFIX)) (this.body.querySelector(".open") ?? this.place).scrollIntoView();
   }
 
   change(changes) {
@@ -140,7 +140,7 @@ class Explorer {
     const column = (key, title, kind) => {
       const [up, down] = [this.view.sort === key || (key === "item" && !this.view.sort), this.view.sort === `-${key}`];
       const next = up ? `-${key}` : key === "item" ? "" : key;
-      const button = element("button", { type: "button", "data-key": key }, title + (up ? " ↑" : down ? " ↓" : ""));
+      const button = element("button", { type: "button", "data-key": key }, ...breakable(title + (up ? " ↑" : down ? " ↓" : "")));
       button.addEventListener("click", () => this.change({ sort: next }));
       const sort = up ? "ascending" : down ? "descending" : null;
       return element("th", { scope: "col", class: kind, "aria-sort": sort }, button);

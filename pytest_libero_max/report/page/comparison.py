@@ -1,0 +1,101 @@
+"""What the table of cases of a comparison shows: the common cases, and what became of each in every run."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.report.compare import CommonCases, outcome_codes
+from pytest_libero_max.report.media import films_in
+from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, label_column, label_columns
+from pytest_libero_max.report.page.packing import packed
+
+_CHANGED = ("yes", "no")
+
+_SHOWN = ("category", "event")
+"""What of a case has a column beside the runs; the rest can be filtered by."""
+
+
+def comparison_cases(
+    common: CommonCases, names: Mapping[str, str], replays: Mapping[str, Sequence[str]], beside: Json
+) -> Json:
+    """The data of the table of cases of a comparison, in the form of that of a run.
+
+    Args:
+        common: The cases, with the outcomes of every run.
+        names: What each run is called on the page.
+        replays: The command that plays a case of a run again, once its item id is appended, by run.
+        beside: See :func:`beside`.
+    """
+    order = sorted(range(len(common.planned)), key=lambda index: common.planned[index].item_id)
+    planned = [common.planned[index] for index in order]
+    outcomes = {
+        run: [OUTCOMES[code] for code in outcome_codes(pairs)[order].tolist()]
+        for run, pairs in common.pairs.items()
+    }
+    stale = {run: pairs.stale[order].tolist() for run, pairs in common.pairs.items()}
+    changed = [_CHANGED[len(set(case)) == 1] for case in zip(*outcomes.values(), strict=True)]
+    columns = [
+        {**column, "shown": column["key"] in _SHOWN}
+        for column in (*label_columns(planned), label_column("changed", "Changed", changed, _CHANGED))
+    ]
+    for number, (run, found) in enumerate(outcomes.items(), start=1):
+        column = label_column(f"run{number}", names[run], found, OUTCOMES, OUTCOME_TITLES)
+        columns.append({**column, "outcome": True})
+    details = [
+        {"Runs": {names[run]: _of_run(outcomes[run][place], stale[run][place]) for run in outcomes}}
+        for place in range(len(planned))
+    ]
+    films = {
+        str(place): [
+            [names[run], paths[pair.item_id]]
+            for run, paths in beside["films"].items()
+            if pair.item_id in paths
+        ]
+        for place, pair in enumerate(planned)
+    }
+    return {
+        "items": [pair.item_id for pair in planned],
+        "columns": columns,
+        "case_ids": [pair.case_id for pair in planned],
+        "details": packed(details),
+        "films": {place: found for place, found in films.items() if found},
+        "commands": [[f"{names[run]}:", shlex.join(command)] for run, command in replays.items()],
+        "pages": [[names[run], page] for run, page in beside["pages"].items()],
+        "start": {"changed": _CHANGED[0]} if _CHANGED[0] in changed else {},
+    }
+
+
+def beside(runs: Mapping[str, Path], folder: Path) -> Json:
+    """What lies with the runs for the page of their comparison to show.
+
+    Args:
+        runs: Folder of each run.
+        folder: Where the page is written.
+
+    Returns:
+        ``films``: addresses relative to the page by run and item id. ``pages``: the address of the page of
+        each run that has one.
+    """
+    addresses = {name: quote(Path(os.path.relpath(path, folder)).as_posix()) for name, path in runs.items()}
+    return {
+        "films": {
+            name: {item: f"{addresses[name]}/{quote(film)}" for item, film in films_in(path).items()}
+            for name, path in runs.items()
+        },
+        "pages": {
+            name: f"{addresses[name]}/report.html"
+            for name, path in runs.items()
+            if (path / "report.html").is_file()
+        },
+    }
+
+
+def _of_run(outcome: str, stale: int) -> dict[str, Any]:
+    return {"outcome": OUTCOME_TITLES[outcome], "stale actions": None if stale < 0 else stale}
