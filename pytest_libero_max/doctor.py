@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
+from pytest_libero_max.machine import GIB, WORKER_BYTES, available_bytes, free_disk_bytes, memory_bytes
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.libero.installation import Installation
+
+MAX_RUN_BYTES = 120 * 2**20
+"""Records and reports of 8,000 pairs, without traces and films."""
 
 Level = Literal["ok", "note", "missing"]
 
@@ -35,13 +41,13 @@ class Finding:
 
 
 def diagnose(options: SubstrateOptions | None = None) -> list[Finding]:
-    """Look at packages, rendering and genuine installations. Nothing of LIBERO is imported.
+    """Look at packages, rendering, memory, disk and genuine installations. Nothing of LIBERO is imported.
 
     Args:
         options: Where to look for installations; by default where ``import libero`` would.
     """
     options = options or SubstrateOptions()
-    return [*_packages(), *_rendering(), *_installations(options)]
+    return [*_packages(), *_rendering(), *_resources(), *_installations(options)]
 
 
 def _packages() -> Iterator[Finding]:
@@ -70,6 +76,23 @@ def _rendering() -> Iterator[Finding]:
             gl.require()
     except LiberoMaxError as error:
         yield Finding("missing", f"images: {error}")
+
+
+def _resources() -> Iterator[Finding]:
+    processors, available = len(os.sched_getaffinity(0)), available_bytes()
+    if available is not None:
+        fits = available // WORKER_BYTES
+        text = (
+            f"{processors} processors, {available / GIB:.1f} of {memory_bytes() / GIB:.1f} GiB memory free: "
+            f"-n {max(min(processors, fits), 1)} for the embedded scenes, where each worker takes "
+            f"{WORKER_BYTES / GIB:.1f} GiB and the policy"
+        )
+        yield Finding("ok" if fits >= processors else "note", text)
+    free = free_disk_bytes(Path())
+    if free is not None:
+        text = f"{free / GIB:.1f} GiB of disk free here; a run of max takes {MAX_RUN_BYTES / GIB:.1f}"
+        cure = "; make room, or write elsewhere with --libero-max-output"
+        yield Finding("ok", text) if free >= MAX_RUN_BYTES else Finding("note", text + cure)
 
 
 def _installations(options: SubstrateOptions) -> Iterator[Finding]:

@@ -35,6 +35,7 @@ from pytest_libero_max.plugin.collection import (
 from pytest_libero_max.plugin.deaths import CRASH_PHASE, set_aside_lines
 from pytest_libero_max.plugin.fitting import require_fit
 from pytest_libero_max.plugin.progress import RunProgress
+from pytest_libero_max.plugin.room import memory_note, require_room
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
@@ -107,6 +108,7 @@ class RunController:
         try:
             require_writable(self.settings.output)
             require_free(self.settings.output)
+            require_room(self.settings.output, len(self.cases))
             self._require_usable_gates()
             self.measured = self._measured_before()
         except LiberoMaxError as error:
@@ -132,9 +134,11 @@ class RunController:
         details += [] if manifest.recognition is None else [str(manifest.recognition)]
         details += [f"selection: {', '.join(asked)}"] if asked else []
         details += [f"{len(self.measured)} measured before"] if self.measured else []
+        note = memory_note(self.config.getoption("numprocesses", None) or 1)
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
-            f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}"
+            f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}",
+            *([] if note is None else [note]),
         ]
 
     @pytest.hookimpl(optionalhook=True)

@@ -1,0 +1,46 @@
+"""Whether there is room for a run: on the disk of its output, and in the memory for its workers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pytest_libero_max.errors import DiskError
+from pytest_libero_max.machine import GIB, WORKER_BYTES, available_bytes, free_disk_bytes
+
+MIB = 2**20
+_PAIR_BYTES = 10_000
+"""A pair in ``pairs.jsonl`` and in the reports: more than twice what those of the reference policies take."""
+
+_REPORT_BYTES = 32 * MIB
+"""The reports and their figures, whatever the number of pairs."""
+
+
+def require_room(output: Path, pairs: int) -> None:
+    """Refuse a run for whose records there is no room; traces and films are not counted.
+
+    Raises:
+        DiskError: There is too little; says how much there is, and how much is needed.
+    """
+    free, needed = free_disk_bytes(output), _REPORT_BYTES + pairs * _PAIR_BYTES
+    if free is not None and free < needed:
+        raise DiskError(
+            f"{free / MIB:.0f} MiB are free for {str(output)!r}, but the records and reports of {pairs} "
+            f"pairs take up to {needed / MIB:.0f} MiB. Make room, or give another folder with --libero-max-output."
+        )
+
+
+def memory_note(workers: int) -> str | None:
+    """What to expect where the memory is too little for the workers; None where it is enough, or not known.
+
+    Args:
+        workers: Processes that play pairs.
+    """
+    available = available_bytes()
+    if available is None or available >= workers * WORKER_BYTES:
+        return None
+    fits = max(available // WORKER_BYTES, 1)
+    return (
+        f"libero-max: {available / GIB:.1f} GiB of memory are free, and {workers} workers take about "
+        f"{workers * WORKER_BYTES / GIB:.1f} GiB with the embedded scenes, without the policy. Play with "
+        f"-n {fits}, or serve the policy once for all workers (libero-max serve)."
+    )
