@@ -25,7 +25,7 @@ def require_room(output: Path, pairs: int) -> None:
     if free is not None and free < needed:
         raise DiskError(
             f"{free / MIB:.0f} MiB are free for {str(output)!r}, but the records and reports of {pairs} "
-            f"pairs take up to {needed / MIB:.0f} MiB. Make room, or give another folder with --libero-max-output."
+            f"pairs take up to {needed / MIB:.0f} MiB. Make room, or give another --libero-max-output."
         )
 
 
