@@ -10,7 +10,16 @@ import os
 import sys
 from collections.abc import Sequence
 
-from pytest_libero_max.cli import building, checking, filming, measuring, results, serving, watching
+from pytest_libero_max.cli import (
+    building,
+    checking,
+    demonstrating,
+    filming,
+    measuring,
+    results,
+    serving,
+    watching,
+)
 from pytest_libero_max.errors import LiberoMaxError
 
 PIPE_CLOSED = 141
@@ -62,6 +71,6 @@ def parser() -> argparse.ArgumentParser:
         description="Around runs of pytest --libero-max-policy: measure, compare, build the benchmark.",
     )
     commands = command.add_subparsers(required=True, metavar="COMMAND")
-    for subject in (checking, serving, measuring, watching, results, filming, building):
+    for subject in (checking, serving, measuring, watching, results, filming, demonstrating, building):
         subject.add_commands(commands)
     return command

@@ -1,0 +1,94 @@
+"""The command that records training data: demos."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.errors import OptionError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
+
+
+def add_commands(commands: Commands) -> None:
+    """Add ``demos`` to the parser."""
+    demos = commands.add_parser(
+        "demos",
+        help="Record episodes of the scripted expert on the embedded scenes as training data",
+        description="One .npz for each episode in which the expert completes the task, with both cameras and "
+        "the state before every action. Interrupted, it goes on where it stopped; the same command gives the "
+        "same bytes. The tracks play all ten initial states of a task, on varied scenes and with events: "
+        "record some of them with --inits, and evaluate on the others, for example with -k 'i08 or i09'.",
+    )
+    demos.add_argument("folder", type=Path, metavar="FOLDER", help="Where the episodes are written")
+    demos.add_argument(
+        "--suites", nargs="+", default=list(SUITES), choices=SUITES, metavar="SUITE", help="Default: all four"
+    )
+    demos.add_argument("--tasks", type=int, nargs="+", metavar="INDEX", help="Of each suite (default: all)")
+    demos.add_argument(
+        "--inits",
+        type=int,
+        nargs="+",
+        default=list(range(10)),
+        metavar="INDEX",
+        help="Initial states of a task (default: 0 to 9, which is all)",
+    )
+    demos.add_argument(
+        "--events",
+        nargs="*",
+        metavar="EVENT",
+        help="For each initial state, also one episode with each of these events; without names, with all "
+        "eight (default: none)",
+    )
+    demos.add_argument(
+        "--image-size", type=int, default=128, metavar="PX", help="Side of an image (default: %(default)s)"
+    )
+    demos.add_argument(
+        "--expert", default="expert", metavar="POLICY", help="As for pytest --libero-max-policy"
+    )
+    demos.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
+    demos.add_argument(
+        "--lerobot",
+        type=Path,
+        metavar="FOLDER",
+        help="Afterwards, write all episodes as a dataset of LeRobot, format 3.0 (extra demos)",
+    )
+    demos.set_defaults(run=_demos)
+
+
+def _demos(options: argparse.Namespace) -> None:
+    from pytest_libero_max.demos.collection import Settings, collect
+    from pytest_libero_max.demos.episodes import planned
+    from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+
+    if options.lerobot is not None:
+        from pytest_libero_max.demos.lerobot import require_pyarrow
+
+        require_pyarrow()
+    for name in ("image_size", "jobs"):
+        if getattr(options, name) < 1:
+            raise OptionError(
+                f"--{name.replace('_', '-')} is {getattr(options, name)}, but must be at least 1."
+            )
+    events = () if options.events is None else options.events or BENCHMARK_EVENTS
+    plans = list(planned(options.suites, options.tasks, options.inits, events))
+    settings = Settings(options.expert, options.image_size)
+    found = collect(plans, options.folder, settings, options.jobs, _say)
+    paths = [item.path for item in found if item.path is not None]
+    print(
+        f"Episodes in {options.folder}: {len(paths)}. The expert did not complete: {len(found) - len(paths)}."
+    )
+    if options.lerobot is not None:
+        from pytest_libero_max.demos.lerobot import write_dataset
+
+        write_dataset(paths, options.lerobot)
+        print(f"Dataset of LeRobot in {options.lerobot}.")
+
+
+def _say(done: int, total: int) -> None:
+    print(f"Played: {done} of {total}", file=sys.stderr, flush=True)

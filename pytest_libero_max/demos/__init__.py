@@ -1,0 +1,1 @@
+"""Episodes of an expert, with and without events, written as training data."""

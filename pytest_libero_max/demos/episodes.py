@@ -1,0 +1,145 @@
+"""Which episodes are recorded, and the recording of one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
+from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, arms_of
+from pytest_libero_max.pairing.rollout import Rollout
+from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.worlds.contract import CAMERAS, World
+from pytest_libero_max.worlds.embedded.tasks import tasks
+
+_WITHOUT_SETUP = "illumination_switch"
+"""The event of the cases whose Base is recorded: it needs nothing of the scene and prepares nothing in it."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """An episode to record.
+
+    Attributes:
+        case: What is played.
+        arm: ``base`` or ``dynamic``.
+    """
+
+    case: Case
+    arm: str
+
+    @property
+    def name(self) -> str:
+        """A name for files, for example ``libero_goal-t03-i10-base`` or ``...-target_relocation-v0``."""
+        case = self.case
+        what = BASE if self.arm == BASE else f"{case.event.name}-v{case.event.variant}"
+        return f"{case.suite}-t{case.task_index:02d}-i{case.init_state_index:02d}-{what}"
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """A recorded episode.
+
+    Attributes:
+        success: Whether the task was completed.
+        instruction: What the policy was told.
+        event_step: Policy steps before the event; None where it did not happen.
+        observations: What was shown before each action, by robosuite's keys: images (T, S, S, 3) uint8 as
+            LIBERO delivers them, bottom row first, and states (T, n).
+        actions: (T, 7) as executed.
+    """
+
+    success: bool
+    instruction: str
+    event_step: int | None
+    observations: dict[str, NDArray[Any]]
+    actions: NDArray[np.float64]
+
+
+def planned(
+    suites: Sequence[str], task_indices: Sequence[int] | None, inits: Sequence[int], events: Sequence[str]
+) -> Iterator[Planned]:
+    """Base of every task and initial state, and one Dynamic episode for each event that the task can host.
+
+    Variants of events alternate with the initial states.
+
+    Args:
+        suites: LIBERO suites.
+        task_indices: Which tasks of each; None for all.
+        inits: Which initial states.
+        events: Which events; none for Base alone.
+
+    Raises:
+        OptionError: There is no such event or task.
+    """
+    for event in events:
+        if event not in BENCHMARK_EVENTS:
+            raise OptionError(f"event={event!r}. {did_you_mean(event, BENCHMARK_EVENTS)}")
+    for suite in suites:
+        there = [task.index for task in tasks(suite)]
+        chosen = there if task_indices is None else list(task_indices)
+        if unknown := sorted(set(chosen) - set(there)):
+            raise OptionError(f"task={unknown[0]} of {suite}, whose tasks are 0 to {there[-1]}.")
+        for index in chosen:
+            metadata = task_metadata(suite, index)
+            for init in inits:
+                yield Planned(_case(suite, index, init, _WITHOUT_SETUP, 0), BASE)
+                for number, event in enumerate(events):
+                    if eligible(event, metadata):
+                        yield Planned(_case(suite, index, init, event, (init + number) % 2), DYNAMIC)
+
+
+def _case(suite: str, index: int, init: int, event: str, variant: int) -> Case:
+    metadata, identity = task_metadata(suite, index), Identity("libero", suite, index, init)
+    return parse_case(case_record(identity, resolve_event(event, variant, metadata, identity), metadata.name))
+
+
+def record(plan: Planned, world: World, policy: Policy, image_size: int) -> Demonstration:
+    """Let a policy play an episode, and look at the world before every step.
+
+    Args:
+        plan: The episode.
+        world: A world of its scene.
+        policy: A policy that solves the tasks. The images that a privileged one asks for are not drawn.
+        image_size: Side of the recorded images, pixels.
+
+    Raises:
+        AdapterError: The policy broke its contract.
+        SimulatorError: The simulation broke.
+        ProtocolError: The event altered nothing.
+    """
+    if policy.spec.privileged:
+        policy.spec = replace(policy.spec, cameras=())
+    arm = next(arm for arm in arms_of(plan.case) if arm.name == plan.arm)
+    stage = Stage(plan.case, world, policy)
+    rollout = Rollout.start(stage)
+    rollout.may_branch = False
+    instruction, shown = stage.instruction, []
+    while rollout.running:
+        _fire_what_is_due(rollout, arm)
+        shown.append(world.observe(CAMERAS, image_size))
+        rollout.advance()
+    result = rollout.result()
+    return Demonstration(
+        result.success,
+        instruction,
+        result.firings[0].step if result.firings else None,
+        {key: np.stack([observation[key] for observation in shown]) for key in sorted(shown[0])},
+        result.actions,
+    )
+
+
+def _fire_what_is_due(rollout: Rollout, arm: Arm) -> None:
+    for entry in arm.schedule[len(rollout.firings) :]:
+        if entry.trigger.fires(rollout.moment):
+            rollout.fire(entry)

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.demos import collection
+from pytest_libero_max.demos.collection import Settings, collect, load
+from pytest_libero_max.demos.episodes import Demonstration, Planned
+from pytest_libero_max.demos.lerobot import write_dataset
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.policies.pieces.images import rotate_180
+from tests.pairing.actors import make_case
+
+PLANS = [
+    Planned(make_case(event), arm)
+    for event, arm in (
+        ("camera_shift", "base"),
+        ("camera_shift", "dynamic"),
+        ("target_relocation", "dynamic"),
+    )
+]
+
+
+def demo(length: int, event_step: int | None = None, success: bool = True) -> Demonstration:
+    generator = np.random.default_rng(length)
+    rotations = generator.normal(size=(length, 4))
+    observations: dict[str, Any] = {
+        "agentview_image": generator.integers(0, 256, (length, 8, 8, 3), dtype=np.uint8),
+        "robot0_eye_in_hand_image": generator.integers(0, 256, (length, 8, 8, 3), dtype=np.uint8),
+        "robot0_eef_pos": generator.normal(size=(length, 3)),
+        "robot0_eef_quat": rotations / np.linalg.norm(rotations, axis=1, keepdims=True),
+        "robot0_gripper_qpos": generator.normal(size=(length, 2)),
+    }
+    return Demonstration(
+        success, f"do {length % 2}", event_step, observations, generator.uniform(-1, 1, (length, 7))
+    )
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The names of the episodes that are played, without a simulator; the second is not solved."""
+    names: list[str] = []
+
+    def record(plan: Planned, world: Any, policy: Any, image_size: int) -> Demonstration:
+        names.append(plan.name)
+        return {0: demo(5), 1: demo(9, success=False), 2: demo(6, event_step=2)}[PLANS.index(plan)]
+
+    class Substrate:
+        def world(self, case: Any) -> None:
+            pass
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(collection, "record", record)
+    monkeypatch.setattr(collection, "open_substrate", lambda name: Substrate())
+    return names
+
+
+def test_episodes_are_kept_and_not_played_again(tmp_path: Path, played: list[str]) -> None:
+    first = collect(PLANS[:2], tmp_path, Settings())
+    assert [found.path is not None for found in first] == [True, False]
+    found = collect(PLANS, tmp_path, Settings())
+    assert played == [plan.name for plan in PLANS]
+    assert found[2].path is not None
+    loaded, about = load(found[2].path)
+    assert loaded.actions.tobytes() == demo(6).actions.tobytes()
+    assert loaded.observations.keys() == demo(6).observations.keys()
+    assert (loaded.event_step, loaded.instruction) == (2, "do 0")
+    assert about["event"] == "target_relocation"
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_the_same_episodes_give_the_same_bytes(tmp_path: Path, played: list[str]) -> None:
+    files = []
+    for name in ("one", "two"):
+        found = collect(PLANS, tmp_path / name, Settings())
+        write_dataset([item.path for item in found if item.path is not None], tmp_path / f"{name}-lerobot")
+        files.append(
+            {
+                str(path.relative_to(tmp_path)).replace(name, "", 1): path.read_bytes()
+                for path in sorted(tmp_path.rglob("*"))
+                if path.is_file() and path.relative_to(tmp_path).parts[0].startswith(name)
+            }
+        )
+    assert files[0] == files[1]
+    assert len(files[0]) == 9
+
+
+def test_other_settings_need_another_folder(tmp_path: Path, played: list[str]) -> None:
+    collect(PLANS, tmp_path, Settings())
+    with pytest.raises(OptionError, match=r"was begun with .*'image_size': 128"):
+        collect(PLANS, tmp_path, Settings(image_size=64))
+    (tmp_path / "demos.json").write_text("{")
+    with pytest.raises(OptionError, match="is no JSON document"):
+        collect(PLANS, tmp_path, Settings())
+    (tmp_path / "file").touch()
+    with pytest.raises(OptionError, match="cannot be written"):
+        collect(PLANS, tmp_path / "file", Settings())
+
+
+def test_a_dataset_of_lerobot_holds_every_step(tmp_path: Path, played: list[str]) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="the extra 'demos' has it")
+    found = collect(PLANS, tmp_path / "npz", Settings())
+    paths = [item.path for item in found if item.path is not None]
+    write_dataset(paths, tmp_path / "lerobot")
+    write_dataset(paths, tmp_path / "lerobot")  # a dataset may be replaced
+    info = json.loads((tmp_path / "lerobot/meta/info.json").read_text())
+    assert (info["codebase_version"], info["total_episodes"], info["total_frames"]) == ("v3.0", 2, 11)
+    rows = parquet.read_table(tmp_path / "lerobot/data/chunk-000/file-000.parquet").to_pylist()
+    assert {"observation.state", "action", *info["features"]} == rows[0].keys()
+    assert [row["episode_index"] for row in rows] == [0] * 5 + [1] * 6
+    assert [row["index"] for row in rows] == list(range(11))
+    assert [row["event"] for row in rows[5:]] == [False, False, True, True, True, True]
+    assert rows[6]["timestamp"] == pytest.approx(0.05)
+    assert rows[6]["action"] == pytest.approx(demo(6).actions[1].tolist(), abs=1e-6)
+    assert rows[6]["observation.state"][:3] == pytest.approx(
+        demo(6).observations["robot0_eef_pos"][1].tolist(), abs=1e-6
+    )
+    from PIL import Image
+
+    (tmp_path / "image.png").write_bytes(rows[6]["observation.images.image2"]["bytes"])
+    shown = np.asarray(Image.open(tmp_path / "image.png"))
+    assert (shown == rotate_180(demo(6).observations["robot0_eye_in_hand_image"][1])).all()
+    statistics = json.loads((tmp_path / "lerobot/meta/stats.json").read_text())
+    actions = np.concatenate([demo(5).actions, demo(6).actions])
+    assert statistics["action"]["std"] == pytest.approx(actions.std(axis=0).tolist(), abs=1e-6)
+    assert np.shape(statistics["observation.images.image"]["mean"]) == (3, 1, 1)
+    episodes = parquet.read_table(tmp_path / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [episode["event_step"] for episode in episodes] == [None, 2]
+    assert [episode["dataset_to_index"] for episode in episodes] == [5, 11]
+
+
+def test_a_dataset_replaces_nothing_else(tmp_path: Path, played: list[str]) -> None:
+    found = collect(PLANS[:1], tmp_path / "npz", Settings())
+    paths = [item.path for item in found if item.path is not None]
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(OptionError, match="holds no dataset"):
+        write_dataset(paths, tmp_path / "mine")
+    with pytest.raises(OptionError, match="no episode"):
+        write_dataset([], tmp_path / "other")
+    paths[0].write_bytes(paths[0].read_bytes()[:100])
+    with pytest.raises(OptionError, match=r"cannot be read .*Remove it"):
+        write_dataset(paths, tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+def test_the_command_records_on_the_embedded_scenes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["demos", str(tmp_path), "--suites", "libero_object", "--tasks", "0", "--inits", "0"]
+    command += ["--image-size", "16", "--jobs", "1"]
+    assert main(command) == 0
+    assert main(command) == 0
+    out, error = capsys.readouterr()
+    assert out.splitlines() == [f"Episodes in {tmp_path}: 1. The expert did not complete: 0."] * 2
+    assert error.splitlines() == ["Played: 0 of 1", "Played: 1 of 1", "Played: 1 of 1"]
+    demo, about = load(tmp_path / "episodes" / "libero_object-t00-i00-base.npz")
+    assert demo.instruction.startswith("pick up the alphabet soup")
+    assert demo.observations["agentview_image"].shape == (len(demo.actions), 16, 16, 3)
+    assert about["event"] is None
+    assert main([*command[:-4], "--inits", "10", "--image-size", "16"]) == 1
+    assert "not an initial state" in capsys.readouterr().err

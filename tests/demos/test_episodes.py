@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.demos.episodes import Planned, planned, record
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.worlds.contract import CAMERAS
+from tests.pairing.actors import Solvable, make_case, policy_steps
+
+
+class Reach:
+    """Moves to where the box begins; what it asks for is not to be drawn."""
+
+    def __init__(self) -> None:
+        self.spec = PolicySpec("reach", 10, 5, privileged=True, image_size=64)
+
+    def reset(self, episode: Any) -> None:
+        pass
+
+    def predict(self, observation: Any, query: Any) -> Any:
+        assert "agentview_image" not in observation
+        move = np.clip((np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]) / 0.05, -1, 1)
+        return np.tile([*move, 0, 0, 0, 1], (10, 1))
+
+
+@pytest.fixture
+def world() -> Iterator[Solvable]:
+    world = Solvable(lambda world: policy_steps(world) == 12)
+    yield world
+    world.close()
+
+
+@pytest.mark.parametrize("arm", ["base", "dynamic"])
+def test_what_is_recorded_is_what_the_world_showed_before_each_action(arm: str, world: Solvable) -> None:
+    plan = Planned(make_case("target_relocation", distance_m=0.3), arm)
+    demo = record(plan, world, Reach(), 16)
+    assert demo.success
+    assert demo.actions.shape == (12, 7)
+    for camera in CAMERAS:
+        assert demo.observations[f"{camera}_image"].shape == (12, 16, 16, 3)
+    assert demo.observations["robot0_eef_quat"].shape == (12, 4)
+    assert (demo.event_step is not None) == (arm == "dynamic")
+    # The same actions, from the same beginning, show the same.
+    again = record(plan, world, Reach(), 16)
+    for key, value in demo.observations.items():
+        assert value.tobytes() == again.observations[key].tobytes()
+
+
+def test_base_and_dynamic_are_the_same_until_the_event_and_show_it_at_once(world: Solvable) -> None:
+    case = make_case("target_relocation", distance_m=0.3)
+    base, dynamic = (record(Planned(case, arm), world, Reach(), 32) for arm in ("base", "dynamic"))
+    step = dynamic.event_step
+    assert step is not None
+    assert 0 < step < 12
+    images = [demo.observations["agentview_image"] for demo in (base, dynamic)]
+    assert images[0][:step].tobytes() == images[1][:step].tobytes()
+    assert (images[0][step] != images[1][step]).any()
+
+
+def test_an_episode_that_does_not_reach_the_goal_is_no_success() -> None:
+    world = Solvable()
+    demo = record(Planned(make_case(), "base"), world, Reach(), 16)
+    world.close()
+    assert not demo.success
+    assert len(demo.actions) == 50
+
+
+def test_plans_hold_base_and_every_event_that_a_task_can_host() -> None:
+    plans = list(planned(["libero_object"], [2], [0, 1], BENCHMARK_EVENTS))
+    names = [plan.name for plan in plans]
+    assert names[0] == "libero_object-t02-i00-base"
+    assert len(set(names)) == len(names) == 18
+    assert {plan.case.event.variant for plan in plans if plan.case.event.name == "camera_shift"} == {0, 1}
+    assert len(list(planned(["libero_object", "libero_goal"], None, [0], []))) == 20
+    with pytest.raises(OptionError, match=r"event='camera'.*camera_shift"):
+        list(planned(["libero_object"], [0], [0], ["camera"]))
+    with pytest.raises(OptionError, match="task=10 of libero_object, whose tasks are 0 to 9"):
+        list(planned(["libero_object"], [10], [0], []))
