@@ -1,10 +1,11 @@
-"""The command that follows a run from its folder: watch."""
+"""The command that follows runs from their folders: watch."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,11 +21,18 @@ def add_commands(commands: Commands) -> None:
     """Add ``watch`` to the parser."""
     watch = commands.add_parser(
         "watch",
-        help="Follow a run from its folder, also one on another machine, until it ends",
-        description="Reads the folder alone and alters nothing in it. Where standard output is no terminal, "
-        "it prints lines at intervals. Exit status 11 if the run was killed or ended without every pair.",
+        help="Follow runs from their folders, also on another machine, until they end",
+        description="Reads the folders alone and alters nothing in them. Where standard output is no "
+        "terminal, it prints lines at intervals. Exit status 11 if a run was killed or ended without every "
+        "pair.",
     )
-    watch.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
+    watch.add_argument(
+        "run_folders",
+        type=Path,
+        nargs="+",
+        metavar="RUN",
+        help="The output folder of a run; of several, for example shards, there is a line each and their sum",
+    )
     watch.add_argument("--once", action="store_true", help="Print the status once; do not wait")
     watch.add_argument(
         "--interval",
@@ -39,30 +47,46 @@ def add_commands(commands: Commands) -> None:
 def _watch(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.following import Follower
     from pytest_libero_max.report.live_text import LiveText, understands_sequences
-    from pytest_libero_max.report.progress import Pace, progress_text
+    from pytest_libero_max.report.progress import Pace
 
     if options.interval <= 0:
         raise OptionError(f"--interval={options.interval}, but must be more than 0 seconds.")
-    follower = Follower(options.run_folder)
-    seen = follower.look()
+    followers = [Follower(folder) for folder in options.run_folders]
+    seen = [follower.look() for follower in followers]
     if not options.once:
         live = LiveText(sys.stdout) if understands_sequences(sys.stdout) else None
         pace = Pace(time.monotonic())
-        if live is None and seen.state in ("running", "unknown"):
-            print("\n".join(seen.lines(time.time())), flush=True)
+        if live is None and any(map(_goes_on, seen)):
+            print("\n".join(_lines(seen)), flush=True)
         try:
-            while seen.state in ("running", "unknown"):
+            while any(map(_goes_on, seen)):
                 if live is not None:
-                    live.draw(seen.lines(time.time()))
+                    live.draw(_lines(seen))
                 elif pace.due(time.monotonic()):
-                    print(progress_text(seen.progress, time.time()), flush=True)
+                    print(_lines(seen)[-1] if len(seen) > 1 else _line(seen[0]), flush=True)
                 time.sleep(options.interval)
-                seen = follower.look()
+                seen = [follower.look() for follower in followers]
         finally:
             if live is not None:
                 live.erase()
-    print("\n".join(seen.lines(time.time())))
-    return _exit_status(seen)
+    print("\n".join(_lines(seen)))
+    return max(map(_exit_status, seen))
+
+
+def _goes_on(seen: Seen) -> bool:
+    return seen.state in ("running", "unknown")
+
+
+def _lines(runs: Sequence[Seen]) -> list[str]:
+    from pytest_libero_max.report.following import overview
+
+    return runs[0].lines(time.time()) if len(runs) == 1 else overview(runs, time.time())
+
+
+def _line(seen: Seen) -> str:
+    from pytest_libero_max.report.progress import progress_text
+
+    return progress_text(seen.progress, time.time())
 
 
 def _exit_status(seen: Seen) -> int:

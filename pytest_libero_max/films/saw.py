@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -221,12 +222,14 @@ def _by_adapter(ran: Json, adapter: str) -> Shown:
 
 
 def _profile_of(ran: Json, asked: str | None) -> Profile | None:
-    """The profile of a run, whose digest its provenance has."""
+    """The profile of a run, whose digest its provenance has; None where it is not found."""
     if asked is not None:
         profile = load_profile(asked)
         _require_same(ran, profile.digest, f"profile={asked!r}")
         return profile
-    known = (load_profile(name) for name in profile_names())
+    written = str(ran.get("profile", ""))  # a file may be there still, and unchanged
+    names = [written] if written.endswith(".toml") and Path(written).expanduser().is_file() else []
+    known = map(load_profile, [*names, *profile_names()])
     return next((profile for profile in known if profile.digest == ran.get("code")), None)
 
 

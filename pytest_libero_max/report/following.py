@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,7 +18,9 @@ from pytest_libero_max.report.progress import (
     duration,
     letters_text,
     pace_parts,
+    pace_words,
     playing_lines,
+    progress_text,
 )
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PACKED_PAIRS_NAME, PAIRS_NAME, decode_line
@@ -106,6 +108,29 @@ class Seen:
         errors = self.progress.done - sum(letter != "E" for letter in self.progress.counts.letters.values())
         words = [f"{missing} missing"] if missing else []
         return ", ".join(words + ([f"{errors} with an error"] if errors else []))
+
+
+def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
+    """A line for each of several runs, for example the shards of one, and a line for all of them.
+
+    Args:
+        runs: Which.
+        now: Seconds since the epoch, for when they will be ready; None: leave that out.
+    """
+    lines = [f"{seen.lines()[0]}, {progress_text(seen.progress)}" for seen in runs]
+    together = PairCounts()
+    for seen in runs:  # the same pair may be one of several runs
+        counts = seen.progress.counts
+        together.letters |= {f"{seen.folder} {name}": letter for name, letter in counts.letters.items()}
+        together.errors += counts.errors
+    playing = [seen.progress for seen in runs if seen.state == "running"]
+    pace = sum(progress.per_minute or 0.0 for progress in playing)
+    left = max((progress.seconds_left or 0.0 for progress in playing), default=0.0)
+    words = [
+        f"{len(together.letters)} of {sum(seen.progress.planned for seen in runs)} pairs of {len(runs)} runs"
+    ]
+    words += pace_words(pace, left, now) if pace else []
+    return [*lines, ", ".join([*words, letters_text(together)])]
 
 
 class Follower:

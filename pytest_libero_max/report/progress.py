@@ -87,10 +87,21 @@ def pace_parts(progress: Progress, now: float | None = None) -> list[str]:
     pace, left = progress.per_minute, progress.seconds_left
     if pace is None or left is None:
         return []
-    parts = [f"{pace:.1f}/min"]
-    if progress.done < progress.planned:
-        ready = "" if now is None else f" (ready at {_clock(now, left)})"
-        parts.append(f"{duration(left)} left{ready}")
+    return pace_words(pace, left, now)
+
+
+def pace_words(per_minute: float, seconds_left: float, now: float | None = None) -> list[str]:
+    """Pace and time left.
+
+    Args:
+        per_minute: Pairs a minute.
+        seconds_left: 0 where nothing is left to do, which is not said.
+        now: Seconds since the epoch, for when it will be ready; None: leave that out.
+    """
+    parts = [f"{per_minute:.1f}/min"]
+    if seconds_left > 0:
+        ready = "" if now is None else f" (ready at {_clock(now, seconds_left)})"
+        parts.append(f"{duration(seconds_left)} left{ready}")
     return parts
 
 

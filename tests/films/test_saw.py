@@ -81,7 +81,7 @@ def test_queries_between_the_frames_are_seen(seeing: tuple[Played, Approaching])
             assert np.array_equal(_image(tick, arm), _image(every[tick.step], arm))
 
 
-def test_a_profile_tells_what_the_server_is_sent(seeing: tuple[Played, Approaching]) -> None:
+def test_a_profile_tells_what_the_server_is_sent(seeing: tuple[Played, Approaching], tmp_path: Path) -> None:
     played, policy = seeing
     profile = load_profile("pi05_libero")
     ran = {"reference": "openpi://gpu:8000", "code": profile.digest}
@@ -96,6 +96,12 @@ def test_a_profile_tells_what_the_server_is_sent(seeing: tuple[Played, Approachi
     assert "sent to the server unchanged" in shown_by(served).words
     with pytest.raises(AdapterError, match="is not what the run was played with"):
         shown_by(ran, profile="served")
+    own = tmp_path / "own.toml"
+    own.write_text('extends = "pi05_libero"\n[policy]\nname = "mine"\n')
+    mine = {**ran, "code": load_profile(str(own)).digest, "profile": str(own)}
+    assert shown_by(mine).words == "the images as profile own sends them"
+    own.write_text('extends = "pi05_libero"\n[policy]\nname = "other"\n')
+    assert "the profile is not known" in shown_by(mine).words
     with pytest.raises(AdapterError, match="is no server's address"):
         shown_by(ADAPTER, profile="served")
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import re
 import socket
 from pathlib import Path
 
@@ -150,6 +151,23 @@ def test_watch_ends_with_the_run(
     lines = capsys.readouterr().out.splitlines()
     assert "running (process" in lines[0]
     assert lines[-3:] == [f"{tmp_path}: scripted.py on track smoke, ended", "4 of 4 pairs", "P 2 R 2 N 0 E 0"]
+
+
+def test_several_runs_are_followed_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one, other = _begin(tmp_path / "1"), _begin(tmp_path / "2", 1)
+    assert main(["watch", str(tmp_path / "1"), str(tmp_path / "2"), "--once"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].endswith(", 2 of 4 pairs, 2.0/min, 60 s left, P 0 R 2 N 0 E 0")
+    assert lines[1].endswith(", 1 of 4 pairs, 1.0/min, 3 min left, P 0 R 1 N 0 E 0")
+    assert re.fullmatch(
+        r"3 of 8 pairs of 2 runs, 3\.0/min, 3 min left \(ready at .*\), P 0 R 3 N 0 E 0", lines[2]
+    )
+    for store in (one, other):
+        store.close()
+    assert main(["watch", str(tmp_path / "1"), str(tmp_path / "2")]) == 11
+    lines = capsys.readouterr().out.splitlines()
+    assert "ended incomplete: 2 missing, 2 of 4 pairs" in lines[0]
+    assert lines[2] == "3 of 8 pairs of 2 runs, P 0 R 3 N 0 E 0"
 
 
 def test_what_watch_cannot_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
