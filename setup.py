@@ -42,14 +42,21 @@ def check_python() -> None:
 
 def check_tracks() -> None:
     """Refuse to build when a frozen file is missing or differs from its checksum."""
-    for line in (CASES / "SHA256SUMS").read_text(encoding="utf-8").splitlines():
-        digest, name = line.split()
-        plain, packed = CASES / name, CASES / f"{name}.gz"
-        if not plain.exists() and not packed.exists():
-            sys.exit(f"{plain} is missing, and cases/SHA256SUMS lists it. Restore it before building.")
-        content = plain.read_bytes() if plain.exists() else gzip.decompress(packed.read_bytes())
-        if hashlib.sha256(content).hexdigest() != digest:
-            sys.exit(f"{plain}: the content differs from cases/SHA256SUMS. Restore it before building.")
+    for checksums in (CASES / "SHA256SUMS", *sorted(CASES.glob("*/SHA256SUMS"))):
+        for line in checksums.read_text(encoding="utf-8").splitlines():
+            check_file(checksums, *line.split())
+
+
+def check_file(checksums: Path, digest: str, name: str) -> None:
+    """Refuse to build when a file that is listed is missing or altered."""
+    plain = checksums.parent / name
+    packed = checksums.parent / f"{name}.gz"
+    named = checksums.relative_to(ROOT).as_posix()
+    if not plain.exists() and not packed.exists():
+        sys.exit(f"{plain} is missing, and {named} lists it. Restore it before building.")
+    content = plain.read_bytes() if plain.exists() else gzip.decompress(packed.read_bytes())
+    if hashlib.sha256(content).hexdigest() != digest:
+        sys.exit(f"{plain}: the content differs from {named}. Restore it before building.")
 
 
 class BuildWithTracks(build_py):

@@ -39,6 +39,20 @@ def add_commands(commands: Commands) -> None:
         description="No policy has a part in it. Interrupted, it goes on where it stopped.",
     )
     build.add_argument("folder", type=Path, metavar="FOLDER", help="Where the tracks are written")
+    build.add_argument(
+        "tracks",
+        nargs="*",
+        metavar="TRACK",
+        help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both)",
+    )
+    build.add_argument(
+        "--plus-classification",
+        type=Path,
+        metavar="FILE",
+        help="On the libero substrate: task_classification.json of LIBERO-Plus's repository, which its "
+        "package lacks (default: that of the checkout)",
+    )
+    add_substrate(build)
     _add_examination(build)
     build.set_defaults(run=_build)
 
@@ -49,9 +63,10 @@ def add_commands(commands: Commands) -> None:
     )
     certify.add_argument("folder", type=Path, metavar="FOLDER", help="The tracks, as build wrote them")
     certify.add_argument(
-        "tracks", nargs="*", metavar="TRACK", help="Which tracks (default: original and max)"
+        "tracks", nargs="*", metavar="TRACK", help="Which tracks (default: original and max; on libero, all)"
     )
     _add_expert(certify, default="expert")
+    add_substrate(certify)
     _add_examination(certify)
     certify.set_defaults(run=_certify)
 
@@ -150,6 +165,14 @@ def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verification import verify
 
+    if options.substrate != "embedded":
+        _build_genuine(options)
+        return
+    if options.tracks or options.plus_classification:
+        raise OptionError(
+            "The embedded tracks are built together, from the package's own catalogues. Give no TRACK and no "
+            "--plus-classification, or add --substrate libero."
+        )
     with Work() as work, Examiner(options.work, options.jobs, _tell(work)) as examiner:
         work.say(f"What is found is kept in {examiner.path()}")
         write_release(build_release(examiner.examine), options.folder)
@@ -157,13 +180,39 @@ def _build(options: argparse.Namespace) -> None:
     print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
 
 
+def _build_genuine(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.examiner import Examiner
+    from pytest_libero_max.construction.genuine import TRACKS, build_genuine
+    from pytest_libero_max.construction.overview import overview_lines, write_overview
+    from pytest_libero_max.construction.release import write_release
+    from pytest_libero_max.sources.installed import InstalledCatalogue
+    from pytest_libero_max.worlds.libero.installation import find_installations
+
+    if options.substrate != "libero" or options.source_variations == "own":
+        raise OptionError(
+            f"substrate={options.substrate!r} with source variations {options.source_variations!r}: tracks "
+            "are built on embedded, or on libero from the variations that are installed."
+        )
+    where = substrate_options(options)
+    installations = find_installations(where.installations, assets=where.assets)
+    catalogue = InstalledCatalogue(installations, options.plus_classification)
+    with Work() as work, Examiner(options.work, options.jobs, _tell(work), "libero", where) as examiner:
+        work.say(f"What is found is kept in {examiner.path()}")
+        release = build_genuine(examiner.examine, catalogue, options.tracks or TRACKS)
+    write_release(release, options.folder)
+    write_overview(options.folder)
+    print("\n".join(overview_lines(options.folder)))
+
+
 def _certify(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.tracks import track_names
     from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import certificate_lines, write_overview
     from pytest_libero_max.construction.release import add_certificates, read_certificates
 
-    tracks = options.tracks or ("original", "max")
-    with Work() as work, Examiner(options.work, options.jobs, _tell(work)) as examiner:
+    everything = ("original", "max") if options.substrate == "embedded" else track_names(options.folder)
+    tracks, where = options.tracks or everything, (options.substrate, substrate_options(options))
+    with Work() as work, Examiner(options.work, options.jobs, _tell(work), *where) as examiner:
         work.say(f"What is found is kept in {examiner.path(options.expert)}")
         add_certificates(options.folder, tracks, partial(examiner.certify, expert=options.expert))
     write_overview(options.folder)
@@ -203,10 +252,13 @@ def _freeze(options: argparse.Namespace) -> None:
 
 
 def _verify(options: argparse.Namespace) -> None:
-    from pytest_libero_max.benchmark.tracks import FOLDER
+    from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE
     from pytest_libero_max.construction.verification import verify
 
-    print("\n".join(verify(options.folder or FOLDER)))
+    folders = [options.folder] if options.folder else [FOLDER, FOLDER / GENUINE]
+    for folder in folders:
+        if options.folder or folder.is_dir():
+            print("\n".join(verify(folder)))
 
 
 def _show(options: argparse.Namespace) -> None:

@@ -3,19 +3,54 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Hashable
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
 from pytest_libero_max.sources import Variation, catalogue, variation_metadata
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.sources.metadata import TaskMetadata
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
 PRO_STATES = 10
 """Initial states of a LIBERO-PRO task; LIBERO-Plus has one, number 0."""
+
+
+class Catalogue(Hashable, Protocol):
+    """Where variations come from: the embedded scenes, or an installation."""
+
+    def variations(self, source: str) -> tuple[Variation, ...]:
+        """Every variation of ``plus`` or ``pro``, in order."""
+        ...
+
+    def metadata(self, variation: Variation) -> TaskMetadata:
+        """What the scene of a variation contains."""
+        ...
+
+    def variant(self, variation: Variation) -> Json | None:
+        """What a manifest says of it in ``substrate_variant``, if anything."""
+        ...
+
+
+class _Embedded:
+    """The package's own catalogues."""
+
+    def variations(self, source: str) -> tuple[Variation, ...]:
+        return catalogue(source)
+
+    def metadata(self, variation: Variation) -> TaskMetadata:
+        return variation_metadata(variation)
+
+    def variant(self, variation: Variation) -> Json | None:
+        return None
+
+
+EMBEDDED: Catalogue = _Embedded()
 
 
 class Cell(NamedTuple):
@@ -34,6 +69,7 @@ class Configuration(NamedTuple):
 
     variation: Variation
     init: int
+    catalogue: Catalogue = EMBEDDED
 
     @property
     def identity(self) -> Identity:
@@ -52,11 +88,14 @@ class Configuration(NamedTuple):
             ManifestError: The scene lacks what the event needs.
         """
         variation, identity = self.variation, self.identity
-        event = resolve_event(cell.event, cell.draw, variation_metadata(variation), identity)
+        event = resolve_event(cell.event, cell.draw, self.catalogue.metadata(variation), identity)
         record = case_record(identity, event, variation.name)
         prefix = "LIBERO-PRO/" if variation.source == "pro" else ""
         record["substrate_category"] = prefix + variation.category
         record["substrate_difficulty"] = variation.difficulty
+        variant = self.catalogue.variant(variation)
+        if variant is not None:
+            record["substrate_variant"] = variant
         return parse_case(record)
 
 
@@ -66,21 +105,22 @@ def cell_of(case: Case) -> Cell:
 
 
 @cache
-def hosts(source: str, category: str) -> tuple[tuple[Variation, frozenset[str]], ...]:
+def hosts(
+    source: str, category: str, origin: Catalogue = EMBEDDED
+) -> tuple[tuple[Variation, frozenset[str]], ...]:
     """The variations of a source category, each with the events that its scene can host.
 
     LIBERO-Plus's variations without a difficulty are left out, as in the released benchmark.
     """
     return tuple(
-        (variation, _events_of(variation))
-        for variation in catalogue(source)
+        (variation, _events_of(origin.metadata(variation)))
+        for variation in origin.variations(source)
         if variation.category == category and (source == "pro" or variation.difficulty is not None)
     )
 
 
-def _events_of(variation: Variation) -> frozenset[str]:
-    """The benchmark's events that a variation can host; those of other packages have no part in it."""
-    task = variation_metadata(variation)
+def _events_of(task: TaskMetadata) -> frozenset[str]:
+    """The benchmark's events that a scene can host; those of other packages have no part in it."""
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
 
 

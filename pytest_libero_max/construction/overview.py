@@ -12,7 +12,12 @@ from pytest_libero_max.benchmark.tracks import load_track, track_names
 from pytest_libero_max.construction.certificates import ENDINGS, Certificate
 from pytest_libero_max.construction.configurations import Cell, cell_of
 from pytest_libero_max.construction.preflight import CHECKS, Preflight
-from pytest_libero_max.construction.release import read_certificates, read_rejected, read_sights
+from pytest_libero_max.construction.release import (
+    read_certificates,
+    read_rejected,
+    read_sights,
+    read_unexamined,
+)
 from pytest_libero_max.construction.visibility import IMAGE_SIZE, MIN_PIXELS, Sight
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 
@@ -37,7 +42,8 @@ def overview_lines(folder: Path) -> list[str]:
     """
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
-    whole = tracks["max"]
+    main = "max" if "max" in tracks else next(iter(tracks))
+    whole = tracks[main]
     lines = [f"Version {whole.version}.", "", "## Tracks", ""]
     lines += ["| track | cases | Plus | PRO | unmodified | events | digest |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: | --- |")
@@ -48,16 +54,37 @@ def overview_lines(folder: Path) -> list[str]:
         lines.append(f"| {name} | {numbers} | `{manifest.digest[:16]}` |")
     lines += ["", "## Rejected by the preflight", "", "First reason of each rejected case, by event.", ""]
     lines += _rejections({name: problems[0].check for name, problems in rejected.items()})
-    lines += ["", *_out_of_sight_lines(whole, read_sights(folder))]
-    return [*lines, "", *_certificate_lines(whole, certificates)]
+    unexamined = read_unexamined(folder)
+    if unexamined:
+        lines += ["", *_unexamined_lines(tracks, unexamined)]
+    lines += ["", *_out_of_sight_lines(main, whole, read_sights(folder))]
+    return [*lines, "", *_certificate_lines(main, whole, certificates)]
 
 
-def _certificate_lines(whole: Manifest, certificates: Mapping[str, Certificate]) -> list[str]:
+def _unexamined_lines(tracks: Mapping[str, Manifest], unexamined: Mapping[str, str]) -> list[str]:
+    """How many cases of each track were not examined, and why."""
+    lines = [
+        "## Not examined",
+        "",
+        "The models of these cases were not there, so nothing is known about their events. Where the models",
+        "are, `libero-max preflight genuine/TRACK --substrate libero --libero-assets FOLDER` examines them.",
+        "",
+        f"| missing | {' | '.join(tracks)} |",
+        "| --- |" + " ---: |" * len(tracks),
+    ]
+    for missing, _ in Counter(unexamined.values()).most_common():
+        counts = (sum(unexamined.get(case.case_id) == missing for case in track) for track in tracks.values())
+        lines.append(f"| {missing} | {' | '.join(map(str, counts))} |")
+    return lines
+
+
+def _certificate_lines(main: str, whole: Manifest, certificates: Mapping[str, Certificate]) -> list[str]:
     """How the expert did: by event with the ways in which it failed, then solved cases by cell."""
     lines = [
         "## Certificates",
         "",
-        "Cases of `max` whose Dynamic episode the scripted expert completes. In the others it never comes",
+        f"Cases of `{main}` whose Dynamic episode the scripted expert completes. "
+        "In the others it never comes",
         "near the trigger entity (*not triggered*), does not complete the task without the event either",
         "(*Base unsolved*), or completes it without the event only (*unsolved*). None of this decides which",
         "cases are used. Why a case is unsolved was not examined, unless `reports/construction.md` says it.",
@@ -86,12 +113,12 @@ def _certificate_lines(whole: Manifest, certificates: Mapping[str, Certificate])
     return lines
 
 
-def _out_of_sight_lines(whole: Manifest, sights: Mapping[str, tuple[Sight, ...]]) -> list[str]:
+def _out_of_sight_lines(main: str, whole: Manifest, sights: Mapping[str, tuple[Sight, ...]]) -> list[str]:
     """How many events take target or receptacle out of view, by event and by suite."""
     lines = [
         "## Out of sight after the event",
         "",
-        "Cases of `max` in which the target or the receptacle is seen just before the event and not just",
+        f"Cases of `{main}` in which the target or the receptacle is seen just before the event and not just",
         f"after it: *seen* means {MIN_PIXELS} pixels or more of {IMAGE_SIZE} x {IMAGE_SIZE}. *Agent* counts",
         "the agent's image, *both* the cases in which neither of a policy's two cameras sees it any more.",
         "Only a camera shift may hide it from both: the authors keep every camera shift, and so do these",

@@ -6,7 +6,7 @@ Certificates come last, into a folder whose tracks are frozen: nothing that an e
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
 
@@ -14,7 +14,9 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import (
     frozen_content,
+    frozen_files,
     load_track,
+    read_checksums,
     write_checksums,
     write_frozen,
 )
@@ -27,8 +29,11 @@ from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.worlds.contract import CAMERAS
 
 REJECTED, CERTIFICATES, SIGHTS = "rejected.tsv.gz", "certificates.tsv.gz", "visibility.tsv.gz"
+UNEXAMINED = "unexamined.tsv.gz"
+"""Only there if some cases of the tracks could not be examined."""
+
 FILES = (REJECTED, CERTIFICATES, SIGHTS, *(f"{name}.json.gz" for name in ("original", "max", *SPLITS)))
-"""Everything that has a checksum."""
+"""Everything of the embedded tracks that has a checksum."""
 
 _SIGHT_COLUMNS = (
     *("case_id", "role", "entity"),
@@ -44,11 +49,13 @@ class Release:
         tracks: Manifests by name.
         rejected: The problems of the cases that were replaced, by id.
         sights: What the cameras show of target and receptacle at the event of each of these cases, by id.
+        unexamined: What was not there to examine the other cases, by id.
     """
 
     tracks: Mapping[str, Manifest]
     rejected: Mapping[str, tuple[Problem, ...]]
     sights: Mapping[str, tuple[Sight, ...]]
+    unexamined: Mapping[str, str] = field(default_factory=dict)
 
 
 def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) -> Release:
@@ -99,8 +106,13 @@ def write_release(release: Release, folder: Path) -> None:
     )
     _write_table(folder / REJECTED, ("case_id", "check", "detail"), rejected)
     _write_table(folder / SIGHTS, _SIGHT_COLUMNS, sights)
+    tables = [REJECTED, SIGHTS, CERTIFICATES]
+    if release.unexamined:
+        _write_table(folder / UNEXAMINED, ("case_id", "missing"), release.unexamined.items())
+        tables.append(UNEXAMINED)
     _write_certificates(folder, {})
     _write_tracks(folder, release.tracks)
+    write_checksums(folder, [*tables, *(_file(name) for name in release.tracks)])
 
 
 def add_certificates(
@@ -121,7 +133,10 @@ def add_certificates(
     cases = {case.case_id: case for name in names for case in load_track(name, folder)}
     new = certify([case for case_id, case in sorted(cases.items()) if case_id not in found])
     _write_certificates(folder, {**found, **new})
-    write_checksums(folder, FILES)
+    listed = read_checksums(folder)
+    write_checksums(
+        folder, [file.name for file in frozen_files(folder) if file.name.removesuffix(".gz") in listed]
+    )
 
 
 def _write_certificates(folder: Path, certificates: Mapping[str, Certificate]) -> None:
@@ -140,6 +155,7 @@ def write_splits(folder: Path) -> None:
     """
     whole = load_track("max", folder)
     _write_tracks(folder, {name: split(whole) for name, split in SPLITS.items()})
+    write_checksums(folder, FILES)
 
 
 def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
@@ -180,6 +196,16 @@ def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
     return found
 
 
+def read_unexamined(folder: Path) -> dict[str, str]:
+    """What was not there to examine the cases that were not examined, by id.
+
+    Raises:
+        ManifestError: The table is not the one that was frozen.
+    """
+    path = folder / UNEXAMINED
+    return {row[0]: row[1] for row in _read_table(path)} if path.exists() else {}
+
+
 def _text(number: int | None) -> str:
     return "" if number is None else str(number)
 
@@ -190,8 +216,11 @@ def _number(text: str) -> int | None:
 
 def _write_tracks(folder: Path, tracks: Mapping[str, Manifest]) -> None:
     for name, manifest in tracks.items():
-        write_frozen(folder / f"{name}.json.gz", manifest.to_json())
-    write_checksums(folder, FILES)
+        write_frozen(folder / _file(name), manifest.to_json())
+
+
+def _file(track: str) -> str:
+    return f"{track}.json.gz"
 
 
 def _write_table(path: Path, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> None:

@@ -14,13 +14,21 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.identity import seed_of
-from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration, hosts
+from pytest_libero_max.construction.configurations import (
+    EMBEDDED,
+    PRO_STATES,
+    Catalogue,
+    Cell,
+    Configuration,
+    hosts,
+)
 from pytest_libero_max.construction.matching import Shortage, fill
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
@@ -32,6 +40,21 @@ PLUS_PER_CELL, PRO_PER_CELL = 50, 15
 LEVELS = 5
 SAMPLER = "libero-max-embedded-v1.0"
 """Name of the random draws that decide between equally good selections."""
+
+
+class Pool(NamedTuple):
+    """What is selected from.
+
+    Attributes:
+        catalogue: Where the variations come from.
+        sampler: Name of the random draws that decide between equally good selections.
+    """
+
+    catalogue: Catalogue = EMBEDDED
+    sampler: str = SAMPLER
+
+
+EMBEDDED_POOL = Pool()
 
 Places = dict[str, tuple[Cell, Configuration]]
 """Cell and configuration by case id."""
@@ -48,11 +71,12 @@ def cells_of(category: str) -> tuple[Cell, ...]:
     return tuple(Cell(category, event, draw) for event, draw in product(BENCHMARK_EVENTS, (0, 1)))
 
 
-def select(examine: Examine) -> tuple[Case, ...]:
+def select(examine: Examine, pool: Pool = EMBEDDED_POOL) -> tuple[Case, ...]:
     """Choose all 8,000 cases, and replace those that fail until none does.
 
     Args:
         examine: Asked in rounds, never twice about the same case. The selection is a function of its answers.
+        pool: What is selected from.
 
     Returns:
         The cases, sorted by id.
@@ -64,7 +88,8 @@ def select(examine: Examine) -> tuple[Case, ...]:
     failed: set[str] = set()
     places: Places = {}
     while True:
-        places = propose({name: place for name, place in places.items() if name in passed}, failed)
+        kept = {name: place for name, place in places.items() if name in passed}
+        places = propose(kept, failed, pool)
         new = [
             configuration.case(cell) for name, (cell, configuration) in places.items() if name not in passed
         ]
@@ -75,13 +100,14 @@ def select(examine: Examine) -> tuple[Case, ...]:
         passed |= {case.case_id: case for case in new if case.case_id not in failed_now}
 
 
-def propose(kept: Places, failed: Collection[str]) -> Places:
+def propose(kept: Places, failed: Collection[str], pool: Pool = EMBEDDED_POOL) -> Places:
     """Fill every cell.
 
     Args:
         kept: What has its place already. A LIBERO-Plus case gives it up only where difficulties could not be
             as even otherwise.
         failed: Ids of cases that must not be used.
+        pool: What is selected from.
 
     Raises:
         ManifestError: A cell cannot be filled.
@@ -91,19 +117,19 @@ def propose(kept: Places, failed: Collection[str]) -> Places:
         by_category.setdefault(cell.category, []).append((cell, configuration))
     places: list[tuple[Cell, Configuration]] = []
     for category in PLUS_CATEGORIES:
-        places += _fill_plus(category, by_category.get(category, []), failed)
+        places += _fill_plus(category, by_category.get(category, []), failed, pool)
     for category in PRO_CATEGORIES:
-        places += _fill_pro(category, by_category.get(category, []), failed)
+        places += _fill_pro(category, by_category.get(category, []), failed, pool)
     return {configuration.case_id(cell): (cell, configuration) for cell, configuration in places}
 
 
 def _fill_plus(
-    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str]
+    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str], pool: Pool
 ) -> Iterable[tuple[Cell, Configuration]]:
     cells = cells_of(category)
     if len(kept) == PLUS_PER_CELL * len(cells):
         return kept
-    tasks = _plus_tasks(category)
+    tasks = _plus_tasks(category, pool)
     in_place = {one.case_id(cell) for cell, one in kept}
     fits = tasks.hosts & np.array([[name not in failed for name in names] for names in tasks.ids])
     cost = np.where([[name in in_place for name in names] for names in tasks.ids], 0, _MOVE + tasks.ranks)
@@ -141,14 +167,15 @@ class _PlusTasks:
 
 
 @cache
-def _plus_tasks(category: str) -> _PlusTasks:
+def _plus_tasks(category: str, pool: Pool) -> _PlusTasks:
     cells = cells_of(category)
-    tasks = [(Configuration(variation, 0), events) for variation, events in hosts("plus", category)]
+    found = hosts("plus", category, pool.catalogue)
+    tasks = [(Configuration(variation, 0, pool.catalogue), events) for variation, events in found]
     return _PlusTasks(
         [one for one, _ in tasks],
         [[one.case_id(cell) for cell in cells] for one, _ in tasks],
         np.array([[cell.event in events for cell in cells] for _, events in tasks]),
-        np.array([[_rank(cell, one) for cell in cells] for one, _ in tasks]),
+        np.array([[_rank(pool, cell, one) for cell in cells] for one, _ in tasks]),
         np.array([_level(one.variation) for one, _ in tasks]),
     )
 
@@ -159,7 +186,7 @@ def _level(variation: Variation) -> int:
 
 
 def _fill_pro(
-    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str]
+    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str], pool: Pool
 ) -> Iterable[tuple[Cell, Configuration]]:
     usage = Counter((one.variation.suite, one.variation.index) for _, one in kept)
     taken = {one.case_id(cell) for cell, one in kept}
@@ -169,7 +196,11 @@ def _fill_pro(
         needed = PRO_PER_CELL - len(here)
         if not needed:
             continue
-        free = [one for name, one in _pro_cases(cell).items() if name not in failed and name not in taken]
+        free = [
+            one
+            for name, one in _pro_cases(cell, pool.catalogue).items()
+            if name not in failed and name not in taken
+        ]
         if len(free) < needed:
             raise ManifestError(
                 f"The cell ({cell}) needs {needed} more configurations, but only {len(free)} are left: the "
@@ -177,7 +208,7 @@ def _fill_pro(
                 "or scenes in which more of them pass, would help."
             )
         used_here = Counter((one.variation.suite, one.variation.index) for _, one in here)
-        ranks = {one: _rank(cell, one) for one in free}
+        ranks = {one: _rank(pool, cell, one) for one in free}
         for _ in range(needed):
             best = min(free, key=lambda one: (*_use(one, used_here, usage), ranks[one]))
             free.remove(best)
@@ -187,11 +218,11 @@ def _fill_pro(
 
 
 @cache
-def _pro_cases(cell: Cell) -> dict[str, Configuration]:
+def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
     """What can host a LIBERO-PRO cell's event, by the id of the case that it would be."""
     configurations = (
-        Configuration(variation, init)
-        for variation, events in hosts("pro", cell.category)
+        Configuration(variation, init, catalogue)
+        for variation, events in hosts("pro", cell.category, catalogue)
         if cell.event in events
         for init in range(PRO_STATES)
     )
@@ -206,5 +237,5 @@ def _use(
     return here[task], usage[task]
 
 
-def _rank(cell: Cell, one: Configuration) -> int:
-    return seed_of(SAMPLER, *cell, one.variation.suite, one.variation.index, one.init)
+def _rank(pool: Pool, cell: Cell, one: Configuration) -> int:
+    return seed_of(pool.sampler, *cell, one.variation.suite, one.variation.index, one.init)

@@ -39,13 +39,15 @@ def protocol(profile: str, contract: str, substrate: str = SUBSTRATE) -> Json:
     }
 
 
-def full(cases: Iterable[Case]) -> Manifest:
+def full(
+    cases: Iterable[Case], benchmark: str = BENCHMARK, version: str = VERSION, substrate: str = SUBSTRATE
+) -> Manifest:
     """The manifest of all cases, sorted by id."""
     contract = (
         "Plus: 7 categories x 8 events x 2 variants x 50 tasks; PRO: 10 x 8 x 2 x 15 configurations; "
         "physical preflight with replacement in the cell; independent of policy outcomes"
     )
-    return Manifest(BENCHMARK, VERSION, protocol("max", contract), _by_id(cases))
+    return Manifest(benchmark, version, protocol("max", contract, substrate), _by_id(cases))
 
 
 def lite(whole: Manifest) -> Manifest:
@@ -56,7 +58,7 @@ def lite(whole: Manifest) -> Manifest:
         pool = (case for case in whole if case.event.name == event and case.source == source)
         chosen += _by_id(draw.sample(_by_id(pool), count))
     contract = f"100 cases of each event: 70 LIBERO-Plus and 30 LIBERO-PRO; seed {LITE_SEED}"
-    return _split("lite", contract, chosen)
+    return _split(whole, "lite", contract, chosen)
 
 
 def smoke(whole: Manifest) -> Manifest:
@@ -80,7 +82,7 @@ def smoke(whole: Manifest) -> Manifest:
         f"{SMOKE_SAMPLER}; one case of each event, variant and source; least used suite of the source, "
         "least used source category, then SHA-256 rank"
     )
-    return _split("smoke", contract, _by_id(chosen))
+    return _split(whole, "smoke", contract, _by_id(chosen))
 
 
 def _spread(case: Case) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -95,7 +97,7 @@ def _smoke_rank(case: Case) -> int:
 def camera(whole: Manifest) -> Manifest:
     """Every camera shift."""
     cases = (case for case in whole if case.event.name == "camera_shift")
-    return _split("camera", "every camera_shift", cases)
+    return _split(whole, "camera", "every camera_shift", cases)
 
 
 def recovery(whole: Manifest) -> Manifest:
@@ -110,7 +112,7 @@ def recovery(whole: Manifest) -> Manifest:
         )
         chosen += sorted(pool, key=_rank)[:count]
     contract = f"{SAMPLER}; 210 LIBERO-Plus and 90 LIBERO-PRO, 150 of each corruption, by source category"
-    return _split("recovery", contract, _by_id(chosen))
+    return _split(whole, "recovery", contract, _by_id(chosen))
 
 
 def _recovery_cells() -> Iterator[tuple[str, int, int]]:
@@ -137,11 +139,13 @@ def recovery_development(whole: Manifest) -> Manifest:
             spread.setdefault(case.source_category, case)
         chosen += list(spread.values())[: DEVELOPMENT // 2]
     contract = f"{SAMPLER}; disjoint from the recovery track"
-    return _split("recovery_development", contract, _by_id(chosen))
+    return _split(whole, "recovery_development", contract, _by_id(chosen))
 
 
-def _split(name: str, contract: str, cases: Iterable[Case]) -> Manifest:
-    return Manifest(f"{BENCHMARK}-{name}", VERSION, protocol(name, contract), tuple(cases))
+def _split(whole: Manifest, name: str, contract: str, cases: Iterable[Case]) -> Manifest:
+    """A track that is drawn from another, and made for the same scenes."""
+    made_for = protocol(name, contract, whole.protocol["substrate"])
+    return Manifest(f"{whole.benchmark_id}-{name}", whole.version, made_for, tuple(cases))
 
 
 def _by_id(cases: Iterable[Case]) -> tuple[Case, ...]:

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import Manifest
-from pytest_libero_max.benchmark.tracks import CHECKSUMS, frozen_files, load_track, read_checksums
+from pytest_libero_max.benchmark.tracks import (
+    CHECKSUMS,
+    frozen_files,
+    load_track,
+    read_checksums,
+    track_names,
+)
 from pytest_libero_max.construction.configurations import Cell, Configuration, cell_of, hosts
 from pytest_libero_max.construction.matching import levelled
 from pytest_libero_max.construction.original import build_original
@@ -19,9 +27,11 @@ from pytest_libero_max.construction.release import (
     CERTIFICATES,
     REJECTED,
     SIGHTS,
+    UNEXAMINED,
     read_certificates,
     read_rejected,
     read_sights,
+    read_unexamined,
 )
 from pytest_libero_max.construction.selection import (
     LEVELS,
@@ -31,13 +41,14 @@ from pytest_libero_max.construction.selection import (
 )
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.errors import ManifestError, SubstrateError
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.sources import variation_of
 from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
 from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
 
 
 def verify(folder: Path) -> list[str]:
-    """Check every track of a folder.
+    """Check every track of a folder, on the embedded scenes or on genuine ones.
 
     Returns:
         What was found to be right, a line each.
@@ -45,19 +56,22 @@ def verify(folder: Path) -> list[str]:
     Raises:
         ManifestError: The first thing that is not.
     """
-    return list(_checks(folder))
+    return list(_checks(folder) if "original" in track_names(folder) else _genuine_checks(folder))
 
 
-def _checks(folder: Path) -> Iterator[str]:
+def _require_listed(folder: Path) -> None:
     files = {path.name.removesuffix(".gz") for path in frozen_files(folder)}
     listed = read_checksums(folder)
     for name in sorted(files - listed.keys()):
         raise ManifestError(f"{folder / name} is not in {CHECKSUMS}. Remove it, or restore the folder.")
     for name in sorted(listed.keys() - files):
         raise ManifestError(f"{folder / name} is in {CHECKSUMS}, but is missing. Restore the folder.")
+
+
+def _checks(folder: Path) -> Iterator[str]:
+    _require_listed(folder)
     whole, original = load_track("max", folder), load_track("original", folder)
-    rejected, certificates = read_rejected(folder), read_certificates(folder)
-    sights = read_sights(folder)
+    rejected = read_rejected(folder)
     for case in whole:
         _require_identity(case)
     yield f"max: {len(whole)} cases, each as its identity demands, digest {whole.digest}"
@@ -70,14 +84,60 @@ def _checks(folder: Path) -> Iterator[str]:
         _require_same(name, found, split(whole))
         yield f"{name}: {len(found)} cases, drawn from max, digest {found.digest}"
     used = {case.case_id for case in (*whole, *original)}
+    yield from _table_checks(folder, used)
+
+
+def _table_checks(folder: Path, used: Set[str]) -> Iterator[str]:
+    rejected, certificates = read_rejected(folder), read_certificates(folder)
+    unexamined = read_unexamined(folder)
     for name in sorted(used & rejected.keys()):
         raise ManifestError(f"case {name!r} is in a track, and in {REJECTED}.")
-    for name in sorted(used ^ sights.keys()):
+    for name in sorted(unexamined.keys() - used):
+        raise ManifestError(f"case {name!r} is in {UNEXAMINED}, but in no track.")
+    for name in sorted((used - unexamined.keys()) ^ read_sights(folder).keys()):
         raise ManifestError(f"case {name!r} is in a track or in {SIGHTS}, but not in both.")
     for name in sorted(certificates.keys() - used):
         raise ManifestError(f"case {name!r} is in {CERTIFICATES}, but in no track.")
     yield f"{len(rejected)} rejected cases are in no track"
+    if unexamined:
+        yield f"{len(unexamined)} of {len(used)} cases are not examined"
     yield f"{len(certificates)} of {len(used)} cases have a certificate"
+
+
+def _genuine_checks(folder: Path) -> Iterator[str]:
+    """What can be told without the installations that the tracks were chosen from."""
+    _require_listed(folder)
+    tracks = {name: load_track(name, folder) for name in track_names(folder)}
+    for name, track in tracks.items():
+        for case in track:
+            _require_own_names(case)
+        yield f"{name}: {len(track)} cases, each with its identity's names and seeds, digest {track.digest}"
+    if "smoke" in tracks:
+        cells = Counter((case.source, case.event.name, case.event.variant) for case in tracks["smoke"])
+        if cells != dict.fromkeys(product(("plus", "pro"), BENCHMARK_EVENTS, (0, 1)), 1):
+            raise ManifestError("smoke: not every event, variant and source has one case.")
+        yield "smoke: one case of each event, variant and source"
+    if "max" in tracks:
+        yield _quotas(tracks["max"])
+    for name in sorted(tracks.keys() & (SPLITS.keys() - {"smoke"})):
+        _require_same(name, tracks[name], SPLITS[name](tracks["max"]))
+        yield f"{name}: drawn from max"
+    yield from _table_checks(folder, {case.case_id for track in tracks.values() for case in track})
+
+
+def _require_own_names(case: Case) -> None:
+    category = case.source_category if case.source == "pro" else ""
+    identity = Identity(case.source, case.suite, case.task_index, case.init_state_index, category)
+    event = case.event
+    found = case.case_id, case.record["scenario"]["scenario_id"], event.seed
+    name, variant = event.name, event.variant
+    expected = (
+        identity.case_id(name, variant),
+        identity.scenario_id(name, variant),
+        identity.seed(name, variant),
+    )
+    if found != expected:
+        raise ManifestError(f"case {case.case_id!r} has {found}, but its identity demands {expected}.")
 
 
 def _require_identity(case: Case) -> None:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.sources import variation_metadata, variation_of
-from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.sources.metadata import owner, task_metadata
 from pytest_libero_max.worlds.contract import CAMERAS, World
+from pytest_libero_max.worlds.privileged import PrivilegedWorld
 
 IMAGE_SIZE = 256
 """Side of the images in which pixels are counted."""
@@ -17,6 +18,9 @@ IMAGE_SIZE = 256
 MIN_PIXELS = 30
 """An entity is *seen* by a camera that shows this many pixels of it or more. The smallest one of the embedded
 scenes, a box of butter, has about 150 in an agent's view that nothing stands in."""
+
+_GENUINE = "libero"
+"""What the names of genuine scenes begin with. Their goals may differ from those of embedded variations."""
 
 Pixels = Mapping[str, Mapping[str, int]]
 """By camera, the pixels of each entity that is in its image."""
@@ -66,13 +70,16 @@ def sights(world: World, case: Case, before: Pixels, after: Pixels) -> tuple[Sig
     """
     return tuple(
         Sight(role, entity, pixels_of(entity, before), pixels_of(entity, after))
-        for role, entity in _roles(case).items()
+        for role, entity in _roles(world, case).items()
         if entity in world.entities and world.entities[entity].kind != "surface"
     )
 
 
-def _roles(case: Case) -> dict[str, str]:
+def _roles(world: World, case: Case) -> dict[str, str]:
     roles = {"target": case.event.trigger.entity}
+    if world.scene.startswith(_GENUINE) and isinstance(world, PrivilegedWorld):
+        receptacle = _receptacle_of(world)
+        return roles if receptacle is None else {**roles, "receptacle": receptacle}
     try:
         if case.source == "libero":
             task = task_metadata(case.suite, case.task_index)
@@ -83,3 +90,11 @@ def _roles(case: Case) -> dict[str, str]:
     if task.primary_receptacle is not None:
         roles["receptacle"] = task.primary_receptacle
     return roles
+
+
+def _receptacle_of(world: PrivilegedWorld) -> str | None:
+    """Where the first object that the goal names has to go, as :attr:`.TaskMetadata.primary_receptacle`."""
+    subjects = (fact.subject for fact in world.goal if fact.subject in world.entities)
+    target = next((name for name in subjects if world.entities[name].kind == "object"), None)
+    places = (fact.place for fact in world.goal if fact.subject == target and fact.place is not None)
+    return next((found for place in places if (found := owner(place, world.entities)) is not None), None)

@@ -11,6 +11,7 @@ import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -76,7 +77,7 @@ def plus_task(installation: Installation, suite: str, index: int, name: str | No
         SubstrateError: There is no such task, it is called otherwise, or its files are missing.
     """
     found = task_name(installation, suite, index)
-    base = _SUFFIX.sub("", found)
+    base = base_name(found)
     folder = installation.bddl / suite
     if _LAYOUT.search(found):
         states = states_file(installation.states / "libero_newobj" / suite / f"{found}.pruned_init")
@@ -84,10 +85,20 @@ def plus_task(installation: Installation, suite: str, index: int, name: str | No
         states = states_file(installation.states / suite / f"{base}.pruned_init")
     task = PlusTask(suite, index, found, folder / f"{found}.bddl", states, base)
     check_name(installation, task, name)
-    for path in (folder / f"{found.partition('_view_')[0]}.bddl", states):
+    for path in (description_file(installation, suite, found), states):
         if not path.is_file():
             raise SubstrateError(f"{installation} lacks {str(path)!r}. Restore it from the package.")
     return task
+
+
+def base_name(name: str) -> str:
+    """Name of the task that a task of the registry varies."""
+    return _SUFFIX.sub("", name)
+
+
+def description_file(installation: Installation, suite: str, name: str) -> Path:
+    """The BDDL file that a task of the registry is made from, which need not exist."""
+    return installation.bddl / suite / f"{name.partition('_view_')[0]}.bddl"
 
 
 def noise_of(built: Built, scene: str) -> Callable[[Image, str, int], Image] | None:

@@ -120,7 +120,7 @@ def has_own_files(installation: Installation, category: str, suite: str, index: 
     """Whether a task of LIBERO-PRO has the files that its category cannot do without."""
     if category not in _OWN_STATES:
         return True
-    names = _places(category, suite, task_name(installation, suite, index))
+    names = places(category, suite, task_name(installation, suite, index))
     states = states_file(installation.states / names["init_states_file"])
     return (installation.bddl / names["bddl_file"]).is_file() and states.is_file()
 
@@ -128,11 +128,11 @@ def has_own_files(installation: Installation, category: str, suite: str, index: 
 def _files(case: Case, name: str) -> dict[str, str]:
     """Paths of the task's files in the folders of descriptions and of states."""
     named = case.record.get("substrate_variant") or {}
-    where = _places(case.source_category, case.suite, name)
+    where = places(case.source_category, case.suite, name)
     return {key: str(named.get(key, path)) for key, path in where.items()}
 
 
-def _places(category: str, suite: str, name: str) -> dict[str, str]:
+def places(category: str, suite: str, name: str) -> dict[str, str]:
     """Where LIBERO-PRO's data set has them."""
     folder = _FOLDERS[category].format(suite=suite)
     own_states = category in _OWN_STATES

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_libero_max.benchmark.manifests import load_manifest
+from pytest_libero_max.construction.configurations import Configuration, cell_of
+from pytest_libero_max.sources.installed import InstalledCatalogue
 from pytest_libero_max.worlds.contract import NOOP_ACTION
 from pytest_libero_max.worlds.libero.coverage import coverage
 from pytest_libero_max.worlds.libero.installation import importable, installed_assets
+from pytest_libero_max.worlds.libero.lacking import lacking
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+from tests.construction.test_official import MANIFEST
 from tests.worlds.libero.made_up import pro_case
 
 SUITE = "libero_object"
@@ -48,3 +53,17 @@ def test_a_case_of_each_source_plays_on_its_own_data() -> None:
     assert worlds["task"].language == "Pick the cream cheese and place it in the basket"
     assert worlds["Camera Viewpoints"].language.endswith("view 0 0 100 2 4 initstate 0")
     substrate.close()
+
+
+@pytest.mark.skipif(not MANIFEST.is_file(), reason="the released manifests are not here")
+def test_every_released_case_is_made_again_from_the_packages_and_may_play() -> None:
+    installations, released = LiberoSubstrate().installations, load_manifest(MANIFEST)
+    catalogue = InstalledCatalogue(installations)
+    tasks = {(one.category, one.suite, one.index): one for one in catalogue.variations("pro")}
+    for case in released:
+        task = tasks[case.source_category, case.suite, case.task_index]
+        made = Configuration(task, case.init_state_index, catalogue).case(cell_of(case)).record
+        theirs = {**case.record, "substrate_variant": dict(case.record["substrate_variant"])}
+        del theirs["substrate_variant"]["source_revision"]  # of the data set; a package has a version
+        assert made == theirs
+    assert lacking(installations, released) == {}
