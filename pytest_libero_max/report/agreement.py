@@ -94,10 +94,12 @@ def require_same_play(first: PairRecord, other: PairRecord) -> None:
 def _require_header(run: Run, record: PairRecord) -> None:
     """Check that a record was played with what the header of its run names."""
     asked, versions = run.provenance["policy"], run.provenance["versions"]
+    strength = run.provenance["protocol"].get("strength")
     header = {
         ("policy", "horizon"): asked.get("horizon"),
         ("policy", "query_interval"): asked.get("query_interval"),
         ("fingerprints", "adapter"): asked.get("code"),
+        ("fingerprints", "strength"): None if strength is None else f"{strength:g}",
         ("fingerprints", "substrate"): run.provenance["substrate"]["name"],
         **{("fingerprints", name): version for name, version in versions.items()},
     }

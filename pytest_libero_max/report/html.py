@@ -245,7 +245,7 @@ def _provenance(report: Json, stored: StoredRun | None) -> list[str]:
         rows.append(("case set is", origin["case_set"]["released_as"]))
     if report["selection"]:
         rows += [("selection", f"{selection_text(report)}, {report['selection']['digest'][:12]}")]
-    rows += [("MUJOCO_GL", origin["gl_backend"] or "not set"), ("command", shlex.join(origin["command"]))]
+    rows += [("MUJOCO_GL", origin.get("gl_backend") or "not set"), ("command", shlex.join(origin["command"]))]
     return ["<h2 id='provenance'>Provenance</h2>", "<div class='words'>", table((), rows), "</div>"]
 
 

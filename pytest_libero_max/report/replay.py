@@ -38,7 +38,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options += [(option, substrate.get(part)) for part, option in _SUBSTRATE.items()]
     options.append(("prefix", provenance["protocol"].get("prefix")))
     options += [("horizon", policy.get("horizon")), ("query-interval", policy.get("query_interval"))]
-    study = provenance["protocol"].get("study", {})
+    study = provenance["protocol"].get("study") or {}
     options += [("strength", provenance["protocol"].get("strength"))]
     options += [("study", study.get("name")), ("cadence", study.get("settings"))]
     options.append(("restore", policy.get("restore")))

@@ -16,6 +16,7 @@ from pytest_libero_max.pairing.fields import (
     COUNT,
     OBJECT,
     POSITIVE,
+    SHARE,
     TEXT,
     TEXTS,
     Rule,
@@ -198,7 +199,14 @@ _PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
         "query_interval": POSITIVE.or_null,
         "restore": TEXT.or_null,
     },
-    "protocol": {"noise_floor": POSITIVE.or_null},
+    "protocol": {"noise_floor": POSITIVE.or_null, "strength": SHARE.or_null, "study": OBJECT.or_null},
 }
-_SESSION = {"started": TEXT.or_null, "gl_backend": ANY_TEXT.or_null, "command": TEXTS}
+
+
+def _is_git(value: Any) -> bool:
+    return type(value) is dict and TEXT.holds(value.get("commit")) and type(value.get("dirty")) is bool
+
+
+_GIT = Rule("an object with a commit, and whether files differ from it", _is_git)
+_SESSION = {"started": TEXT.or_null, "git": _GIT.or_null, "gl_backend": ANY_TEXT.or_null, "command": TEXTS}
 """What reports read of the provenance: its parts, and what pytest was started with."""

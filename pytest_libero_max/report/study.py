@@ -26,7 +26,7 @@ def study_json(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Js
     Raises:
         ReportError: A record lacks an arm of the study, or the study is not known.
     """
-    if "study" not in protocol:
+    if protocol.get("study") is None:
         return None
     study = study_from_dict(protocol["study"])
     found: Json = {}

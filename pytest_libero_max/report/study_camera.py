@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.fields import DISTANCE
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.statistics_json import interval_json, number
 from pytest_libero_max.stats.conditions import (
@@ -130,12 +132,13 @@ def _flags(records: Sequence[PairRecord], holds: Callable[[PairRecord], bool]) -
 def _entered(record: PairRecord, arm: ArmRecord) -> bool:
     """Whether the hand came as near the trigger entity in an arm as the case's event waits for."""
     schedule = record.arm(DYNAMIC).schedule
-    if arm.min_distance_m is None or not schedule or "distance_m" not in schedule[0]["trigger"]:
+    within_m: Any = schedule[0]["trigger"].get("distance_m") if schedule else None
+    if arm.min_distance_m is None or not DISTANCE.holds(within_m):
         raise ReportError(
             f"{record.item_id} does not say how near the hand came, or what its event waits for, so it is of "
             "no camera study. Play it again."
         )
-    return bool(arm.min_distance_m <= schedule[0]["trigger"]["distance_m"])
+    return arm.min_distance_m <= float(within_m)
 
 
 def _configuration(record: PairRecord) -> str:

@@ -156,8 +156,8 @@ def title_text(report: Json) -> str:
     """What was measured: policy with H and Q, substrate, which part of which cases, and at which strength."""
     count = report["pairs"]["unsupported"]
     unsupported = f", {count} of them unsupported" if count else ""
-    strength = report["provenance"]["protocol"].get("strength", 1.0)
-    scaled = "" if strength == 1.0 else f", events at strength {strength:g}"
+    strength = report["provenance"]["protocol"].get("strength")
+    scaled = "" if strength is None else f", events at strength {strength:g}"
     substrate = report["substrate"]["name"]
     return f"{_policy(report)} on {substrate}, {selection_text(report)}{unsupported}{scaled}"
 
