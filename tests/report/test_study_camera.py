@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from importlib import resources
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -62,6 +63,28 @@ def test_the_papers_rates_and_intervals(report: Json) -> None:
     by_source = {arm: rate["by_source"] for arm, rate in report["study"]["rates"].items()}
     counts = {arm: [rates[source]["count"] for source in ("plus", "pro")] for arm, rates in by_source.items()}
     assert counts == {"base": [524, 158], "reset": [12, 1], "dynamic": [93, 31]}
+
+
+@pytest.mark.parametrize("policy", ["pi05", "himem_wam"])
+def test_the_papers_rates_and_intervals_of_other_policies(policy: str) -> None:
+    tables = json.loads((Path(__file__).parents[1] / "stats" / "paper_tables.json").read_text())["camera"]
+    printed = dict(zip(("base", "reset", "dynamic"), tables[policy].values(), strict=True))
+    cells = [
+        Cell(source, {arm: number < row[source] for arm, row in printed.items()}, 1)
+        for source, cases in (("plus", 700), ("pro", 300))
+        for number in range(cases)
+    ]
+    planned, records, provenance = study_of(cells, {"name": "camera-timing"})
+    study = build_report(records, [], planned, provenance)["study"]
+    for arm, row in printed.items():
+        rate = study["rates"][arm]
+        assert f"{100 * rate['value']:.1f}" == f"{row['rate']:.1f}"
+        assert [f"{100 * rate[end]:.1f}" for end in ("lower", "upper")] == [
+            f"{end:.1f}" for end in row["interval"]
+        ]
+        assert {source: cell["count"] for source, cell in rate["by_source"].items()} == {
+            source: row[source] for source in ("plus", "pro")
+        }
 
 
 def test_the_papers_contrast_of_mid_task_and_reset(report: Json) -> None:
