@@ -104,6 +104,8 @@ def write_recording(
     import rerun
 
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    strict = rerun.strict_mode()
+    rerun.set_strict_mode(True)  # otherwise the library warns of what it cannot write, and leaves it out
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         stream = rerun.RecordingStream(_APPLICATION, recording_id=record.item_id)
@@ -115,6 +117,7 @@ def write_recording(
     except (OSError, RuntimeError) as error:
         raise ReportError(f"Cannot write {path}: {error}.") from error
     finally:
+        rerun.set_strict_mode(strict)
         with suppress(OSError):  # there is nothing to remove after one that was completed
             partial.unlink()
 
@@ -144,36 +147,49 @@ class _Writer:
             self._stream.log(name, rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             way = self._traces[name].end_effector
             self._stream.log(f"{name}/way", rerun.LineStrips3D([way], colors=[_HAND]), static=True)
+        done = -1
         for tick in ticks:
-            self._stream.set_time("step", sequence=tick.step)
-            self._stream.set_time("time", duration=tick.step / CONTROL_HZ)
+            for step in range(done + 1, tick.step + 1):  # also those without pictures
+                self._set_time(step)
+                for name in self._arms:
+                    self._write_curves(name, step)
+                    self._write_words(name, step)
             for name in self._arms:
                 scene = tick.views[name]
                 assert isinstance(scene, Scene)
                 if tick.step <= (record.arms[name].steps or 0):
                     self._write_scene(name, scene)
-                    self._write_curves(name, tick.step, scene)
-                self._write_words(name, tick.step)
+            done = tick.step
+
+    def _set_time(self, step: int) -> None:
+        self._stream.set_time("step", sequence=step)
+        self._stream.set_time("time", duration=step / CONTROL_HZ)
 
     def _write_scene(self, name: str, scene: Scene) -> None:
         import rerun
 
         log = self._stream.log
+        log(f"{name}/gripper_opening_m", rerun.Scalars([scene.opening_m]))
         log(f"{name}/hand", rerun.Points3D([scene.hand], colors=[_HAND], radii=[0.015]))
         for entity, (position, quaternion) in scene.entities.items():
             w, x, y, z = quaternion
-            color = _TARGET if entity == self._record.trigger_entity else _OTHER
+            is_target = entity == self._record.trigger_entity
             place = rerun.Transform3D(translation=position, quaternion=rerun.Quaternion(xyzw=[x, y, z, w]))
             log(f"{name}/entities/{entity}", place)
-            point = rerun.Points3D([(0, 0, 0)], colors=[color], radii=[0.012], labels=[entity])
+            point = rerun.Points3D(
+                [(0, 0, 0)],
+                colors=[_TARGET if is_target else _OTHER],
+                radii=[0.012],
+                labels=[entity],
+                show_labels=is_target,
+            )
             log(f"{name}/entities/{entity}", point)
         for camera, (position, rotation, angle) in scene.cameras.items():
             height, width = scene.images[camera].shape[:2]
             where = f"{name}/cameras/{camera}"
             log(where, rerun.Transform3D(translation=position, mat3x3=rotation))
             lens = rerun.Pinhole(
-                fov_y=angle,
-                aspect_ratio=width / height,
+                focal_length=float(0.5 * height / np.tan(0.5 * angle)),
                 width=width,
                 height=height,
                 camera_xyz=rerun.ViewCoordinates.RUB,
@@ -182,16 +198,15 @@ class _Writer:
             log(where, lens)
             log(f"{where}/image", _compressed(scene.images[camera]))
 
-    def _write_curves(self, name: str, step: int, scene: Scene) -> None:
+    def _write_curves(self, name: str, step: int) -> None:
         import rerun
 
         trace = self._traces[name]
-        if step:
+        if 0 < step <= len(trace.actions):
             for part, value in zip(ACTION, trace.actions[step - 1], strict=True):
                 self._stream.log(f"{name}/action/{part}", rerun.Scalars([value]))
             distance = float(np.linalg.norm(trace.end_effector[step - 1] - trace.entity[step - 1]))
             self._stream.log(f"{name}/distance_m", rerun.Scalars([distance]))
-        self._stream.log(f"{name}/gripper_opening_m", rerun.Scalars([scene.opening_m]))
 
     def _write_words(self, name: str, step: int) -> None:
         """Log what happens in an arm, each thing once."""

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -70,7 +71,7 @@ def test_a_recording_is_verified_by_the_library(
 ) -> None:
     pytest.importorskip("rerun")
     run = store(played, tmp_path / "run", tmp_path / "tiny.json")
-    command = ["rerun", str(run), "--select=all", f"--size={SIZE}"]
+    command = ["rerun", str(run), "--select=all", f"--size={SIZE}", "--every=3"]
     assert main(command) == 0
     file = run / "rerun" / f"{played.record.item_id}.rrd"
     assert str(file) in capsys.readouterr().out
@@ -79,6 +80,9 @@ def test_a_recording_is_verified_by_the_library(
     for arm in ("base", "dynamic"):
         for path in ("action/x", "distance_m", "entities/box_1", "cameras/agentview/image", "words", "hand"):
             assert f"/{arm}/{path}: " in told
+    printed = _asked_of_the_library("print", file, "-v")
+    pictures, distances = (_rows(printed, f"/base/{name}") for name in ("hand", "distance_m"))
+    assert (pictures, distances) == (4, BUDGET), "at steps 0, 3, 6 and 8, and after every step"
     before = file.stat().st_mtime_ns
     assert main(command) == 0
     assert file.stat().st_mtime_ns == before
@@ -97,7 +101,12 @@ def test_a_replay_that_is_not_what_was_recorded_leaves_no_recording(played: Play
     assert not [path for path in tmp_path.iterdir() if "rrd" in path.name]
 
 
-def _asked_of_the_library(question: str, file: Path) -> str:
-    command = [sys.executable, "-m", "rerun", "rrd", question, str(file)]
+def _rows(printed: str, path: str) -> int:
+    """How often something was logged."""
+    return sum(map(int, re.findall(rf"with (\d+) rows \(.*\) - {path} - ", printed)))
+
+
+def _asked_of_the_library(question: str, file: Path, *options: str) -> str:
+    command = [sys.executable, "-m", "rerun", "rrd", question, *options, str(file)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return done.stdout + done.stderr
