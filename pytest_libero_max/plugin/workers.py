@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,9 @@ RETRIED = "retried"
 
 _INTERRUPTED = "keyboard-interrupt"
 """What xdist says of a worker that was told to stop; it also stops the session."""
+
+_STARTS = 5
+"""So many workers are started in the place of one, where each dies before it is connected."""
 
 _PATIENCE_S = 5.0
 """So long a worker that has closed its connection may take to end."""
@@ -49,6 +53,13 @@ class Workers:
         self._measured: set[str] = set()
         self._in_a_row = 0
         self._most_in_a_row = 4 * (config.option.numprocesses or 1) * (settings.retries + 1)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_setupnodes(self) -> None:
+        """Start a worker again that dies while it is started, which xdist takes for an error of its own."""
+        session: Any = self._config.pluginmanager.get_plugin("dsession")
+        manager = session.nodemanager
+        manager.setup_node = started_again(manager.setup_node, manager.group.allocate_id)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
@@ -121,6 +132,27 @@ class Workers:
     def _stop(self, reason: str) -> None:
         session: Any = self._config.pluginmanager.get_plugin("dsession")
         session.shouldstop = reason
+
+
+def started_again(
+    setup_node: Callable[[Any, Any], Any], allocate_id: Callable[[Any], None]
+) -> Callable[[Any, Any], Any]:
+    """A function that starts workers as ``setup_node`` does, and another one where the worker dies meanwhile.
+
+    Args:
+        setup_node: Starts a worker of a specification.
+        allocate_id: Gives a specification without an id the next one.
+    """
+
+    def start(spec: Any, putevent: Any) -> Any:
+        for _ in range(_STARTS - 1):
+            with suppress(EOFError, OSError):
+                return setup_node(spec, putevent)
+            spec.id = None
+            allocate_id(spec)
+        return setup_node(spec, putevent)
+
+    return start
 
 
 def let_workers_restart(config: pytest.Config, settings: Settings, pairs: int) -> None:
