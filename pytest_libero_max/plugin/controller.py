@@ -196,7 +196,7 @@ class RunController:
             prefix = "--libero-max-resume: " if resume else ""
             pytest.exit(f"{prefix}{error}", returncode=pytest.ExitCode.USAGE_ERROR)
         self.store = store
-        self.progress.begin(store, len(planned), () if stored is None else stored.records)
+        self.progress.begin(store, run.planned, () if stored is None else stored.records)
 
     def _tell_junit(self, selection: Selection) -> None:
         """Name the selection in the properties of the JUnit file's suite, where one is written."""

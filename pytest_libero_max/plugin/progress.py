@@ -22,6 +22,7 @@ from pytest_libero_max.plugin.collection import case_of
 from pytest_libero_max.report.following import note_of
 from pytest_libero_max.report.live_text import LiveText, understands_sequences
 from pytest_libero_max.report.progress import Pace, PairCounts, Progress, progress_text
+from pytest_libero_max.report.run import PlannedPair
 from pytest_libero_max.report.store import PairStore
 
 _Wrapper = Generator[None, Any, Any]
@@ -39,7 +40,7 @@ class RunProgress:
         self._config, self._form = config, form
         self._store: PairStore | None = None
         self._counts = PairCounts()
-        self._planned = self._before = 0
+        self._before = 0
         self._playing: dict[str, float] = {}  # since when, seconds since the epoch
         self._began = 0.0
         self._live: LiveText | None = None
@@ -47,15 +48,15 @@ class RunProgress:
         self._pace: Pace | None = None
         self._reporter: Any = None
 
-    def begin(self, store: PairStore, planned: int, measured: Sequence[PairRecord]) -> None:
+    def begin(self, store: PairStore, planned: Sequence[PlannedPair], measured: Sequence[PairRecord]) -> None:
         """The run begins.
 
         Args:
             store: Takes the notes.
-            planned: Pairs to play in all.
+            planned: The pairs of the run.
             measured: What a resumed run has measured. An error of it is played again, and not done.
         """
-        self._store, self._planned, self._before = store, planned, len(measured)
+        self._store, self._counts.planned, self._before = store, planned, len(measured)
         for record in measured:
             self._counts.add(record)
         self._began = time.time()
@@ -140,14 +141,14 @@ class RunProgress:
         self._erase()  # a debugger may begin
 
     def _playing_pairs(self) -> bool:
-        return self._store is not None and len(self._counts.letters) < self._planned
+        return self._store is not None and len(self._counts.letters) < self._counts.to_play
 
     # What is shown.
 
     def _progress(self) -> Progress:
         now = time.time()
         playing = {name: now - begun for name, begun in self._playing.items()}
-        return Progress(self._planned, self._counts, self._before, now - self._began, playing)
+        return Progress(self._counts.to_play, self._counts, self._before, now - self._began, playing)
 
     def _text(self) -> str:
         return progress_text(self._progress(), time.time())

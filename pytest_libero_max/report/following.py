@@ -71,8 +71,7 @@ class Seen:
     @property
     def complete(self) -> bool:
         """Whether every planned pair is measured."""
-        measured = [letter for letter in self.progress.counts.letters.values() if letter != "E"]
-        return len(measured) >= self.progress.planned
+        return self.progress.counts.measured >= self.progress.planned
 
     def lines(self, now: float | None = None) -> list[str]:
         """What there is to say of it, for people.
@@ -105,7 +104,7 @@ class Seen:
 
     def _lacks(self) -> str:
         missing = self.progress.planned - self.progress.done
-        errors = self.progress.done - sum(letter != "E" for letter in self.progress.counts.letters.values())
+        errors = self.progress.done - self.progress.counts.measured
         words = [f"{missing} missing"] if missing else []
         return ", ".join(words + ([f"{errors} with an error"] if errors else []))
 
@@ -164,10 +163,10 @@ class Follower:
                 f"{self._folder} holds no run that has begun. Give the output folder of one "
                 f"(--libero-max-output, in which {PAIRS_NAME} is)."
             )
-        return Seen(self._folder, self._run, self._progress(self._run, mark), mark)
+        return Seen(self._folder, self._run, self._progress(mark), mark)
 
-    def _progress(self, run: Run, mark: SeenMark | None) -> Progress:
-        planned = len(run.planned)
+    def _progress(self, mark: SeenMark | None) -> Progress:
+        planned = self._counts.to_play
         noted = {} if mark is None else mark.noted
         try:
             began, now = float(noted["began"]), float(noted["now"])
@@ -207,6 +206,7 @@ class Follower:
                 kind, values = decode_line(line)
                 if kind == "run":
                     self._run = Run.from_dict(values)
+                    self._counts.planned = self._run.planned
                 elif kind == "pair":
                     self._counts.add(PairRecord.from_dict(values))
                 else:

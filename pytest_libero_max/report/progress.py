@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.outcome_letters import ALL_LETTERS, ERROR, letter_of
+from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
 
 
 @dataclass
@@ -19,20 +20,38 @@ class PairCounts:
     """The letter of each pair that is known.
 
     Attributes:
+        planned: The pairs of the run.
         letters: By item id. A pair that was measured after an error has the letter of its record.
         errors: How many errors there were, those of pairs that were measured afterwards included.
     """
 
+    planned: Sequence[PlannedPair] = ()
     letters: dict[str, str] = field(default_factory=dict)
     errors: int = 0
+    _unsupported: int | None = None
 
     def add(self, pair: PairRecord | PairError) -> None:
         """Count a pair, or an error in its place."""
         if isinstance(pair, PairRecord):
             self.letters[pair.item_id] = letter_of(pair)
+            if self._unsupported is None:
+                self._unsupported = len(unsupported_pairs(self.planned, pair.policy))
         else:
             self.errors += 1
             self.letters.setdefault(pair.item_id, ERROR)
+
+    @property
+    def measured(self) -> int:
+        """How many pairs are measured."""
+        return sum(letter != ERROR for letter in self.letters.values())
+
+    @property
+    def to_play(self) -> int:
+        """How many pairs are to be played: not those of suites that the policy declares unsupported.
+
+        What it declares is known from its first pair on.
+        """
+        return len(self.planned) - (self._unsupported or 0)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pytest_libero_max.report.following import Follower, note_of
 from pytest_libero_max.report.in_progress import MARK_NAME
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
 
 RUN = Run(tuple(plan()[:4]), PROVENANCE)
 
@@ -107,6 +107,18 @@ def test_another_run_in_the_folder_is_followed_from_its_beginning(tmp_path: Path
     again = _begin(tmp_path, 1)
     assert follower.look().progress.done == 1
     again.close()
+
+
+def test_pairs_of_suites_that_the_policy_does_not_support_are_not_waited_for(tmp_path: Path) -> None:
+    planned = plan(per_cell=2)[:4]
+    store = PairStore(tmp_path, Run(tuple(planned), PROVENANCE))
+    supported = [pair for pair in planned if pair.suite == "libero_spatial"]
+    for pair in supported:
+        store.append(record_of(pair, True, True, policy={**POLICY, "suites": ["libero_spatial"]}))
+    store.close()
+    seen = Follower(tmp_path).look()
+    assert seen.complete
+    assert seen.lines()[1] == "2 of 2 pairs"
 
 
 def test_a_published_run_has_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
