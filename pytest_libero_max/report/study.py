@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.statistics_json import number
 from pytest_libero_max.report.study_cadence import cadence_json
 from pytest_libero_max.report.study_camera import camera_json
 from pytest_libero_max.studies.cadence import CadenceSweep
@@ -44,26 +44,24 @@ def study_json(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Js
 
 
 def executed_json(records: Sequence[PairRecord]) -> Json:
-    """What was executed, against every arm by itself from the start and against pairs with a Base each.
+    """What was executed, against what the same arms cost in two other ways.
 
-    Settle steps, and queries that were asked again to check the policy, are not counted.
+    ``singly``: every arm by itself from the start. ``as_pairs``: every arm with an event in a pair with a
+    Base of its own, as runs without a study would play it. Settle steps, and queries that were asked again
+    to check the policy, are not counted.
     """
-    totals = {"arms": 0, "steps": 0, "steps_singly": 0, "queries": 0, "queries_singly": 0}
+    ways = ("", "_singly", "_as_pairs")
+    totals = {"arms": 0, **{what + way: 0 for what in ("steps", "queries") for way in ways}}
     for record in records:
-        for arm in record.arms.values():
-            steps, queries = _own(arm)
+        for name, arm in record.arms.items():
+            base = record.arms.get(BASE + name.removeprefix(DYNAMIC), record.arm(BASE))
             totals["arms"] += 1
-            totals["steps"] += steps
-            totals["queries"] += queries
-            totals["steps_singly"] += arm.steps or 0
-            totals["queries_singly"] += arm.queries or 0
-    saved = {
-        f"{what}_saved": number(
-            1 - totals[what] / totals[f"{what}_singly"] if totals[f"{what}_singly"] else None
-        )
-        for what in ("steps", "queries")
-    }
-    return {**totals, **saved}
+            for what, own in zip(("steps", "queries"), _own(arm), strict=True):
+                totals[what] += own
+                totals[f"{what}_singly"] += getattr(arm, what) or 0
+                if arm.schedule:
+                    totals[f"{what}_as_pairs"] += own + (getattr(base, what) or 0)
+    return totals
 
 
 def _own(arm: ArmRecord) -> tuple[int, int]:

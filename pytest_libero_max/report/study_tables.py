@@ -59,11 +59,12 @@ def study_notes(study: Json) -> list[str]:
     if study["cases"] == 0:
         return ["No case of the study has been measured."]
     done = study["executed"]
+    ways = [_way(done, "_singly", "with every arm played by itself")]
+    if "contrasts" in study:
+        ways.append(_way(done, "_as_pairs", "with a Base for every other arm, as in runs of their own"))
     notes = [
-        f"{study['cases']} cases, {done['arms']} arms. Shared steps were executed once: {done['steps']:,} "
-        f"steps and {done['queries']:,} queries, against {done['steps_singly']:,} and "
-        f"{done['queries_singly']:,} with every arm played by itself ({percent(done['steps_saved'])} and "
-        f"{percent(done['queries_saved'])} saved)."
+        f"{study['cases']} cases, {done['arms']} arms. What arms share was executed once: {done['steps']:,} "
+        f"steps and {done['queries']:,} queries, against {' and '.join(ways)}."
     ]
     if "contrasts" in study:
         notes.append(
@@ -76,6 +77,13 @@ def study_notes(study: Json) -> list[str]:
             "H differs between the settings, so the table compares settings of serving and not Q alone."
         )
     return notes
+
+
+def _way(done: Json, way: str, words: str) -> str:
+    """What another way of playing the same arms would have executed."""
+    steps, queries = done[f"steps{way}"], done[f"queries{way}"]
+    saved = 1 - done["steps"] / steps if steps else 0.0
+    return f"{steps:,} and {queries:,} {words} ({percent(saved)} of the steps saved)"
 
 
 def study_lines(study: Json) -> list[str]:

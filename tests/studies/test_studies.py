@@ -183,6 +183,7 @@ def test_what_shared_arms_save_is_counted(world: TinyWorld) -> None:
     assert executed["steps"] == played - 10  # the settle steps
     assert executed["arms"] == 7
     assert executed["steps_singly"] == 7 * BUDGET
+    assert executed["steps_as_pairs"] == executed["steps"] + 5 * BUDGET
     assert executed["steps"] == 7 * BUDGET - 3 * (pair.record.trigger_step or 0)
 
 
