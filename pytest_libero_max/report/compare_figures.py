@@ -15,6 +15,7 @@ from pytest_libero_max.report.svg import (
     INK,
     LOSS,
     MUTED,
+    ON_LIGHT,
     circle,
     document,
     line,
@@ -28,7 +29,7 @@ _LANE = 7
 
 _OUTCOMES = (
     ("preserved_success", "preserved success", GAIN, "white"),
-    ("change_associated_success", "change-associated success", "#8cc5d3", INK),
+    ("change_associated_success", "change-associated success", "#8cc5d3", ON_LIGHT),
     ("regression", "regression", LOSS, "white"),
     ("persistent_failure", "persistent failure", GRID, INK),
 )

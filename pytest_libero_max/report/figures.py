@@ -14,6 +14,7 @@ from pytest_libero_max.report.svg import (
     LOSS,
     MUTED,
     NEUTRAL,
+    ON_LIGHT,
     arrow,
     circle,
     document,
@@ -89,7 +90,7 @@ def category_map(report: Json) -> str:
             words = f"{points(change['value'])} ({change['of']})"
             shapes += [
                 rectangle(x + 1, y + 1, width - 2, _ROW - 2, shade(change["value"])),
-                text(x + width / 2, y + _ROW / 2 + 4, words, "middle", 11, "white" if strong else INK),
+                text(x + width / 2, y + _ROW / 2 + 4, words, "middle", 11, "white" if strong else ON_LIGHT),
             ]
     height = top + _ROW * len(cells) + 12
     return document(

@@ -15,8 +15,9 @@ from pytest_libero_max.report.figures import FIGURES
 from pytest_libero_max.report.html import html
 from pytest_libero_max.report.in_progress import require_ended
 from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.media import VIEWS, films_in, pictures_in
+from pytest_libero_max.report.media import TRACES_NAME, VIEWS, films_in, kept_beside, pictures_in
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
+from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.replay import replay_command
 from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, pairs_file, read_pairs
 from pytest_libero_max.report.study_figures import study_figures
@@ -66,7 +67,7 @@ def write_reports(
         HTML_NAME: lambda: run_page(report, stored, folder),
         OUTCOMES_NAME: lambda: outcomes_json(RunOutcomes.of(stored), digest),
     }
-    written = [folder / PAIRS_NAME]
+    written = [pairs_file(folder)]
     for name, text in files.items():
         try:
             write_text(folder / name, text())
@@ -88,15 +89,8 @@ def run_page(report: Json, stored: StoredRun, folder: Path) -> str:
             films.setdefault(item, []).append(film)
     measured = {record.item_id for record in stored.records}
     films = {item: films[item] for item in sorted(measured & films.keys())}
-    return html(
-        report,
-        regressions,
-        replay_command(stored),
-        films,
-        stored,
-        pictures_in(folder),
-        pairs_file(folder).name,
-    )
+    cases = run_cases(stored, films, pictures_in(folder), TRACES_NAME in kept_beside(folder))
+    return html(report, regressions, replay_command(stored), films, stored, cases, pairs_file(folder).name)
 
 
 def write_figures(report: Json, folder: Path) -> list[Path]:

@@ -15,7 +15,7 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.figures import arrow_plot, category_map, change_profile, stale_histogram
 from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.highlights import highlight_rows
-from pytest_libero_max.report.page.case_table import CASES_SECTION, OUTCOME_TITLES, run_cases
+from pytest_libero_max.report.page.case_table import CASES_SECTION, OUTCOME_TITLES
 from pytest_libero_max.report.page.document import document
 from pytest_libero_max.report.page.events import events_section
 from pytest_libero_max.report.page.markup import Viewed, figure, listed, note, table
@@ -46,7 +46,7 @@ def html(
     replay: Sequence[str],
     films: Mapping[str, Sequence[str]] | None = None,
     stored: StoredRun | None = None,
-    pictures: Mapping[str, Sequence[str]] | None = None,
+    cases: Json | None = None,
     pairs_name: str = PAIRS_NAME,
 ) -> str:
     """Render a report as a page.
@@ -56,13 +56,15 @@ def html(
         regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
         replay: The command that plays one of them again, once its item id is appended.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
-        stored: The run, for the table of its cases; None leaves the table out.
-        pictures: Paths of the pictures of each pair that has some, in the same way.
+        stored: The run, for its events and for what is known of its origin; None leaves these out.
+        cases: What the table of cases shows, see :func:`~pytest_libero_max.report.page.case_table.run_cases`;
+            None leaves it out.
         pairs_name: The file of the pairs beside the page.
     """
     pairs = report["pairs"]
     body = [f"<h1>{escape(title_text(report))}</h1>"]
     body.append(f"<p>{pairs['played']} of {pairs['planned']} planned pairs played</p>")
+    body += [_ways(pairs["played"] > 0)] if cases is not None else []
     if not pairs["complete"]:
         body.append(note(f"{incomplete_text(pairs)} All rates are over the played pairs.", "alarm"))
     partial = unsupported_text(pairs)
@@ -76,8 +78,9 @@ def html(
     body += [note(caveat_text(caveat)) for caveat in report["caveats"]]
     if pairs["played"]:
         body += _summary(report)
-    if stored is not None:
+    if cases is not None:
         body.append(CASES_SECTION)
+    if stored is not None:
         body += events_section(stored.run.planned, stored.records)
     if pairs["played"]:
         body += _results(report)
@@ -90,8 +93,14 @@ def html(
         body += [f"<h2>{escape(title)}</h2>", table(("Name", "Value"), list(values.items()))]
     body += [f"<h2>{LIMITS_TITLE}</h2>", listed(report["statements"].values())]
     body += _provenance(report, stored)
-    cases = None if stored is None else run_cases(stored, films or {}, pictures or {})
     return document(title_text(report), body, cases)
+
+
+def _ways(played: bool) -> str:
+    """Links to the parts of the page."""
+    titles = ("Events", "Figures", "Breakdowns", "Provenance") if played else ("Events", "Provenance")
+    links = "".join(f"<a href='#{title.lower()}'>{title}</a> " for title in titles)
+    return f"<nav aria-label='Parts of this page'><a href='#cases' data-with-script>Cases</a> {links}</nav>"
 
 
 def _summary(report: Json) -> list[str]:
@@ -113,7 +122,7 @@ def _summary(report: Json) -> list[str]:
 def _results(report: Json) -> list[str]:
     overall = report["overall"]
     body = [
-        "<h2>From Base to Dynamic</h2>",
+        "<h2 id='figures'>From Base to Dynamic</h2>",
         "<p>A ring is Base success, the arrow ends at Dynamic success; pairs in brackets.</p>",
         figure(arrow_plot(report)),
     ]
@@ -135,7 +144,7 @@ def _results(report: Json) -> list[str]:
         f"<h2>{highlights.TITLE}</h2>",
         f"<p>{escape(highlights.NOTE)}</p>",
         f"<div class='words'>{table(('What', 'Where', 'Value'), highlight_rows(report))}</div>",
-        "<h2>Breakdowns</h2>",
+        "<h2 id='breakdowns'>Breakdowns</h2>",
     ]
     return body + [_breakdown(report, key, dimension.title) for key, dimension in DIMENSIONS.items()]
 

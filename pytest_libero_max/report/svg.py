@@ -5,6 +5,9 @@ from __future__ import annotations
 from html import escape
 
 INK, MUTED, GRID = "#1f2933", "#66727f", "#d8dee4"
+ON_LIGHT = "#1a2129"
+"""Ink on a shape that is light in dark pages as well, which give :data:`INK` another colour."""
+
 LOSS, GAIN, NEUTRAL = "#b3421b", "#14708a", "#52606d"
 FONT = "font-family='system-ui, sans-serif'"
 

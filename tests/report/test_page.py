@@ -67,7 +67,10 @@ def test_every_planned_pair_is_in_the_table_whatever_became_of_it() -> None:
     assert details[PAIRS[1].item_id]["Error"]["Message"] == "qpos is not finite"
     assert details[PAIRS[2].item_id]["Event"] == {"Happened": False}
     assert details[PAIRS[10].item_id]["Arms"]["Success"] == {"base": True, "dynamic": True}
-    assert cases["commands"][0][1].endswith(" -k")
+    (play, draw) = cases["commands"]
+    assert (play[1].split()[0], play[1].split()[-1], play[2]) == ("pytest", "-k", "")
+    assert draw[1:] == ["libero-max show smoke", "--pictures=pictures"]
+    assert run_cases(run, {}, {}, traced=True)["commands"][1][1] == "libero-max film ."
 
 
 def test_media_are_named_by_what_tells_them_apart_and_addressed_as_a_browser_wants_it() -> None:

@@ -70,7 +70,7 @@ def test_a_page_fits_its_window_and_nothing_is_complained_about(
     assert Shown(browser, page, width=width, dark=dark).too_wide() == []
     shown = Shown(browser, page, f"#cases?case={FIRST.item_id}", width=width, dark=dark)
     shown.page.evaluate("for (const details of document.querySelectorAll('details')) details.open = true")
-    assert shown.page.get_by_role("heading", name="Play it again").is_visible()
+    assert shown.page.get_by_role("heading", name="Commands").is_visible()
     assert shown.too_wide() == []
     cases = shown.page.locator(".cases")
     assert cases.evaluate("(table) => table.scrollWidth <= table.parentElement.clientWidth")
@@ -153,12 +153,12 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
     shown.page.wait_for_function(
         "document.querySelector('.detail video').readyState >= 2"
     )  # it can be played
-    assert "-k " + FIRST.item_id in detail.locator("code").inner_text()
+    assert "-k " + FIRST.item_id in detail.locator("code").first.inner_text()
     assert detail.locator("img").get_attribute("alt").startswith(FIRST.event_variant)
     assert HOSTILE in detail.inner_text()  # as text, and nothing of it ran
     assert shown.page.locator("b", has_text="put it down").count() == 0
     assert detail.get_by_role("rowheader", name="Steps", exact=True).is_visible()
-    detail.get_by_role("button", name="Copy").click()
+    detail.get_by_role("button", name="Copy").first.click()
     detail.get_by_role("button", name="Copied").wait_for()
     shown.page.get_by_role("button", name=FIRST.item_id).click()
     assert detail.count() == 0
@@ -173,6 +173,8 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
 def test_pages_are_turned_and_groups_lead_to_their_cases(browser: Any, page: Path) -> None:
     shown = Shown(browser, page)
     first = shown.cases()
+    shown.page.get_by_role("link", name="Breakdowns").click()
+    assert shown.cases() == first
     shown.page.get_by_role("button", name="Next").click()
     assert shown.status.endswith("51 to 100 are shown.")
     assert not set(first) & set(shown.cases())

@@ -10,6 +10,7 @@ from urllib.parse import quote
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.media import PICTURES_NAME
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
 from pytest_libero_max.report.page.packing import labelled, packed
 from pytest_libero_max.report.replay import replay_command
@@ -37,7 +38,10 @@ CASES_SECTION = (
 
 
 def run_cases(
-    stored: StoredRun, films: Mapping[str, Sequence[str]], pictures: Mapping[str, Sequence[str]]
+    stored: StoredRun,
+    films: Mapping[str, Sequence[str]],
+    pictures: Mapping[str, Sequence[str]],
+    traced: bool = False,
 ) -> Json:
     """The data of the table of cases of a run.
 
@@ -45,13 +49,13 @@ def run_cases(
         stored: The run.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         pictures: Paths of the pictures of each pair that has some, in the same way.
+        traced: Whether traces lie beside the pairs, so that they can be filmed.
 
     Returns:
         ``items``: the item ids in their order; everything else is in the same order, or by the place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
         :func:`number_column`. ``details``: what is said of each case, packed. ``films`` and ``pictures``:
-        captions and addresses. ``commands``: captions with the command that plays a case again once its item
-        id is appended.
+        captions and addresses. ``commands``: captions with what comes before and after the item id.
     """
     records = {record.item_id: record for record in stored.records}
     errors = {error.item_id: error for error in stored.errors}
@@ -88,8 +92,27 @@ def run_cases(
         "details": packed([_details(pair, records, errors) for pair in planned]),
         "films": media_by_place(planned, films),
         "pictures": media_by_place(planned, pictures),
-        "commands": [["In the folder in which the run was started:", shlex.join(replay_command(stored))]],
+        "commands": [*_commands(stored, traced)],
     }
+
+
+def _commands(stored: StoredRun, traced: bool) -> Iterator[list[str]]:
+    """What can be done with a case: how that is called, and what comes before and after its item id."""
+    yield [
+        "Play it again, in the folder in which the run was started:",
+        shlex.join(replay_command(stored)),
+        "",
+    ]
+    after = "in the folder of this page; libero-max report . then shows it here:"
+    if traced:
+        yield [f"Film it, {after}", "libero-max film .", ""]
+    kind, _, track = stored.run.provenance["case_set"]["name"].partition(" ")
+    if kind == "track" and stored.run.provenance["substrate"]["name"] == "embedded":
+        yield [
+            f"Draw its event before and after, {after}",
+            f"libero-max show {track}",
+            f"--pictures={PICTURES_NAME}",
+        ]
 
 
 def media_by_place(planned: Sequence[PlannedPair], paths: Mapping[str, Sequence[str]]) -> Json:

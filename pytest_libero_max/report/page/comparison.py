@@ -66,7 +66,10 @@ def comparison_cases(
         "case_ids": [pair.case_id for pair in planned],
         "details": packed(details),
         "films": {place: found for place, found in films.items() if found},
-        "commands": [[f"{names[run]}:", shlex.join(command)] for run, command in replays.items()],
+        "commands": [
+            [f"Play it again as in {names[run]}:", shlex.join(command), ""]
+            for run, command in replays.items()
+        ],
         "pages": [[names[run], page] for run, page in beside["pages"].items()],
         "start": {"changed": _CHANGED[0]} if _CHANGED[0] in changed else {},
     }

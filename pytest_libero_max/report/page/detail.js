@@ -103,7 +103,7 @@ function detail(data, table, row) {
   const labels = Object.fromEntries(columns.map((column) => [column.title, table.text(column, row)]));
   const tables = { ...values, Case: { "Case id": data.case_ids[row], ...labels, ...values.Case } };
   const [event, variant] = ["event", "variant"].map((key) => table.text(table.byKey[key], row));
-  const commands = data.commands.map(([caption, text]) => command(caption, `${text} ${item}`));
+  const commands = data.commands.map(([caption, before, after]) => command(caption, [before, item, after].filter(Boolean).join(" ")));
   const sections = Object.entries(tables).map(([title, part]) => element("section", {}, element("h4", {}, title), valueTable(part)));
   const links = (data.pages ?? []).map(([caption, path]) =>
     element("li", {}, element("a", { href: `${path}${PREFIX}${new URLSearchParams({ q: item, case: item })}` }, caption)),
@@ -113,7 +113,7 @@ function detail(data, table, row) {
     { class: "detail" },
     ...(films.length ? [filmsOf(films)] : []),
     ...(pictures.length ? [picturesOf(pictures)] : []),
-    element("section", {}, element("h4", {}, "Play it again"), ...commands),
+    element("section", {}, element("h4", {}, "Commands"), ...commands),
     element("div", { class: "facts" }, ...sections),
     ...(pictures.length ? [] : eventPicture(`${event}-v${variant}`)),
     ...(links.length ? [element("section", {}, element("h4", {}, "In the reports of the runs"), element("ul", {}, ...links))] : []),

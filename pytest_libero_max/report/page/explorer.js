@@ -19,7 +19,9 @@ class Explorer {
       element("div", { class: "wide" }, element("table", { class: "cases" }, caption, element("thead", {}, this.head), this.body)),
       this.pages,
     );
-    window.addEventListener("hashchange", () => this.read());
+    window.addEventListener("hashchange", () => {
+      if (location.hash.startsWith(PREFIX)) this.read(); // a part of the page leaves the view as it is
+    });
     this.read();
   }
 
