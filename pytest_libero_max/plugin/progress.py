@@ -42,6 +42,7 @@ class RunProgress:
         self._counts = PairCounts()
         self._before = 0
         self._playing: dict[str, float] = {}  # since when, seconds since the epoch
+        self._workers: dict[str, str] = {}
         self._began = 0.0
         self._live: LiveText | None = None
         self._stream: TextIO | None = None
@@ -60,10 +61,24 @@ class RunProgress:
         for record in measured:
             self._counts.add(record)
         self._began = time.time()
+        self._note_workers()
         self._reporter = self._config.pluginmanager.get_plugin("terminalreporter")
         if self._reporter is not None:
             self._choose_form(self._reporter)
         self._note()
+
+    def _note_workers(self) -> None:
+        """Note which worker begins a test, which xdist does not hand on to its hooks."""
+        session: Any = self._config.pluginmanager.get_plugin("dsession")
+        if session is None:
+            return
+        hand_on = session.worker_logstart
+
+        def worker_logstart(node: Any, nodeid: str, location: Any) -> None:
+            self._workers[case_of(nodeid) or ""] = node.gateway.id
+            hand_on(node, nodeid, location)
+
+        session.worker_logstart = worker_logstart
 
     def _choose_form(self, reporter: Any) -> None:
         form = self._form
@@ -176,7 +191,7 @@ class RunProgress:
 
     def _note(self) -> None:
         if self._store is not None:
-            self._store.note(note_of(self._began, time.time(), self._before, self._playing))
+            self._store.note(note_of(self._began, time.time(), self._before, self._playing, self._workers))
 
 
 def _duplicate(stream: TextIO) -> TextIO | None:

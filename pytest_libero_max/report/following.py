@@ -31,7 +31,13 @@ QUIET_S = 600.0
 """A run that has noted nothing for so long is said to be quiet. A pair takes seconds to minutes."""
 
 
-def note_of(began: float, now: float, before: int, playing: Mapping[str, float]) -> Json:
+def note_of(
+    began: float,
+    now: float,
+    before: int,
+    playing: Mapping[str, float],
+    workers: Mapping[str, str] | None = None,
+) -> Json:
     """What a run notes for its watchers, in seconds since the epoch of its own clock.
 
     Args:
@@ -39,8 +45,12 @@ def note_of(began: float, now: float, before: int, playing: Mapping[str, float])
         now: Now.
         before: Pairs that a resumed run had already.
         playing: When each pair was begun that is being played, by item id.
+        workers: Which worker plays it, by item id, where there are several.
     """
-    return {"began": began, "now": now, "before": before, "playing": dict(playing)}
+    note: Json = {"began": began, "now": now, "before": before, "playing": dict(playing)}
+    return (
+        {**note, "workers": {name: workers[name] for name in playing if name in workers}} if workers else note
+    )
 
 
 @dataclass(frozen=True)
@@ -172,11 +182,12 @@ class Follower:
             began, now = float(noted["began"]), float(noted["now"])
             since = {str(name): now - float(begun) for name, begun in noted["playing"].items()}
             before = int(noted["before"])
+            workers = {str(name): str(worker) for name, worker in noted.get("workers", {}).items()}
         except (AttributeError, KeyError, TypeError, ValueError):
             return Progress(planned, self._counts)
         age_s = mark.age_s if mark is not None else 0.0
         playing = {name: seconds + age_s for name, seconds in since.items()}
-        return Progress(planned, self._counts, before, now - began + age_s, playing)
+        return Progress(planned, self._counts, before, now - began + age_s, playing, workers)
 
     def _read_on(self) -> None:
         plain, packed = self._folder / PAIRS_NAME, self._folder / PACKED_PAIRS_NAME

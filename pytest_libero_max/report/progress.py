@@ -64,6 +64,7 @@ class Progress:
         before: How many of them a resumed run had already.
         seconds: Since this session began to play; None where that is not known.
         playing: For how many seconds each pair has been played that is being played, by item id.
+        workers: Which worker plays it, by item id, where there are several.
     """
 
     planned: int
@@ -71,6 +72,7 @@ class Progress:
     before: int = 0
     seconds: float | None = None
     playing: Mapping[str, float] = field(default_factory=dict)
+    workers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def done(self) -> int:
@@ -138,7 +140,10 @@ def letters_text(counts: PairCounts) -> str:
 def playing_lines(progress: Progress) -> list[str]:
     """A line for each pair that is being played, the longest first."""
     by_time = sorted(progress.playing.items(), key=lambda item: -item[1])
-    return [f"playing for {duration(seconds)}: {name}" for name, seconds in by_time]
+    return [
+        f"{progress.workers.get(name, '')} playing for {duration(seconds)}: {name}".strip()
+        for name, seconds in by_time
+    ]
 
 
 def duration(seconds: float) -> str:

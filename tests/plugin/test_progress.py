@@ -81,23 +81,26 @@ def test_a_form_that_is_none_is_refused(run: Run) -> None:
     result.stderr.fnmatch_lines(["*--libero-max-progress='loud': unknown value*"])
 
 
-def test_a_run_notes_what_it_plays(run: Run, pytester: pytest.Pytester) -> None:
+def test_a_run_notes_what_its_workers_play(run: Run, pytester: pytest.Pytester) -> None:
     pytester.makeconftest(
         """
         from pathlib import Path
 
         from pytest_libero_max.report.following import Follower
 
-        def pytest_libero_max_pair_stored(pair):
-            seen = Follower(Path("libero-max-results")).look()
-            with open("seen.txt", "a") as file:
-                print(seen.state, seen.progress.done, *seen.progress.playing, file=file)
+        def pytest_runtest_logreport(report):
+            if report.when == "setup" and hasattr(report, "node"):
+                seen = Follower(Path("libero-max-results")).look()
+                with open("seen.txt", "a") as file:
+                    print(seen.state, seen.progress.done, *seen.progress.workers.items(), file=file)
         """
     )
-    run("-k", "camera_shift").assert_outcomes(passed=2)
-    first, second = (line.split() for line in (pytester.path / "seen.txt").read_text().splitlines())
-    assert first[:2] == ["running", "1"]
-    assert second[:2] == ["running", "2"]
+    run("-k", "camera_shift", "-n", "1", subprocess=True).assert_outcomes(passed=2)
+    item = "libero-spatial-t00-i00-camera_shift"
+    assert (pytester.path / "seen.txt").read_text().splitlines() == [
+        f"running 0 ('{item}-v0', 'gw0')",
+        f"running 1 ('{item}-v1', 'gw0')",
+    ]
     assert Follower(pytester.path / "libero-max-results").look().state == "ended"
 
 

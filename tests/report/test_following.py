@@ -23,7 +23,8 @@ RUN = Run(tuple(plan()[:4]), PROVENANCE)
 def _begin(folder: Path, pairs: int = 2) -> PairStore:
     store = PairStore(folder, RUN)
     store.begin()
-    store.note(note_of(1000.0, 1060.0, 0, {RUN.planned[pairs].item_id: 1050.0}))
+    item = RUN.planned[pairs].item_id
+    store.note(note_of(1000.0, 1060.0, 0, {item: 1050.0}, {item: "gw0", "another": "gw1"}))
     for pair in RUN.planned[:pairs]:
         store.append(record_of(pair, True, False))
     return store
@@ -46,7 +47,7 @@ def test_a_run_is_followed_from_its_first_line_to_its_end(tmp_path: Path) -> Non
     lines = seen.lines()
     assert lines[0].startswith(f"{tmp_path}: scripted.py on track smoke, running (process {os.getpid()} on ")
     assert lines[1:3] == ["2 of 4 pairs, 2.0/min, 60 s left", "P 0 R 2 N 0 E 0"]
-    assert lines[3].startswith("playing for 10 s: plus-")
+    assert lines[3].startswith("gw0 playing for 10 s: plus-")
     pair = RUN.planned[2]
     store.append(PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "broken", "setup"))
     assert follower.look().lines()[2] == "P 0 R 2 N 0 E 1"
