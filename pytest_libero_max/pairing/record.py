@@ -121,7 +121,7 @@ class ArmRecord:
         response_step, stale_actions = None, None
         if rollout.firings:
             event = rollout.firings[0]
-            after = rollout.answers[event.queries :]
+            after = [answer for answer in rollout.answers[event.queries :] if answer.is_asked]
             response_step = after[0].step if after else None
             stale_actions = (rollout.steps if response_step is None else response_step) - event.step
         return cls(

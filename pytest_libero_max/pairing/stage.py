@@ -47,6 +47,11 @@ class Answer:
     actions: Actions
     notes: Mapping[str, int] | None = None
 
+    @property
+    def is_asked(self) -> bool:
+        """Whether the policy was asked; a wrapper may have looked, and gone on with an earlier answer."""
+        return self.notes is None or bool(self.notes.get("asked", 1))
+
 
 @dataclass(frozen=True)
 class Stage:

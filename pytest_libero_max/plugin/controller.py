@@ -215,6 +215,7 @@ class RunController:
                 "query_interval": settings.query_interval,
                 **({} if settings.profile is None else {"profile": settings.profile}),
                 **({} if settings.restore == "native" else {"restore": settings.restore}),
+                **({} if settings.adaptive is None else {"adaptive": settings.adaptive}),
             },
             substrate=self.substrate,
             case_set={

@@ -37,6 +37,7 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 @pytest.fixture(scope="session")
 def libero_max_policy(libero_max_settings: Settings) -> Policy:
     """The policy under test, loaded once a worker."""
+    from pytest_libero_max.policies.adaptive import with_adaptive_queries
     from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.policies.restoration import with_restoration
@@ -55,7 +56,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
             query_interval=settings.query_interval,
             profile=settings.profile,
         )
-        return with_restoration(policy, settings.restore)
+        return with_adaptive_queries(with_restoration(policy, settings.restore), settings.adaptive)
     except BaseException as error:
         if isinstance(error, Exception) or ends_the_session(error):
             raise

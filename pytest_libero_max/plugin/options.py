@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.studies.study import Study
 
 PREFIX_MODES = ("fork", "replay")
+ADAPTIVE_MODES = ("image", "privileged")
 RESTORE_MODES = ("native", "gated", "always")
 STRICT_MODES = ("regression",)
 TRACE_MODES = ("none", "regression", "all")
@@ -287,6 +288,13 @@ OPTIONS = (
         "native",
     ),
     Option(
+        "adaptive",
+        "WATCH",
+        "Execute whole chunks, and ask the policy early where something changed, on average no oftener than "
+        "every Q steps; watched are the fixed cameras (image) or the objects (privileged)",
+        _one_of(*ADAPTIVE_MODES),
+    ),
+    Option(
         "strict",
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
@@ -405,6 +413,7 @@ class Settings:
     horizon: int | None
     query_interval: int | None
     restore: Literal["native", "always", "gated"]
+    adaptive: Literal["image", "privileged"] | None
     strict: str | None
     traces: str
     film: str

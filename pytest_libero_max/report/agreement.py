@@ -95,9 +95,10 @@ def _require_header(run: Run, record: PairRecord) -> None:
     """Check that a record was played with what the header of its run names."""
     asked, versions = run.provenance["policy"], run.provenance["versions"]
     strength = run.provenance["protocol"].get("strength")
+    adaptive = asked.get("adaptive") is not None  # then the record holds H and Q of the wrapper
     header = {
-        ("policy", "horizon"): asked.get("horizon"),
-        ("policy", "query_interval"): asked.get("query_interval"),
+        ("policy", "horizon"): None if adaptive else asked.get("horizon"),
+        ("policy", "query_interval"): None if adaptive else asked.get("query_interval"),
         ("fingerprints", "adapter"): asked.get("code"),
         ("fingerprints", "strength"): None if strength is None else f"{strength:g}",
         ("fingerprints", "substrate"): run.provenance["substrate"]["name"],

@@ -41,7 +41,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     study = provenance["protocol"].get("study") or {}
     options += [("strength", provenance["protocol"].get("strength"))]
     options += [("study", study.get("name")), ("cadence", study.get("settings"))]
-    options.append(("restore", policy.get("restore")))
+    options += [(name, policy.get(name)) for name in ("restore", "adaptive")]
     options += _noise_floor(provenance)
     options.append(("output", OUTPUT))
     return ["pytest", *(f"--libero-max-{name}={value}" for name, value in options if value is not None), "-k"]

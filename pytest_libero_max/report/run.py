@@ -198,6 +198,7 @@ _PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
         "horizon": POSITIVE.or_null,
         "query_interval": POSITIVE.or_null,
         "restore": TEXT.or_null,
+        "adaptive": TEXT.or_null,
     },
     "protocol": {"noise_floor": POSITIVE.or_null, "strength": SHARE.or_null, "study": OBJECT.or_null},
 }

@@ -1,4 +1,4 @@
-"""``--libero-max-restore``: any policy, on its way from the option to the record and back to a command."""
+"""Wrappers around any policy: from the option to the record, and back to a command."""
 
 from __future__ import annotations
 
@@ -57,7 +57,23 @@ def test_a_policy_without_images_stops_the_run(run: Run) -> None:
     assert result.ret != 0
 
 
+def test_an_adaptive_run_has_its_words_in_title_record_and_replay_command(
+    pytester: pytest.Pytester, noise: Run, results: Results
+) -> None:
+    options = ("--libero-max-adaptive=image", "--libero-max-query-interval=2", "--libero-max-limit=1")
+    assert noise(*options).ret == 0
+    (record,), report = results()
+    notes = record["arms"]["base"]["notes"]
+    assert report["policy"]["wrappers"] == ["adaptive=image H=8 Q=2"]
+    assert notes["looks"] == record["arms"]["base"]["queries"] == record["arms"]["base"]["steps"]
+    assert notes["asked"] < notes["looks"]
+    command = replay_command(read_pairs(Path(pytester.path, "libero-max-results")))
+    assert {"--libero-max-adaptive=image", "--libero-max-query-interval=2"} <= set(command)
+
+
 def test_an_unknown_mode_is_refused(run: Run) -> None:
     result = run("--libero-max-restore=sometimes")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*--libero-max-restore='sometimes': unknown value. Known: always, gated, native.*"])
+    result.stderr.fnmatch_lines(
+        ["*--libero-max-restore='sometimes': unknown value. Known: always, gated, native.*"]
+    )
