@@ -554,6 +554,11 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
         study = make_study(name, settings)
     except OptionError as error:
         raise pytest.UsageError(str(error)) from None
+    if name == "cadence" and values["adaptive"] is not None:
+        raise pytest.UsageError(
+            "--libero-max-study=cadence plays fixed query intervals, but "
+            f"--libero-max-adaptive={values['adaptive']} chooses the moments of the queries. Leave one of them out."
+        )
     if study.scales and values["strength"] != 1.0:
         raise pytest.UsageError(
             f"--libero-max-study={name} plays the event at strengths of its own, but "

@@ -84,7 +84,7 @@ class AdaptivePolicy(WrappedPolicy):
         self._mode = mode
         self._require_sight()
         self._budget = policy.spec.query_interval
-        self.spec = replace(self.spec, horizon=1, query_interval=1)
+        self._spec = replace(self.spec, horizon=1, query_interval=1)
         self.query_notes: Mapping[str, int] = {}
         self._memory = _Memory(np.zeros((0, 7)))
         self.snapshot, self.restore = self._snapshot, self._restore

@@ -20,7 +20,8 @@ class WrappedPolicy:
 
     Attributes:
         inner: The policy inside.
-        spec: Its spec with the wrapper's words in ``wrappers``.
+        spec: Its spec with the wrapper's words in ``wrappers``. An H or Q that is assigned reaches the policy
+            inside as well.
 
     Args:
         policy: The policy inside.
@@ -29,7 +30,7 @@ class WrappedPolicy:
 
     def __init__(self, policy: Policy, words: str) -> None:
         self.inner = policy
-        self.spec: PolicySpec = replace(policy.spec, wrappers=(*policy.spec.wrappers, words))
+        self._spec = replace(policy.spec, wrappers=(*policy.spec.wrappers, words))
         for name in (
             "snapshot",
             "restore",
@@ -39,6 +40,15 @@ class WrappedPolicy:
                 setattr(self, name, getattr(policy, name))
         if hasattr(policy, "model_inputs"):
             self.model_inputs = self._model_inputs
+
+    @property
+    def spec(self) -> PolicySpec:
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: PolicySpec) -> None:
+        self.inner.spec = replace(self.inner.spec, horizon=spec.horizon, query_interval=spec.query_interval)
+        self._spec = spec
 
     def reset(self, episode: Episode) -> None:
         """A new episode begins."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -161,6 +162,16 @@ def test_the_wrapper_is_part_of_the_spec_and_keeps_what_the_policy_offers() -> N
     assert wrapped.spec.to_dict() == {**inner.spec.to_dict(), "wrappers": ["restore=gated"]}
     assert remembers(wrapped)
     assert not remembers(with_restoration(Looks(), "always"))
+
+
+def test_a_cadence_that_is_assigned_to_the_wrapper_reaches_the_policy() -> None:
+    wrapped = with_restoration(Looks(horizon=4, query_interval=4), "gated")
+    own = wrapped.spec
+    wrapped.spec = replace(own, horizon=3, query_interval=2)
+    inner = wrapped.inner.spec  # type: ignore[attr-defined]
+    assert (inner.horizon, inner.query_interval, inner.wrappers) == (3, 2, ())
+    wrapped.spec = own
+    assert wrapped.inner.spec == Looks(horizon=4, query_interval=4).spec  # type: ignore[attr-defined]
 
 
 def test_counts_and_times_are_in_the_record(world: TinyWorld) -> None:
