@@ -557,7 +557,7 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     if name == "cadence" and values["adaptive"] is not None:
         raise pytest.UsageError(
             "--libero-max-study=cadence plays fixed query intervals, but "
-            f"--libero-max-adaptive={values['adaptive']} chooses the moments of the queries. Leave one of them out."
+            f"--libero-max-adaptive={values['adaptive']} chooses when to ask. Leave one of them out."
         )
     if study.scales and values["strength"] != 1.0:
         raise pytest.UsageError(
