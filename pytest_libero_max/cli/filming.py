@@ -179,6 +179,8 @@ def _each(
     with open_recorded(*where) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
         write = how(run.stored.run.provenance["policy"])
+        if (renderer := run.drawn_differently()) is not None:
+            work.say(renderer)
         for number, record in enumerate(records, start=1):
             path = path_of(options.output or run.folder / name, record)
             place, begin = f"{number}/{len(records)}", time.perf_counter()

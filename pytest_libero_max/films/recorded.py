@@ -183,6 +183,20 @@ class RecordedRun:
         except ProtocolError as error:
             raise ProtocolError(f"{error} {self._differences(record)}") from error
 
+    def drawn_differently(self) -> str | None:
+        """What draws here and what drew in the run, where they differ; None where they do not.
+
+        No digest covers what is drawn: two renderers show the same states in slightly different pixels.
+        """
+        if not self.stored.records:
+            return None
+        then, now = self.stored.records[0].fingerprints, self.substrate.fingerprint()
+        names = [name for name in ("gl", "gl_device") if then.get(name) != now.get(name)]
+        if not names:
+            return None
+        told = ", ".join(f"{name} {then.get(name)} then, {now.get(name)} here" for name in names)
+        return f"Drawn by another renderer than in the run ({told}): pixels may differ slightly."
+
     def _differences(self, record: PairRecord) -> str:
         now = self.substrate.fingerprint()
         different = [

@@ -160,3 +160,14 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
     assert "No pair of this run is selected" in capsys.readouterr().out
     with pytest.raises(OptionError, match="Did you mean"):
         chosen(stored, [record.item_id[:-1]], "all")
+
+
+def test_another_renderer_is_named(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert _film(run, "--select=all") == 0
+    assert "Drawn by" not in capsys.readouterr().out
+    known = TinySubstrate.fingerprint
+    monkeypatch.setattr(TinySubstrate, "fingerprint", lambda self: {**known(self), "gl": "osmesa"})
+    assert _film(run, "--select=all", "--overwrite") == 0
+    assert "Drawn by another renderer than in the run (gl None then, osmesa here)" in capsys.readouterr().out
