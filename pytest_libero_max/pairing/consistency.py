@@ -134,7 +134,7 @@ def require_same_answer(answer: Answer, stage: Stage) -> None:
         )
     raise ProtocolError(
         f"{where}. Draw from query.seed and from nothing else; give a policy with memory snapshot() and "
-        "restore(memory), or play with --libero-max-prefix=replay; declare PolicySpec(repeatable=False) only "
+        "restore(memory), or declare PolicySpec(history=True); declare PolicySpec(repeatable=False) only "
         "for a server whose arithmetic varies."
     )
 

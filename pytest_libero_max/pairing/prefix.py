@@ -19,7 +19,8 @@ from pytest_libero_max.errors import ProtocolError
 from pytest_libero_max.events.schedules import Entry
 from pytest_libero_max.pairing.consistency import Asked, Memory, require_same_answer, restored_elsewhere
 from pytest_libero_max.pairing.stage import Answer, Applied, Stage
-from pytest_libero_max.policies.check import remembers
+from pytest_libero_max.policies.check import memory_of, remembers, sees
+from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import Array, WorldState
 
 PrefixMode = Literal["fork", "replay"]
@@ -106,6 +107,11 @@ def event_link(link: bytes, digest: bytes) -> bytes:
     return hashlib.sha256(link + b"event" + digest).digest()
 
 
+def way_back(policy: Policy, mode: PrefixMode) -> PrefixMode:
+    """The way in which a policy is brought back: one that cannot copy what it remembers is shown it again."""
+    return "replay" if memory_of(policy) in ("queries", "frames") else mode
+
+
 def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork") -> None:
     """Bring world and policy back to a branch point, and prove it.
 
@@ -113,8 +119,9 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
     ``snapshot`` and ``restore`` gets the memory it had; one without is, by contract, a function of the
     observation and the query. What both are worth is measured (unless the spec says ``repeatable=False``):
     the policy is asked the last query of the prefix again, with the memory it had then, and the answer must
-    be the recorded bytes. In ``replay`` it is asked every query of the prefix again, at the same steps, so a
-    policy whose memory is made of what it has seen is right there without ``snapshot``.
+    be the recorded bytes. In ``replay`` it is asked every query of the prefix again, at the same steps, and
+    shown every step if it is one that sees them, so a policy whose memory is made of what it has seen is
+    right there without ``snapshot``. One that declares such a memory is brought back like that in any mode.
 
     Args:
         branch: Where to go.
@@ -128,7 +135,7 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
     """
     if branch.memory is not None:
         branch.memory.require_unchanged(stage, branch.step)
-    if mode == "replay":
+    if way_back(stage.policy, mode) == "replay":
         _replay(branch, stage)
     else:
         _fork(branch, stage)
@@ -172,6 +179,8 @@ def _replay(branch: BranchPoint, stage: Stage) -> None:
             stage.begin_policy()
         if step in shown:
             require_same_answer(shown[step], stage)
+        elif show and sees(stage.policy):
+            stage.show(step)
         # The first query, before which there is no memory, has just been asked again.
         asked = branch.asked
         if asked is not None and asked.memory is not None and remembering and asked.answer.step == step:

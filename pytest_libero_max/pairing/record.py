@@ -28,7 +28,7 @@ from pytest_libero_max.pairing.version_1 import from_version_1
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.rollout import RolloutResult
     from pytest_libero_max.pairing.stage import Answer
-    from pytest_libero_max.policies.contract import PolicySpec
+    from pytest_libero_max.policies.contract import MemoryKind, PolicySpec
 
 RECORD_VERSION = 2
 READABLE_VERSIONS = (1, 2)
@@ -211,7 +211,8 @@ class PairRecord:
         max_steps: Policy steps an episode may take.
         arms: What was played, by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base
             played a second time for the noise floor.
-        policy: The policy's spec as played.
+        policy: The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to
+            the event: ``snapshot``, or what it was shown again (``queries``, ``frames``).
         fingerprints: Everything else that could change a result: versions, substrate, assets.
         timings: Wall-clock seconds, and server_batch, a count; the only fields that differ between runs.
     """
@@ -248,6 +249,7 @@ class PairRecord:
         spec: PolicySpec,
         fingerprints: Mapping[str, str],
         timings: Mapping[str, float],
+        memory: MemoryKind = "none",
     ) -> PairRecord:
         """The record of a case whose arms have been played."""
         return cls(
@@ -269,7 +271,7 @@ class PairRecord:
             trigger_entity=case.event.trigger.entity,
             max_steps=case.budget,
             arms=dict(arms),
-            policy=spec.to_dict(),
+            policy=spec.to_dict() | ({} if memory == "none" else {"memory": memory}),
             fingerprints=dict(fingerprints),
             timings=dict(timings),
         )

@@ -14,6 +14,7 @@ from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, Asked, Memory
 from pytest_libero_max.pairing.prefix import BranchPoint, Firing, event_link, first_link, next_link
 from pytest_libero_max.pairing.queue import ActionQueue
 from pytest_libero_max.pairing.stage import Answer, Stage, apply_change
+from pytest_libero_max.policies.check import sees
 from pytest_libero_max.worlds.contract import Array, Control
 
 
@@ -150,6 +151,8 @@ class Rollout:
             stage.begin_policy()
         if not self._queue:
             self._query()
+        elif sees(stage.policy):
+            stage.show(len(self._actions))
         action = self._queue.pop()
         stage.watch.step()
         world.step(action)

@@ -24,12 +24,12 @@ from pytest_libero_max.events.schedules import (
 )
 from pytest_libero_max.pairing.cadence import played_at
 from pytest_libero_max.pairing.clock import Clock
-from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_branch
+from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_branch, way_back
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
 from pytest_libero_max.pairing.stage import Stage, apply_change
 from pytest_libero_max.pairing.watch import NO_WATCH, Watch
-from pytest_libero_max.policies.check import remembers
+from pytest_libero_max.policies.check import memory_of, remembers
 from pytest_libero_max.policies.contract import Policy, PolicySpec
 from pytest_libero_max.worlds.contract import World
 
@@ -134,7 +134,9 @@ def measure_pair(
         rollouts |= results
     rollouts = {arm.name: rollouts[arm.name] for arm in chosen}
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
-    record = PairRecord.of(case, instruction, played, spec, settings.fingerprints, clock.seconds)
+    record = PairRecord.of(
+        case, instruction, played, spec, settings.fingerprints, clock.seconds, memory_of(policy)
+    )
     return Pair(record, rollouts)
 
 
@@ -189,6 +191,7 @@ def _check_policy(rollout: Rollout, stage: Stage, mode: PrefixMode) -> None:
         ProtocolError: See :meth:`.consistency.Asked.ask_again`.
         AdapterError: Likewise.
     """
+    mode = way_back(stage.policy, mode)
     if rollout.asked is not None and (mode == "fork" or remembers(stage.policy)):
         rollout.asked.ask_again(stage)
 

@@ -17,7 +17,7 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.watch import NO_WATCH, Watch
-from pytest_libero_max.policies.check import Actions, ask, require_spec, start
+from pytest_libero_max.policies.check import Actions, ask, require_spec, show, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, World, WorldState
 
@@ -141,8 +141,8 @@ class Stage:
     def ask(self, index: int, step: int) -> Answer:
         """Show the policy the world as it is now and return its checked answer.
 
-        This is the only place where an image is rendered for a policy: at queries alone, and only of the
-        cameras and in the size that the policy declares.
+        Images are rendered for a policy here and in :meth:`show` alone, and only of the cameras and in the
+        size that the policy declares.
 
         Args:
             index: Number of the query in the episode, from 0.
@@ -175,6 +175,28 @@ class Stage:
             self.clock.add(name, seconds)
         notes = getattr(self.policy, "query_notes", None)
         return Answer(index, step, actions, None if notes is None else dict(notes))
+
+    def show(self, step: int) -> None:
+        """Show the world as it is to a policy that is shown every step, where it is not asked.
+
+        Args:
+            step: Policy steps executed before it.
+
+        Raises:
+            AdapterError: The policy raised, or altered the world or its spec, which are read only for it.
+            SimulatorError: The renderer does not answer.
+        """
+        where = f"see, step {step}"
+        self.watch.step()
+        with self.clock("observe_s"):
+            observation = self.world.observe(self.spec.cameras, self.spec.image_size)
+        before = self._seen_by_policy()
+        self.watch.query()
+        with self.clock("policy_s"):
+            show(self.policy, observation, step)
+        self.watch.step()
+        require_spec(self.policy, self.spec, where)
+        self._require_unaltered(before, where)
 
     def _waited_s(self) -> float:
         """How long a policy behind a server has waited for it to come back, s; 0 for every other policy."""

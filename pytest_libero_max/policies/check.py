@@ -21,10 +21,12 @@ from pytest_libero_max.policies.contract import (
     BatchItem,
     BatchPolicy,
     Episode,
+    MemoryKind,
     Policy,
     PolicySpec,
     Query,
     RemembersPolicy,
+    SeeingPolicy,
 )
 from pytest_libero_max.worlds.contract import ACTION_DIM, FARTHEST_M, Observation, World
 from pytest_libero_max.worlds.rendering import gl
@@ -66,6 +68,8 @@ def check_policy(policy: Any, where: str) -> Policy:
     if offered:
         _check_method(policy, "snapshot", where)
         _check_method(policy, "restore", where, "memory")
+    if hasattr(policy, "see"):
+        _check_method(policy, "see", where, "observation", "step")
     if hasattr(policy, "predict_batch"):
         _check_method(policy, "predict_batch", where, "items")
     checked: Policy = policy
@@ -116,6 +120,20 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
 def remembers(policy: Policy) -> bool:
     """Whether the policy's memory can be copied (see :class:`RemembersPolicy`)."""
     return hasattr(policy, "snapshot") and hasattr(policy, "restore")
+
+
+def sees(policy: Policy) -> bool:
+    """Whether the policy is shown every step (see :class:`SeeingPolicy`)."""
+    return hasattr(policy, "see")
+
+
+def memory_of(policy: Policy) -> MemoryKind:
+    """How what the policy remembers is brought to the event, by what it offers."""
+    if remembers(policy):
+        return "snapshot"
+    if sees(policy):
+        return "frames"
+    return "queries" if policy.spec.history else "none"
 
 
 def batches(policy: Policy) -> bool:
@@ -207,8 +225,19 @@ def start(policy: Policy, episode: Episode) -> None:
         policy.reset(episode)
 
 
+def show(policy: Policy, observation: Observation, step: int) -> None:
+    """``policy.see(observation, step)``, for a policy that :func:`sees`.
+
+    Raises:
+        AdapterError: It raised; the original is chained.
+    """
+    seeing: SeeingPolicy = policy  # type: ignore[assignment]  # sees() looked
+    with _blaming(policy, f"see, step {step}"):
+        seeing.see(observation, step)
+
+
 def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
-    """The policy's checked answer to a query, (n, 7) with Q <= n <= H.
+    """The policy's checked answer to a query, (n, 7) with Q <= n <= H. One that sees is shown it first.
 
     Raises:
         ActionError: The answer cannot be played; see :func:`check_actions`.
@@ -216,6 +245,8 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
         ServerError: The policy asks a server, which was given up.
     """
     spec, where = policy.spec, f"query {query.index} at step {query.step}"
+    if sees(policy):
+        show(policy, observation, query.step)
     with _blaming(policy, f"predict, {where}"):
         answer = policy.predict(observation, query)
     try:

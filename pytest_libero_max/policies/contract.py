@@ -17,6 +17,10 @@ from pytest_libero_max.worlds.contract import CAMERAS, Control, Observation, Wor
 
 Arm = Literal["base", "dynamic"]
 
+MemoryKind = Literal["none", "snapshot", "queries", "frames"]
+"""How what a policy remembers is brought to the event: not at all, as a copy, by asking all queries again, or
+by showing every step again."""
+
 
 MOST = {"horizon": 10_000, "query_interval": 10_000, "image_size": 4096}
 """No spec asks for more: an episode is shorter, and an answer or an image has to fit into the memory."""
@@ -43,6 +47,8 @@ class PolicySpec:
         control: What its actions are: movements (``delta``), or poses of the grip site in the world
             (``absolute``: position in m, axis times angle in rad).
         wrappers: What is around the policy, from the inside out, for example ``restore=gated``.
+        history: Whether its answers depend on all that it was asked before in the episode, without a
+            ``snapshot``. It is then asked all of it again on the way to the event.
 
     Raises:
         AdapterError: A value breaks its rule.
@@ -59,6 +65,7 @@ class PolicySpec:
     suites: tuple[str, ...] | None = None
     control: Control = "delta"
     wrappers: tuple[str, ...] = ()
+    history: bool = False
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -69,6 +76,10 @@ class PolicySpec:
             raise AdapterError(
                 f"revision={self.revision!r} of policy {self.name!r}, but must be None or a string that is "
                 "not empty."
+            )
+        if not isinstance(self.history, bool):
+            raise AdapterError(
+                f"history={self.history!r} of policy {self.name!r}, but must be True or False."
             )
         if self.control not in get_args(Control):
             raise AdapterError(
@@ -124,13 +135,16 @@ class PolicySpec:
         return count
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as JSON types; without ``suites``, ``control`` and ``wrappers`` at their defaults."""
+        """The fields as JSON types; without those from ``suites`` on where they are at their defaults."""
         values = {**asdict(self), "cameras": list(self.cameras)}
-        suites, control, wrappers = (values.pop(name) for name in ("suites", "control", "wrappers"))
+        names = ("suites", "control", "wrappers", "history")
+        suites, control, wrappers, history = (values.pop(name) for name in names)
         if suites is not None:
             values["suites"] = list(suites)
         if wrappers:
             values["wrappers"] = list(wrappers)
+        if history:
+            values["history"] = True
         return values if control == "delta" else {**values, "control": control}
 
 
@@ -196,6 +210,19 @@ class Policy(Protocol):
 
 
 @runtime_checkable
+class SeeingPolicy(Policy, Protocol):
+    """A policy that is shown the world before every step, and not at queries alone.
+
+    It costs an observation at every step. Without ``snapshot`` its memory is made of what it was shown: all
+    of it is shown again on the way to the event.
+    """
+
+    def see(self, observation: Observation, step: int) -> None:
+        """What the world shows before a step; where a query is due, ``predict`` gets the same right after."""
+        ...
+
+
+@runtime_checkable
 class RemembersPolicy(Policy, Protocol):
     """A policy whose memory can be copied."""
 
@@ -253,5 +280,6 @@ __all__ = [
     "PolicySpec",
     "Query",
     "RemembersPolicy",
+    "SeeingPolicy",
     "query_seed",
 ]

@@ -22,6 +22,7 @@ from pytest_libero_max.policies.check import (
     ask_together,
     batches,
     copy_memory,
+    memory_of,
     remembers,
     restore_memory,
     start,
@@ -281,6 +282,8 @@ def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
         yield Finding("ok", "memory", "an answer depends on its own observation and query alone")
     elif remembers(policy):
         yield Finding("ok", "memory", "answers depend on earlier queries, and snapshot() is offered")
+    elif memory_of(policy) != "none":
+        yield Finding("ok", "memory", "answers depend on earlier queries, as the policy declares")
     else:
         yield Finding(
             "wrong",

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.check import sees
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
 
@@ -26,9 +28,17 @@ class WrappedPolicy:
     Args:
         policy: The policy inside.
         words: What the wrapper is, and how it is set, for example ``restore=gated``.
+
+    Raises:
+        AdapterError: The policy is shown every step.
     """
 
     def __init__(self, policy: Policy, words: str) -> None:
+        if sees(policy):
+            raise AdapterError(
+                f"policy {policy.spec.name!r} is shown every step (see), but a wrapper ({words}) only "
+                "changes what it is shown at queries. Leave the wrapper out."
+            )
         self.inner = policy
         self._spec = replace(policy.spec, wrappers=(*policy.spec.wrappers, words))
         for name in (

@@ -230,7 +230,7 @@ def test_a_memory_that_cannot_be_pickled_is_taken_as_it_is(world: TinyWorld) -> 
 def test_memory_without_a_snapshot_needs_the_whole_replay(world: TinyWorld) -> None:
     with_snapshot = play_pair(make_case(), world, remembering())
     shown_again = play_pair(make_case(), world, remembering(WithoutSnapshot), PairSettings("replay"))
-    assert shown_again.identity() == with_snapshot.identity()
+    assert shown_again.identity()["arms"] == with_snapshot.identity()["arms"]
     with pytest.raises(ProtocolError) as caught:
         play_pair(make_case(), world, remembering(WithoutSnapshot), PairSettings("fork"))
     assert "policy 'remembering' answered query" in str(caught.value)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.servers.address import Address
 from pytest_libero_max.policies.servers.codecs import OPENPI, pack, shortened, unpack
 from pytest_libero_max.policies.servers.websocket import Socket
@@ -24,9 +24,15 @@ class OpenpiLink:
         self._socket = Socket(address)
 
     def open(self) -> Any:
-        """Connect; the metadata."""
+        """Connect; the metadata.
+
+        Raises:
+            AdapterError: They are those of a server for another robot.
+        """
         self._socket.open()
-        return self._read()
+        metadata = self._read()
+        _require_libero(metadata)
+        return metadata
 
     def ask(self, request: Any) -> Any:
         """Send the map of an observation; the reply's map."""
@@ -45,3 +51,18 @@ class OpenpiLink:
         if not isinstance(reply, dict):
             raise ServerError(f"a message is a {type(reply).__name__}, but openpi's are maps")
         return reply
+
+
+def _require_libero(metadata: dict[Any, Any]) -> None:
+    """Refuse a server of RoboArena (``roboarena/policy_server.py``), which speaks much the same.
+
+    Raises:
+        AdapterError: Its metadata say that it returns joint positions or velocities.
+    """
+    space = metadata.get("action_space")
+    if isinstance(space, str) and "needs_wrist_camera" in metadata:
+        raise AdapterError(
+            f"The server is one of RoboArena, whose actions are eight numbers for a real robot ({space}). "
+            "LIBERO's are seven: a movement or pose of the hand, and the gripper. Serve a policy that was "
+            "trained on LIBERO."
+        )

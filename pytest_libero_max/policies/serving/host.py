@@ -17,8 +17,10 @@ from pytest_libero_max.policies.check import (
     ask_together,
     batches,
     copy_memory,
+    memory_of,
     remembers,
     restore_memory,
+    sees,
     start,
 )
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec
@@ -70,7 +72,8 @@ class Host:
         metrics: What counts; None to count nothing.
 
     Raises:
-        AdapterError: The policy reads the simulator, or cannot answer several queries together.
+        AdapterError: The policy reads the simulator, is shown every step, remembers what it cannot copy, or
+            cannot answer several queries together.
     """
 
     def __init__(
@@ -86,6 +89,16 @@ class Host:
             raise AdapterError(
                 f"policy {name!r} reads the simulator (privileged), which a server does not have. Play it "
                 "in process."
+            )
+        if memory_of(policy) in ("queries", "frames"):
+            raise AdapterError(
+                f"policy {name!r} remembers what it was shown, and cannot copy it, so a server cannot keep "
+                "it for each client. Give it snapshot() and restore(memory), or play it in process."
+            )
+        if sees(policy):
+            raise AdapterError(
+                f"policy {name!r} is shown every step (see), but a server is sent what the world shows at "
+                "queries alone. Play it in process."
             )
         if batching.size > 1 and remembers(policy):
             raise AdapterError(
