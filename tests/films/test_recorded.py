@@ -168,6 +168,6 @@ def test_another_renderer_is_named(
     assert _film(run, "--select=all") == 0
     assert "Drawn by" not in capsys.readouterr().out
     known = TinySubstrate.fingerprint
-    monkeypatch.setattr(TinySubstrate, "fingerprint", lambda self: {**known(self), "gl": "osmesa"})
+    monkeypatch.setattr(TinySubstrate, "fingerprint", lambda self: {**known(self), "gl": "another"})
     assert _film(run, "--select=all", "--overwrite") == 0
-    assert "Drawn by another renderer than in the run (gl None then, osmesa here)" in capsys.readouterr().out
+    assert " then, another here)" in capsys.readouterr().out
