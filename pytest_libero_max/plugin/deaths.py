@@ -17,17 +17,16 @@ CRASH_PHASE = "crash"
 _NAMED = 5
 
 
-def pair_error(case: Case, death: Death, plays: int, why_not_again: str = "") -> PairError:
+def pair_error(case: Case, death: Death, plays: int) -> PairError:
     """The error of a pair that is not played again.
 
     Args:
         case: The pair.
         death: How its last process died.
         plays: How many processes it had.
-        why_not_again: Why it had no more, where it is not the limit of the option.
     """
     again = f"Played {plays} times" if plays > 1 else "Played once"
-    message = f"{death.error} {again}{f', because {why_not_again}' if why_not_again else ''}."
+    message = f"{death.error} {again}."
     if death.text:
         message += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
     phase = POLICY_PHASE if death.phase == POLICY_PHASE else CRASH_PHASE

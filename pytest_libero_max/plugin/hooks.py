@@ -78,7 +78,11 @@ def pytest_configure(config: pytest.Config) -> None:
         from pytest_libero_max.worlds.threads import use_one_blas_thread
 
         use_one_blas_thread()
-    if in_use and not hasattr(config, "workerinput"):
+    if in_use and hasattr(config, "workerinput"):
+        from pytest_libero_max.plugin.channel import keep_from_children
+
+        keep_from_children(config)
+    elif in_use:
         from pytest_libero_max.plugin.controller import RunController
         from pytest_libero_max.plugin.workers import Workers, let_workers_restart
 

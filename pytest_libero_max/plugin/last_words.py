@@ -137,7 +137,8 @@ def read_death(path: Path | None, status: int | None, who: str) -> Death:
         message += f" {_OUT_OF_MEMORY}"
     if said:
         message += f" Its last line on stderr: {said!r}."
-    return Death(CrashError(message), doing.phase, text)
+    # A kill comes from outside: that it met the loading of the policy says nothing about the policy.
+    return Death(CrashError(message), "" if status == -signal.SIGKILL else doing.phase, text)
 
 
 def time_limit_text(doing: Doing, place: str = "") -> str:

@@ -21,6 +21,9 @@ from pytest_libero_max.plugin.last_words import Death, read_death
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
 
+DISTS = ("worksteal", "load")
+"""Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
+
 RETRIED = "retried"
 """Outcome of the report of a pair that is played again, or was measured before its worker died."""
 
@@ -41,9 +44,19 @@ class Workers:
         config: Of the session.
         settings: Of the run.
         cases: By item id.
+
+    Raises:
+        pytest.UsageError: xdist is told to hand out tests in a way that cannot be that of pairs.
     """
 
     def __init__(self, config: pytest.Config, settings: Settings, cases: dict[str, Case]) -> None:
+        dist = config.getoption("dist")
+        if dist not in DISTS:
+            raise pytest.UsageError(
+                f"--dist={dist}: pairs are handed out one by one, because all of them are in one module, each "
+                "is played once, and one that kills its worker must not come back for ever. Use "
+                f"--dist={' or '.join(DISTS)}, or leave it away."
+            )
         self._config = config
         self._settings = settings
         self._cases = cases
@@ -94,17 +107,12 @@ class Workers:
         self._plays[case.item_id] += 1
         plays = self._plays[case.item_id]
         keep_text(self._settings.output, case.item_id, plays, death.text)
-        why_not_again = ""
         if plays <= self._settings.retries:
-            try:
+            with suppress(NotImplementedError):  # of a scheduler of another plugin
                 sched.mark_test_pending(crashitem)
-            except NotImplementedError:
-                dist = self._config.getoption("dist")
-                why_not_again = f"--dist={dist} cannot give a pair to another worker"
-            else:
                 report.outcome, report.longrepr = RETRIED, f"{death.error} It is played again."
                 return
-        error = pair_error(case, death, plays, why_not_again)
+        error = pair_error(case, death, plays)
         setattr(report, RESULT_ATTRIBUTE, error.to_dict())
         report.longrepr = f"{error.kind}: {error.message}"
         if error.phase == POLICY_PHASE:

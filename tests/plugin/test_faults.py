@@ -11,6 +11,7 @@ from tests.plugin.test_run import Results, Run
 FAULTY = """
 import ctypes
 import itertools
+import multiprocessing
 import os
 import sys
 import time
@@ -46,6 +47,12 @@ class Faulty(Reacher):
     def hang_in_native_code(self):
         any(itertools.repeat(False))  # no signal handler of Python's runs, no other thread
 
+    def fork_and_leave(self):
+        helper = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60,))
+        helper.start()
+        print("I leave", file=sys.stderr)
+        os._exit(3)
+
     def allocate(self):
         np.empty(10**12)
 
@@ -80,7 +87,7 @@ def test_a_pair_that_kills_its_worker_is_played_again_and_then_set_aside(
     faulty: Any, results: Results, pytester: pytest.Pytester
 ) -> None:
     result = faulty(
-        "-n1", "--libero-max-retries=1", camera_shift__v0="segfault", camera_shift__v1="once leave"
+        "-n1", "--libero-max-retries=1", camera_shift__v0="segfault", camera_shift__v1="once fork_and_leave"
     )
     ((name, (kind, message)),) = _errors(results).items()
     assert (name, kind) == ("camera_shift-v0", "CrashError")
@@ -102,6 +109,13 @@ def test_a_pair_that_kills_its_worker_is_played_again_and_then_set_aside(
     ]
     assert "in segfault" in crashes[0].read_text()
     assert "I leave" in crashes[2].read_text()
+
+
+@pytest.mark.parametrize("dist", ["each", "loadfile", "loadgroup", "loadscope"])
+def test_tests_that_are_not_handed_out_one_by_one_cannot_be_pairs(run: Run, dist: str) -> None:
+    result = run("-n1", f"--dist={dist}")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"ERROR: --dist={dist}: pairs are handed out one by one*"])
 
 
 def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:

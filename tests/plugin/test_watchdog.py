@@ -154,6 +154,12 @@ def test_a_process_without_last_words_died_all_the_same(tmp_path: Path) -> None:
     )
 
 
+def test_a_kill_during_the_loading_of_the_policy_is_not_the_policy_s(tmp_path: Path) -> None:
+    _, path = _run(tmp_path, "worker(Limits()).enter('policy')")
+    assert read_death(path, -9, "worker gw0").phase == ""
+    assert read_death(path, 1, "worker gw0").phase == "policy"
+
+
 def test_memory_is_said_by_whoever_had_none(tmp_path: Path) -> None:
     status, path = _run(
         tmp_path,
