@@ -53,7 +53,7 @@ class Workers:
         dist = config.getoption("dist")
         if dist not in DISTS:
             raise pytest.UsageError(
-                f"--dist={dist}: pairs are handed out one by one, because all of them are in one module, each "
+                f"--dist={dist}: pairs are handed out one by one, because all are in one module, each "
                 "is played once, and one that kills its worker must not come back for ever. Use "
                 f"--dist={' or '.join(DISTS)}, or leave it away."
             )
