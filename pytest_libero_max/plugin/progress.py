@@ -95,7 +95,7 @@ class RunProgress:
     def _prints_in_between(self) -> bool:
         """Whether tests write to the terminal while they run, where nothing could be erased before."""
         config = self._config
-        if config.getoption("capture") == "no" or config.getoption("log_cli_level", None) is not None:
+        if config.getoption("capture", "no") == "no" or config.getoption("log_cli_level", None) is not None:
             return True
         return config.pluginmanager.has_plugin("logging-plugin") and bool(config.getini("log_cli"))
 
