@@ -137,7 +137,7 @@ def _plot(
             rectangle(_LEFT, top, _WIDTH, max(bottom - top, 1.0), "#e6eaee"),
             line(_LEFT, _up(band["value"]), _LEFT + _WIDTH, _up(band["value"]), NEUTRAL, 1.5),
             text(
-                _LEFT + _WIDTH + 10, _up(band["value"]) + 4, f"Base {percent(band['value'])}", color=NEUTRAL
+                _LEFT + _WIDTH + 22, _up(band["value"]) + 4, f"Base {percent(band['value'])}", color=NEUTRAL
             ),
         ]
     for tick in range(0, 101, 20):

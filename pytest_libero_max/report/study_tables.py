@@ -68,9 +68,9 @@ def study_notes(study: Json) -> list[str]:
     ]
     if "contrasts" in study:
         notes.append(
-            "The first crossing of the trigger's distance was computed again from every trajectory, and the "
-            "camera after Reset compared with the one after Mid-task: a pair in which the crossing is not "
-            "the logged one, or the cameras differ, is invalid."
+            "The first crossing of the trigger's distance was computed again from the trajectories of Base "
+            "and Mid-task, and the camera after Reset compared with the one after Mid-task: a pair in which "
+            "the crossing is not the logged one, or the cameras differ, is invalid."
         )
     elif any(setting["horizon"] != study["settings"][0]["horizon"] for setting in study["settings"]):
         notes.append(
@@ -94,7 +94,9 @@ def study_lines(study: Json) -> list[str]:
     for table in study_tables(study):
         if table.narrow:
             lines += ["", *_aligned(table)]
-    return [*lines, "", *wrap(study_notes(study)[0], 100)]
+    for note in study_notes(study):
+        lines += ["", *wrap(note, 100)]
+    return lines
 
 
 def study_csv(study: Json) -> str:

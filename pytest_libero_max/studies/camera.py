@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ProtocolError
-from pytest_libero_max.events.schedules import DYNAMIC, Arm, Entry, change_of, trigger_of
+from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, change_of, trigger_of
 from pytest_libero_max.events.triggers import AtStart, Proximity, distance_m, trigger_from_dict
 from pytest_libero_max.studies.study import Study
 
@@ -29,7 +29,7 @@ _CAMERA = "camera:"
 
 def at_strength(arm: str, strength: float) -> str:
     """Name of an arm at a strength: ``reset`` and ``dynamic`` at 1, at less ``reset_25``, ``dynamic_50``."""
-    return arm if strength == 1.0 else f"{arm}_{100 * strength:g}".replace(".", "p")
+    return arm if strength == 1.0 else f"{arm}_{100 * strength:.0f}"
 
 
 class CameraTiming(Study):
@@ -91,19 +91,21 @@ def first_crossing(rollout: RolloutResult, within_m: float) -> int | None:
 
 
 def _require_crossing(pair: Pair, name: str) -> None:
-    """Check that the event came at the first crossing that the trajectory shows, or that there is none."""
+    """Check that the event came at the first crossing that the trajectories show, or that there is none."""
     arm = pair.record.arms[name]
     assert arm.schedule is not None
     trigger = trigger_from_dict(arm.schedule[0]["trigger"])
     assert isinstance(trigger, Proximity)
     logged = arm.firings[0].step if arm.firings else None
-    crossed = first_crossing(pair.rollouts[name], trigger.distance_m)
-    # A rollout that ends with the step that crosses has no time left for the event.
-    if logged != crossed and not (logged is None and crossed == arm.steps):
+    for shown in (name, BASE):
+        crossed = first_crossing(pair.rollouts[shown], trigger.distance_m)
+        # A rollout that ends with the step that crosses has no time left for the event.
+        if logged == crossed or (logged is None and crossed == arm.steps):
+            continue
         raise ProtocolError(
-            f"{pair.record.item_id}: the event of arm {name!r} is logged at step {logged}, but its "
-            f"trajectory first comes within {trigger.distance_m:g} m at step {crossed}. The world moved "
-            "between a step and its record; report this."
+            f"{pair.record.item_id}: the event of arm {name!r} is logged at step {logged}, but the "
+            f"trajectory of {shown!r} first comes within {trigger.distance_m:g} m at step {crossed}. The "
+            "world moved between a step and its record; report this."
         )
 
 
