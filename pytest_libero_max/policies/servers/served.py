@@ -50,6 +50,8 @@ class ServedPolicy:
     ) -> None:
         self.spec = spec
         self.greeting: Any = None
+        self._profiled = spec
+        self._adapted: tuple[Any, PolicySpec] | None = None
         self.batch_size = 1
         self._request = request
         self._reply = reply
@@ -105,10 +107,12 @@ class ServedPolicy:
     def _greeted(self, greeting: Any) -> None:
         _require_chunk(greeting, self.spec)
         if self._adapt is not None:
-            layout, spec = self._adapt(greeting, self.spec)
-            if self.greeting is None:
-                self._layout, self.spec = layout, spec
-            elif (layout, spec) != (self._layout, self.spec):
+            # From the profile's spec, also later: the policy's own may be at another cadence by then.
+            adapted = self._adapt(greeting, self._profiled)
+            if self._adapted is None:
+                self._adapted = adapted
+                self._layout, self.spec = adapted
+            elif adapted != self._adapted:
                 raise ServerError(
                     "the server declares or wants something else than before; is it the same one?"
                 )
@@ -160,7 +164,11 @@ def load_served(
     )
     link, adapt = _link(address, profile, spec, request)
     kinds = [ServedPolicy]
-    if address.protocol == "openpi":
+    if address.protocol == "vla-eval":
+        from pytest_libero_max.policies.servers.vla_eval import OneByOnePolicy
+
+        kinds = [OneByOnePolicy]
+    elif address.protocol == "openpi":
         from pytest_libero_max.policies.servers.declared import RememberingPolicy, as_declared, as_prepared
 
         by_server = profile.get("policy", "declared_by_server", False)
@@ -233,7 +241,7 @@ def _link(
                 spec = replace(spec, cameras=request.cameras_of(layout))
                 return layout, replace(spec, control="absolute") if returns_poses(greeting) else spec
 
-            return VlaEvalLink(address, spec.query_interval), adapt
+            return VlaEvalLink(address), adapt
         case "http":
             from pytest_libero_max.policies.servers.http_act import CODECS, HttpLink
 

@@ -15,9 +15,12 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.policies.servers.address import Address
 from pytest_libero_max.policies.servers.codecs import VLA_EVAL, pack, shortened, unpack
+from pytest_libero_max.policies.servers.served import ServedPolicy
 from pytest_libero_max.policies.servers.websocket import Socket
+from pytest_libero_max.worlds.contract import Observation
 
 PROTOCOL_VERSION = 1
 
@@ -27,12 +30,10 @@ class VlaEvalLink:
 
     Args:
         address: Where it is.
-        count: Q, the actions that one query needs.
     """
 
-    def __init__(self, address: Address, count: int) -> None:
+    def __init__(self, address: Address) -> None:
         self._socket = Socket(address)
-        self._count = count
         self._seq = 0
 
     def open(self) -> Any:
@@ -50,10 +51,10 @@ class VlaEvalLink:
         return payload
 
     def ask(self, request: Any) -> Any:
-        """Send ``{"task": ..., "observation": ...}``; ``{"actions": (n, 7)}`` with n >= Q."""
+        """Send ``{"task": ..., "observation": ..., "count": Q}``; ``{"actions": (n, 7)}`` with n >= Q."""
         self._send("episode_start", {"task": request["task"]})
         rows: list[Any] = []
-        while len(rows) < self._count:
+        while len(rows) < request["count"]:
             seq = self._send("observation", request["observation"])
             actions = self._read("action", seq).get("actions")
             if not isinstance(actions, np.ndarray) or actions.ndim not in (1, 2):
@@ -92,6 +93,18 @@ class VlaEvalLink:
                 f"came, but {kind!r} with seq {seq} was expected"
             )
         return payload
+
+
+class OneByOnePolicy(ServedPolicy):
+    """A policy behind a server that may hand out the actions of a chunk one by one."""
+
+    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
+        """What the server is sent, and how many actions are needed.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        return {**super().request(observation, query), "count": self.spec.query_interval}
 
 
 def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:

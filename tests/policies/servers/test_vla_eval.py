@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,17 @@ def test_one_query_is_one_call_of_the_model_with_the_server_keeping_the_chunk_or
         "task_id": 3,
     }
     assert len(model.episodes) == 2
+
+
+@pytest.mark.parametrize("buffered", [8, None])
+def test_another_cadence_gets_the_actions_that_it_needs(buffered: int | None) -> None:
+    model = Model()
+    with fakes.vla_eval(model, buffered) as port:
+        policy = connect(port)
+        policy.spec = replace(policy.spec, query_interval=8)
+        assert len(policy.predict(fakes.observation(), fakes.query())) >= 8
+        policy.client.close()
+    assert len(model.seen) == 1
 
 
 @pytest.mark.parametrize(
