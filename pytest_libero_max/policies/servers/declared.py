@@ -84,7 +84,22 @@ class Kept:
     name: str | None
 
 
-class RememberingPolicy(ServedPolicy):
+class DeclaredPolicy(ServedPolicy):
+    """A policy whose server may be told the cadence that is played; an adapter that reads it follows it."""
+
+    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
+        """What the server is sent.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        request = super().request(observation, query)
+        if self.greeting.get("cadence") is True:
+            request["cadence"] = [self.spec.horizon, self.spec.query_interval]
+        return request
+
+
+class RememberingPolicy(DeclaredPolicy):
     """A policy behind a server that keeps its memory.
 
     Each request names the memory that it begins with, and those that may still be restored; the reply names

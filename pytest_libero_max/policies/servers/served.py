@@ -169,11 +169,16 @@ def load_served(
 
         kinds = [OneByOnePolicy]
     elif address.protocol == "openpi":
-        from pytest_libero_max.policies.servers.declared import RememberingPolicy, as_declared, as_prepared
+        from pytest_libero_max.policies.servers.declared import (
+            DeclaredPolicy,
+            RememberingPolicy,
+            as_declared,
+            as_prepared,
+        )
 
         by_server = profile.get("policy", "declared_by_server", False)
         adapt = as_declared(profile, request, horizon, query_interval) if by_server else as_prepared
-        kinds.append(RememberingPolicy)
+        kinds = [DeclaredPolicy, RememberingPolicy]
 
     def connected(kind: type[ServedPolicy]) -> ServedPolicy:
         policy = kind(

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +38,12 @@ class Question:
     Attributes:
         item: What the policy is shown and told.
         place: Where in an episode it stands; None for a policy without memory.
+        cadence: H and Q that the policy declares while it answers; None for its own.
     """
 
     item: BatchItem
     place: Place | None = None
+    cadence: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ class Host:
         self._revision = policy.spec.revision or revision
         self._batching = batching
         self._memories = Memories() if remembers(policy) else None
-        self._episode: Episode | None = None
+        self._episode: tuple[Episode, tuple[int, int] | None] | None = None
         self._at: tuple[str, str | None] | None = None
         self._clients = 0
         self._lock = threading.Lock()
@@ -171,7 +173,7 @@ class Host:
     def _answer(self, batch: list[Waiting[Question, Answer]]) -> None:
         began = time.perf_counter()
         questions = [waiting.question for waiting in batch]
-        outcomes = self._together(questions) if self._batching.size > 1 else [self._tried(questions[0])]
+        outcomes = self._outcomes(questions)
         took = time.perf_counter() - began
         if self.metrics is not None:
             self.metrics.batch([began - waiting.since for waiting in batch], took)
@@ -180,6 +182,44 @@ class Host:
                 waiting.answer.set_result(outcome)
             else:
                 waiting.answer.set_exception(outcome)
+
+    def _outcomes(self, questions: list[Question]) -> list[Answer | BaseException]:
+        """The answers in the order of the questions; those of one cadence are found together."""
+        found: dict[int, Answer | BaseException] = {}
+        for cadence in dict.fromkeys(question.cadence for question in questions):
+            places = [place for place, question in enumerate(questions) if question.cadence == cadence]
+            group = [questions[place] for place in places]
+            try:
+                with self._at_cadence(cadence):
+                    own = self._together(group) if self._batching.size > 1 else [self._tried(group[0])]
+            except AdapterError as error:
+                own = [error] * len(group)
+            found |= dict(zip(places, own, strict=True))
+        return [found[place] for place in range(len(questions))]
+
+    @contextmanager
+    def _at_cadence(self, cadence: tuple[int, int] | None) -> Iterator[None]:
+        """Let the policy declare a cadence, which one that reads its spec then follows.
+
+        Raises:
+            AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
+        """
+        spec = self._policy.spec
+        if cadence is None or cadence == (spec.horizon, spec.query_interval):
+            yield
+            return
+        other = replace(spec, horizon=cadence[0], query_interval=cadence[1])
+        try:
+            self._policy.spec = other
+        except AttributeError as error:
+            raise AdapterError(
+                f"The spec of policy {spec.name!r} cannot be assigned ({error}), but another cadence is "
+                "asked for. Make `spec` a plain attribute."
+            ) from error
+        try:
+            yield
+        finally:
+            self._policy.spec = spec
 
     def _together(self, questions: list[Question]) -> list[Answer | BaseException]:
         """The answers to several questions; where one of them makes trouble, each is asked alone."""
@@ -203,10 +243,11 @@ class Host:
 
     def _alone(self, question: Question) -> Answer:
         item = question.item
-        if item.episode != self._episode:
+        episode = (item.episode, question.cadence)
+        if episode != self._episode:
             self._episode = None
             start(self._policy, item.episode)
-            self._episode = item.episode
+            self._episode = episode
         return Answer(ask(self._policy, item.observation, item.query))
 
     def _remembering(self, question: Question) -> Answer:

@@ -34,6 +34,7 @@ def greeting(host: Host) -> dict[str, Any]:
         "libero_max": 1,
         "spec": host.spec.to_dict(),
         "memory": host.remembers,
+        "cadence": True,
         "batching": {"size": batching.size, "wait_s": batching.wait_s, "pad": batching.pad},
     }
 
@@ -47,7 +48,7 @@ def answer(host: Host, request: Any) -> dict[str, Any]:
     """
     item = _item(request)
     place = Place.read(request.get("memory")) if host.remembers else None
-    found = host.ask(Question(item, place))
+    found = host.ask(Question(item, place, _cadence(request)))
     reply = {"actions": found.actions, "batch": found.batch}
     return reply if found.memory is None else {**reply, "memory": found.memory}
 
@@ -96,6 +97,20 @@ def _item(request: Any) -> BatchItem:
         raise ServerError(
             f"a request that is not that of the profile 'served' ({type(error).__name__}: {error})"
         ) from error
+
+
+def _cadence(request: Any) -> tuple[int, int] | None:
+    """H and Q that the client plays; None where it does not say.
+
+    Raises:
+        ServerError: They are no two integers.
+    """
+    value = request.get("cadence")
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) != 2 or not all(type(number) is int for number in value):
+        raise ServerError("a request whose 'cadence' is no list of H and Q")
+    return value[0], value[1]
 
 
 def _integer(values: Any, key: str) -> int:
