@@ -236,13 +236,14 @@ class _Canvas:
             max([0.08, *(opening for part in self._openings.values() for _, opening in part)]),
         )
         self._draw_marks(pen, distances, fingers, step)
-        self._write(
-            pen, (left, top - 2), f"distance to {self._record.trigger_entity} (ticks: queries)", _MUTED
-        )
-        self._write(pen, (left, distances.bottom + 3), "gripper opening", _MUTED)
-        for plot in (distances, fingers):
-            highest = f"0 to {plot.highest:.2f} m"
-            self._write(pen, (right - self._length(highest), plot.top - line - 2), highest, _MUTED)
+        distance = f"distance to {self._record.trigger_entity}"
+        titles = (f"{distance} (ticks: queries)", distance, "distance"), ("gripper opening",)
+        for plot, words in zip((distances, fingers), titles, strict=True):
+            above, highest = plot.top - line - 2, f"0 to {plot.highest:.2f} m"
+            room = right - left - self._length(f"{highest}  ")
+            fitting = next((title for title in words if self._length(title) <= room), words[-1])
+            self._write(pen, (left, above), fitting, _MUTED)
+            self._write(pen, (right - self._length(highest), above), highest, _MUTED)
         for number, name in enumerate(self._names):
             color, values = self._color(name), self._distances[name]
             pen.line(
@@ -289,7 +290,7 @@ class _Canvas:
         lines, line = [], ""
         for char in words:
             if self._length(line + char) > self._width - 8:
-                cut = line.rfind(" ") + 1 or len(line)
+                cut = max(line.rfind(" "), line.rfind("-")) + 1 or len(line)
                 lines.append(line[:cut])
                 line = line[cut:]
             line += char
