@@ -1,8 +1,9 @@
-"""The handles of drawers and doors and the knobs of a genuine scene.
+"""The handles of drawers and doors and the knobs of a genuine scene, and what some objects are held by.
 
 The package does not say what its models are held by, so it is read off their collision boxes: a drawer has
 its handle foremost in the direction in which it opens, a door in the direction away from its fixture, and a
-knob has its bar on top.
+knob has its bar on top. Objects whose bounding box is no help (a pot or a mug with its handle) have their
+parts in a table, measured on the same boxes.
 """
 
 from __future__ import annotations
@@ -19,6 +20,29 @@ from pytest_libero_max.worlds.rendering import gl
 gl.prepare()
 
 import mujoco  # noqa: E402
+
+_UP, _X, _Y = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+
+_Grip = tuple[str, tuple[float, float, float], tuple[float, float, float], tuple[float, float, float], float]
+
+_MOKA_POT: tuple[_Grip, ...] = (
+    ("handle", (0.0, 0.0725, 0.028), _UP, _Y, 0.013),
+    ("handle_top", (0.0, 0.0583, 0.060), _Y, _UP, 0.013),
+    ("knob", (0.0, -0.0013, 0.078), _X, _UP, 0.012),
+)
+_WHITE_YELLOW_MUG: tuple[_Grip, ...] = (
+    ("handle", (0.0641, 0.0, 0.056), _UP, _X, 0.0175),
+    ("rim_across", (-0.0604, 0.0, 0.093), _Y, _UP, 0.008),
+    ("rim_front", (-0.0181, 0.0423, 0.093), _X, _UP, 0.008),
+    ("rim_back", (-0.0181, -0.0423, 0.093), _X, _UP, 0.008),
+)
+_GRIPS: Mapping[str, tuple[_Grip, ...]] = {
+    "moka_pot": _MOKA_POT,
+    "yellow_moka_pot": _MOKA_POT,
+    "white_yellow_mug": _WHITE_YELLOW_MUG,
+}
+"""By category of an object: name of a part, its middle, the direction along it and away from it, in the frame
+of the object's body, and its width, m."""
 
 
 def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, GraspablePart]:
@@ -43,6 +67,10 @@ def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Graspabl
                 part = _part(model, name, f"{joint}_handle", number, _outside(model, number))
             if part is not None:
                 found[part.name] = part
+    for name, item in env.objects_dict.items():
+        for part_name, pos, along, out, width in _GRIPS.get(item.category_name, ()):
+            full = f"{name}_{part_name}"
+            found[full] = GraspablePart(full, name, item.root_body, None, pos, along, out, width)
     return found
 
 

@@ -51,7 +51,27 @@ def test_a_knob_is_held_on_its_axis(substrate: LiberoSubstrate) -> None:
 def test_what_has_no_joint_has_no_part_to_hold(substrate: LiberoSubstrate) -> None:
     world = substrate.task_world("libero_10", 5, 0)
     assert world.joints("desk_caddy_1") == ()
-    assert dict(world.graspable_parts) == {}
+    assert {part.entity for part in world.graspable_parts.values()} == {"white_yellow_mug_1"}
+
+
+def test_pots_and_mugs_are_held_where_their_boxes_are(substrate: LiberoSubstrate) -> None:
+    for task, held in ((8, ("moka_pot_1", "moka_pot_2")), (4, ("white_yellow_mug_1",))):
+        world = substrate.task_world("libero_10", task, 0)
+        world.reset(0)
+        parts = [part for part in world.graspable_parts.values() if part.entity in held]
+        assert {part.entity for part in parts} == set(held)
+        for part in parts:
+            position, along, out = part.world(world.data)
+            assert abs(along @ out) < 1e-9
+            upright = part.name.endswith("handle")
+            assert np.allclose((along if upright else out)[2], 1.0, atol=0.05), part.name
+            boxes = [int(geom) for geom in world.geoms(part.entity) if world.model.geom_group[geom] == 0]
+            inside = [
+                np.abs((position - world.data.geom_xpos[box]) @ world.data.geom_xmat[box].reshape(3, 3))
+                <= world.model.geom_size[box] + 1e-3
+                for box in boxes
+            ]
+            assert any(one.all() for one in inside), part.name
 
 
 def test_a_door_is_pushed_from_outside_the_fixture_it_closes(substrate: LiberoSubstrate) -> None:
