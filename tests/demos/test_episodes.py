@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.worlds.contract import CAMERAS
-from tests.pairing.actors import Solvable, make_case, policy_steps
+from tests.pairing.actors import ShortCase, Solvable, make_case, policy_steps
 
 
 class Reach:
@@ -64,11 +65,18 @@ def test_base_and_dynamic_are_the_same_until_the_event_and_show_it_at_once(world
 
 
 def test_an_episode_that_does_not_reach_the_goal_is_no_success() -> None:
+    class Brief(ShortCase):
+        @property
+        def budget(self) -> int:
+            return 6
+
     world = Solvable()
-    demo = record(Planned(make_case(), "base"), world, Reach(), 16)
+    case = make_case()
+    brief = Brief(**{field.name: getattr(case, field.name) for field in fields(case)})
+    demo = record(Planned(brief, "base"), world, Reach(), 16)
     world.close()
     assert not demo.success
-    assert len(demo.actions) == 50
+    assert len(demo.actions) == 6
 
 
 def test_plans_hold_base_and_every_event_that_a_task_can_host() -> None:

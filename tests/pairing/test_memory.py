@@ -10,7 +10,9 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.check import check_policy, memory_of
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.serving.host import Host
@@ -26,14 +28,13 @@ class Frames:
     """Moves towards a place by the mean of the last seven positions that it saw, one a step."""
 
     def __init__(self) -> None:
-        self.spec = PolicySpec("frames", 4, 2, cameras=("agentview",), image_size=8)
+        self.spec = PolicySpec("frames", 4, 2, cameras=())
         self.seen: list[tuple[int, Any]] = []
 
     def reset(self, episode: Any) -> None:
         self.seen = []
 
     def see(self, observation: Any, step: int) -> None:
-        assert observation["agentview_image"].shape == (8, 8, 3)
         self.seen.append((step, observation["robot0_eef_pos"]))
 
     def predict(self, observation: Any, query: Any) -> Any:
@@ -105,6 +106,20 @@ def test_a_memory_that_is_shown_again_is_the_one_that_is_copied(
     records = [played(world, policy(), mode) for policy in (copied, shown) for mode in ("fork", "replay")]
     assert [record.policy["memory"] for record in records] == ["snapshot"] * 2 + [kind] * 2
     assert len({str(record.identity()["arms"]) for record in records}) == 1
+
+
+def test_every_step_is_shown_once_with_its_images(world: TinyWorld) -> None:
+    class Looking(Frames):
+        def see(self, observation: Any, step: int) -> None:
+            assert observation["agentview_image"].shape == (8, 8, 3)
+            super().see(observation, step)
+
+    policy = Looking()
+    policy.spec = PolicySpec("looking", 4, 2, cameras=("agentview",), image_size=8)
+    rollout = Rollout.start(Stage(CASE, world, policy))
+    for _ in range(5):
+        rollout.advance()
+    assert [step for step, _ in policy.seen] == list(range(5))
 
 
 def test_a_memory_that_is_not_declared_is_found(world: TinyWorld) -> None:

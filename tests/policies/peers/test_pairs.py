@@ -47,7 +47,7 @@ def small(tmp_path: Path) -> dict[str, str]:
     found = {}
     for name in ("vla_eval_pi05", "pi05_libero"):
         path = tmp_path / f"small_{name}.toml"
-        path.write_text(f'extends = "{name}"\n[policy]\nimage_size = 16\n')
+        path.write_text(f'extends = "{name}"\n[policy]\nimage_size = 8\n')
         found[name] = str(path)
     return found
 
