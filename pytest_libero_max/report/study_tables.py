@@ -73,9 +73,7 @@ def study_notes(study: Json) -> list[str]:
             "the crossing is not the logged one, or the cameras differ, is invalid."
         )
     elif any(setting["horizon"] != study["settings"][0]["horizon"] for setting in study["settings"]):
-        notes.append(
-            "H differs between the settings, so the table compares settings of serving and not Q alone."
-        )
+        notes.append("H differs between the settings, so differences between them are not those of Q alone.")
     return notes
 
 
@@ -327,13 +325,16 @@ def _cadence(study: Json) -> list[StudyTable]:
     ]
 
 
+_TURNED = {"value": "value", "lower": "upper", "upper": "lower"}
+"""A difference the other way round: which end becomes which."""
+
+
 def _best(what: str, best: Json) -> StudyTable:
     rows = [(best["setting"], rate_text(best), "best")]
     rows += [
         (
             name,
-            f"{points(-difference['value'])} pp [{100 * -difference['upper']:+.1f}, "
-            f"{100 * -difference['lower']:+.1f}]",
+            change_text({end: 0.0 - difference[of] for end, of in _TURNED.items()}),
             "not shown to be worse" if name in best["not_worse"] else "worse",
         )
         for name, difference in best["differences"].items()
@@ -342,7 +343,7 @@ def _best(what: str, best: Json) -> StudyTable:
         f"Best setting for {what}",
         (f"Best for {what}", "Success, or less than the best", "Verdict"),
         rows,
-        "The intervals account for the choice of the best: those of all rates hold together with 95%, and so "
-        "do those of the differences of all pairs of settings.",
+        "The first of equals is listed as the best. The intervals account for the choice: those of all rates "
+        "hold together with 95%, and so do those of the differences of all pairs of settings.",
         narrow=3,
     )

@@ -65,6 +65,14 @@ def test_the_best_settings_are_those_the_paper_names(report: Json) -> None:
     assert best["dynamic_success"]["upper"] > own["upper"]
 
 
+def test_equal_settings_differ_by_a_zero_without_a_sign_of_its_own() -> None:
+    report = sweep({"": (2, 1), "_q2": (2, 1)}, 3, "2")
+    text = "\n".join(summary_lines(report))
+    assert report["study"]["best"]["base_success"]["setting"] == "H=16 Q=2"
+    assert "-0.0" not in text
+    assert "not shown to be worse" in text
+
+
 def test_settings_that_are_not_shown_to_be_worse() -> None:
     study = sweep({"": (20, 10), "_q2": (19, 9), "_q8": (20, 2)}, 24, "2,8")["study"]
     best = study["best"]["dynamic_success"]
