@@ -25,7 +25,8 @@ PAIR = "target_relocation and v0"
 @pytest.fixture(autouse=True)
 def fast(monkeypatch: pytest.MonkeyPatch) -> None:
     leave_out_shadows(monkeypatch)
-    monkeypatch.setattr(recorded.film_pair, "__kwdefaults__", {"size": 32, "every": 9, "overwrite": False})
+    defaults = {**(recorded.film_pair.__kwdefaults__ or {}), "size": 32, "every": 9}
+    monkeypatch.setattr(recorded.film_pair, "__kwdefaults__", defaults)
 
 
 def _folder(pytester: pytest.Pytester) -> Path:
