@@ -26,6 +26,12 @@ def add_commands(commands: Commands) -> None:
 
     gallery = commands.add_parser("gallery", help="Draw the embedded scenes, their variations and the events")
     gallery.add_argument("folder", type=Path, metavar="FOLDER", help="Where the pictures are written")
+    gallery.add_argument(
+        "--page-pictures",
+        type=Path,
+        metavar="FOLDER",
+        help="Also write the small pictures of events that pages of reports show, as this package has them",
+    )
     gallery.set_defaults(run=_gallery)
 
     eligibility = commands.add_parser(
@@ -133,22 +139,27 @@ def _catalogue(options: argparse.Namespace) -> None:
 
 
 def _gallery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.sheets import write_event_sheet
+    from pytest_libero_max.construction.sheets import write_event_sheet, write_page_pictures
     from pytest_libero_max.sources import variation_of
     from pytest_libero_max.sources.sheets import write_plus_sheet, write_pro_sheet
     from pytest_libero_max.worlds.embedded.sheets import write_contact_sheet
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
     with Work() as work:
-        work.show("scenes.png, 1 of 4 sheets")
+        work.show("scenes.png")
         write_contact_sheet(options.folder / "scenes.png")
         substrate = EmbeddedSubstrate(variation_of)
-        sheets: dict[str, Callable[[Path, EmbeddedSubstrate], None]]
-        sheets = {"events.jpg": write_event_sheet, "plus.png": write_plus_sheet, "pro.png": write_pro_sheet}
+        sheets: dict[Path, Callable[[Path, EmbeddedSubstrate], None]] = {
+            options.folder / "events.jpg": write_event_sheet,
+            options.folder / "plus.png": write_plus_sheet,
+            options.folder / "pro.png": write_pro_sheet,
+        }
+        if options.page_pictures is not None:
+            sheets[options.page_pictures] = write_page_pictures
         try:
-            for number, (name, write) in enumerate(sheets.items(), start=2):
-                work.show(f"{name}, {number} of 4 sheets")
-                write(options.folder / name, substrate)
+            for number, (path, write) in enumerate(sheets.items(), start=2):
+                work.show(f"{path.name}, {number} of {len(sheets) + 1}")
+                write(path, substrate)
         finally:
             substrate.close()
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.construction.case_text import event_pictures
 from pytest_libero_max.construction.preflight import approach
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate, World
+from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate
 from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
 
 _PAIRS_A_ROW = 2
+_PAGE_PX = 128
+"""Side of a picture on a page of a report."""
 
 
 def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None:
@@ -26,20 +28,34 @@ def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None
         substrate: What builds the worlds.
         size: Side of one picture in pixels.
     """
-    cases = {(case.event.name, case.event.variant): case for case in load_track("original")}
     pictures: list[Image] = []
-    for name in BENCHMARK_EVENTS:
-        for variant in (0, 1):
-            case = cases[name, variant]
-            pictures += _before_and_after(substrate.world(case), case, size)
+    for name, seen in _seen(substrate, size):
+        pictures += [
+            captioned(picture, name.replace("-", " ") if camera == CAMERAS[0] else "", f"{label}, {camera}")
+            for camera, both in seen.items()
+            for label, picture in zip(("before", "after"), both, strict=True)
+        ]
     write_sheet(path, pictures, columns=4 * _PAIRS_A_ROW)
 
 
-def _before_and_after(world: World, case: Case, size: int) -> list[Image]:
-    approach(world, case)
-    title = f"{case.event.name} v{case.event.variant}"
-    return [
-        captioned(picture, title if camera == CAMERAS[0] else "", f"{label}, {camera}")
-        for camera, pictures in event_pictures(world, case, size).items()
-        for label, picture in zip(("before", "after"), pictures, strict=True)
-    ]
+def write_page_pictures(folder: Path, substrate: Substrate) -> None:
+    """Write the same for pages of reports: one small file a variant, called like ``camera_shift-v1.webp``.
+
+    Args:
+        folder: Where the files are written.
+        substrate: What builds the worlds.
+    """
+    for name, seen in _seen(substrate, _PAGE_PX):
+        pictures = [picture for both in seen.values() for picture in both]
+        write_sheet(folder / f"{name}.webp", pictures, columns=len(pictures), colour_step=1)
+
+
+def _seen(substrate: Substrate, size: int) -> Iterator[tuple[str, dict[str, tuple[Image, Image]]]]:
+    """What each camera sees before and after each event variant, which is named first."""
+    cases = {(case.event.name, case.event.variant): case for case in load_track("original")}
+    for name in BENCHMARK_EVENTS:
+        for variant in (0, 1):
+            case = cases[name, variant]
+            world = substrate.world(case)
+            approach(world, case)
+            yield f"{name}-v{variant}", event_pictures(world, case, size)

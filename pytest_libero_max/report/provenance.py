@@ -66,6 +66,8 @@ def collect(
             "system": platform.system(),
             "machine": platform.machine(),
             "libc": platform.libc_ver()[1],
+            "processor": _processor(),
+            "cores": os.cpu_count(),
         },
         "gl_backend": gl_backend if gl_backend is not None else os.environ.get("MUJOCO_GL"),
         "git": git_state(folder or Path.cwd()),
@@ -109,6 +111,16 @@ def redacted(command: Sequence[str], environment: Mapping[str, str] | None = Non
         "***" if index and _SECRET_OPTION.fullmatch(command[index - 1]) else _public(argument, environment)
         for index, argument in enumerate(command)
     ]
+
+
+def _processor() -> str | None:
+    """What the processor calls itself; None where the system does not tell."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return platform.processor() or None
+    names = re.findall(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
+    return names[0].strip() if names else None
 
 
 def _public_values(values: Json) -> Json:

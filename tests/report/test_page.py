@@ -140,6 +140,16 @@ def test_every_event_of_the_benchmark_has_a_picture(pair: PlannedPair) -> None:
 
 
 def test_the_origin_says_what_was_recorded_and_what_was_not() -> None:
+    report = _report()
+    report["provenance"] = {
+        **PROVENANCE,
+        "started": "2026-05-01T12:30:00+00:00",
+        "platform": {**PROVENANCE["platform"], "processor": "A processor", "cores": 8},
+        "policy": {**PROVENANCE["policy"], "profile": "mine"},
+    }
+    rows = dict(origin_rows(report, _run()))
+    assert (rows["date"], rows["profile"]) == ("2026-05-01T12:30:00+00:00", "mine")
+    assert rows["machine"] == "Linux, x86_64, 2.36, A processor, 8 cores"
     rows = dict(origin_rows(_report(), _run()))
     assert rows["policy"] == "scripted, revision abc"
     assert rows["date"] == "not recorded"

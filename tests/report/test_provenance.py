@@ -87,5 +87,7 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
     }
     assert origin["started"] == "2026-05-01T12:30:00+00:00"
     assert origin["gl_backend"] == "egl"
+    assert {"system", "machine", "libc", "processor", "cores"} == set(origin["platform"])
+    assert origin["platform"]["cores"] >= 1
     assert origin["policy"] == {"reference": "~/a.py", "horizon": None}
     assert origin["versions"]["scipy"] is not None

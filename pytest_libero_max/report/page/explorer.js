@@ -35,8 +35,12 @@ class Explorer {
 
   change(changes) {
     this.view = { ...this.view, page: 1, open: "", ...changes };
-    history.replaceState(null, "", this.table.fragment(this.view));
     this.draw();
+    try {
+      history.replaceState(null, "", this.table.fragment(this.view));
+    } catch {
+      // Some browsers limit how often the address may change; the next change catches up.
+    }
   }
 
   pageOf(item) {

@@ -27,14 +27,18 @@ def origin_rows(report: Json, stored: StoredRun) -> Iterator[tuple[str, str]]:
     yield "named as", origin["policy"]["reference"]
     if origin["policy"].get("profile"):
         yield "profile", origin["policy"]["profile"]
-    machine = [str(value) for value in origin["platform"].values() if value]
+    machine = [
+        f"{value} cores" if name == "cores" else str(value)
+        for name, value in origin["platform"].items()
+        if value
+    ]
     found = {
         f"{name} {record.fingerprints[name]}"
         for record in stored.records
         for name in ("gl_device", "blas")
         if record.fingerprints.get(name)
     }
-    yield "machine", ", ".join([*machine, *sorted(found)])
+    yield "machine", ", ".join([*machine, *sorted(found)]) or _NOT_RECORDED
     git = origin.get("git")
     if git:
         yield "repository", f"{git['commit'][:12]}{', with changes' if git['dirty'] else ''}"

@@ -47,7 +47,8 @@ def write_sheet(path: Path, pictures: Sequence[Image], columns: int, *, colour_s
     """Lay pictures of one size out in rows and write them; the folder is made if missing.
 
     Args:
-        path: The file to write; a name in ``.jpg`` suits noisy pictures, ``.png`` all others.
+        path: The file to write; a name in ``.jpg`` suits noisy pictures, ``.webp`` small ones, ``.png``
+            all others.
         pictures: (H, W, 3) uint8 each.
         columns: Pictures in a row; the last row is filled up with white.
         colour_step: Colours are rounded to multiples of it, which makes the file smaller: 4 is invisible and
@@ -55,7 +56,11 @@ def write_sheet(path: Path, pictures: Sequence[Image], columns: int, *, colour_s
     """
     import cv2
 
-    quality = {".png": (cv2.IMWRITE_PNG_COMPRESSION, 9), ".jpg": (cv2.IMWRITE_JPEG_QUALITY, 80)}
+    quality = {
+        ".png": (cv2.IMWRITE_PNG_COMPRESSION, 9),
+        ".jpg": (cv2.IMWRITE_JPEG_QUALITY, 80),
+        ".webp": (cv2.IMWRITE_WEBP_QUALITY, 60),
+    }
     blank = np.full_like(pictures[0], 255)
     tiles = [*pictures, *[blank] * (-len(pictures) % columns)]
     sheet = np.vstack([np.hstack(tiles[n : n + columns]) for n in range(0, len(tiles), columns)])
