@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.errors import AdapterError, ProtocolError, ServerError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.check import check_policy, memory_of
 from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.servers.served import load_served
 from pytest_libero_max.policies.serving.host import Host
+from pytest_libero_max.policies.serving.sockets import serving
 from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
@@ -134,6 +136,18 @@ def test_a_memory_that_is_not_declared_is_found(world: TinyWorld) -> None:
         played(world, Undeclared())
 
 
+def test_a_policy_that_sees_every_step_is_the_same_behind_a_server(world: TinyWorld) -> None:
+    own = played(world, CopiedFrames())
+    with serving(Host(CopiedFrames(), "x"), port=0) as (port, _):
+        served = load_served(f"openpi://127.0.0.1:{port}?patience=0.2", "served")
+        records = [played(world, served, mode) for mode in ("fork", "replay")]
+        served.client.close()
+        with pytest.raises(ServerError, match=r"is shown every step \(see\)"):
+            load_served(f"vla-eval://127.0.0.1:{port}/vla-eval?patience=0.2", "vla_eval", 4, 2)
+    assert len({str(record.identity()["arms"]) for record in (own, *records)}) == 1
+    assert {record.policy["memory"] for record in records} == {"snapshot"}
+
+
 def test_a_policy_without_a_memory_has_none_in_its_record(world: TinyWorld) -> None:
     class Forgetful(Queries):
         def __init__(self) -> None:
@@ -152,7 +166,6 @@ def test_a_server_and_a_wrapper_refuse_what_they_cannot_show() -> None:
     for policy, message in (
         (Frames(), "cannot copy it"),
         (Queries(), "cannot copy it"),
-        (CopiedFrames(), "is shown every step"),
     ):
         with pytest.raises(AdapterError, match=message):
             Host(policy, "x")

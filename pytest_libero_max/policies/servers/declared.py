@@ -79,9 +79,11 @@ class Kept:
 
     Attributes:
         name: The server's name for it; None for that of a new episode.
+        frames: What a policy that sees every step was shown since, which the server does not know yet.
     """
 
     name: str | None
+    frames: tuple[dict[str, Any], ...] = ()
 
 
 class DeclaredPolicy(ServedPolicy):
@@ -158,3 +160,68 @@ class RememberingPolicy(DeclaredPolicy):
         if not isinstance(memory, Kept):
             raise AdapterError(f"memory={memory!r}, but must be what snapshot() returned.")
         self._at = memory.name
+
+
+class SeeingPolicy(RememberingPolicy):
+    """A policy behind a server that is shown every step: each request holds the steps since the last one."""
+
+    def __init__(
+        self,
+        spec: PolicySpec,
+        request: Request,
+        reply: Reply,
+        connect: Callable[[Callable[[Any], None]], Client],
+        adapt: Adapt | None = None,
+    ) -> None:
+        super().__init__(spec, request, reply, connect, adapt)
+        self._frames: list[dict[str, Any]] = []
+
+    def reset(self, episode: Episode) -> None:
+        """Begin with no memory."""
+        super().reset(episode)
+        self._frames = []
+
+    def see(self, observation: Observation, step: int) -> None:
+        """Keep a step for the next request.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        query = Query(0, step, self._episode.instruction, 0)
+        shown = super().request(observation, query)["observation"]
+        self._frames.append({"observation": shown, "step": step})
+
+    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
+        """What the server is sent.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        before = [frame for frame in self._frames if frame["step"] < query.step]  # the query's own is in it
+        return {**super().request(observation, query), "frames": before}
+
+    def predict(self, observation: Observation, query: Query) -> Actions:
+        """Ask the server, which is shown the steps since the last query first.
+
+        Raises:
+            ServerError: See :class:`RememberingPolicy`.
+        """
+        actions = super().predict(observation, query)
+        self._frames = []
+        return actions
+
+    def snapshot(self) -> object:
+        """A name of the memory, with what the server does not know yet."""
+        kept = Kept(self._at, tuple(self._frames))
+        self._kept.add(kept)
+        return kept
+
+    def restore(self, memory: object) -> None:
+        """Go back to a memory.
+
+        Raises:
+            AdapterError: It is none of a snapshot.
+        """
+        super().restore(memory)
+        assert isinstance(memory, Kept)
+        self._frames = list(memory.frames)

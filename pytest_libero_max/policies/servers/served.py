@@ -172,13 +172,14 @@ def load_served(
         from pytest_libero_max.policies.servers.declared import (
             DeclaredPolicy,
             RememberingPolicy,
+            SeeingPolicy,
             as_declared,
             as_prepared,
         )
 
         by_server = profile.get("policy", "declared_by_server", False)
         adapt = as_declared(profile, request, horizon, query_interval) if by_server else as_prepared
-        kinds = [DeclaredPolicy, RememberingPolicy]
+        kinds = [DeclaredPolicy, RememberingPolicy, SeeingPolicy]
 
     def connected(kind: type[ServedPolicy]) -> ServedPolicy:
         policy = kind(
@@ -194,7 +195,7 @@ def load_served(
     policy = connected(kinds[0])
     if len(kinds) > 1 and policy.greeting.get("memory") is True:
         policy.client.close()
-        policy = connected(kinds[1])
+        policy = connected(kinds[2] if policy.greeting.get("sees") is True else kinds[1])
     return policy
 
 

@@ -21,12 +21,14 @@ from pytest_libero_max.policies.check import (
     remembers,
     restore_memory,
     sees,
+    show,
     start,
 )
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec
 from pytest_libero_max.policies.serving.batching import Batching, Desk, Waiting
 from pytest_libero_max.policies.serving.memories import Memories, Place
 from pytest_libero_max.policies.serving.metrics import Metrics
+from pytest_libero_max.worlds.contract import Observation
 
 Actions = NDArray[np.float64]
 
@@ -39,11 +41,13 @@ class Question:
         item: What the policy is shown and told.
         place: Where in an episode it stands; None for a policy without memory.
         cadence: H and Q that the policy declares while it answers; None for its own.
+        frames: For a policy that sees every step: what the world showed since the last query, with the step.
     """
 
     item: BatchItem
     place: Place | None = None
     cadence: tuple[int, int] | None = None
+    frames: tuple[tuple[Observation, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,8 @@ class Host:
         metrics: What counts; None to count nothing.
 
     Raises:
-        AdapterError: The policy reads the simulator, is shown every step, remembers what it cannot copy, or
-            cannot answer several queries together.
+        AdapterError: The policy reads the simulator, remembers what it cannot copy, or cannot answer several
+            queries together.
     """
 
     def __init__(
@@ -96,11 +100,6 @@ class Host:
             raise AdapterError(
                 f"policy {name!r} remembers what it was shown, and cannot copy it, so a server cannot keep "
                 "it for each client. Give it snapshot() and restore(memory), or play it in process."
-            )
-        if sees(policy):
-            raise AdapterError(
-                f"policy {name!r} is shown every step (see), but a server is sent what the world shows at "
-                "queries alone. Play it in process."
             )
         if batching.size > 1 and remembers(policy):
             raise AdapterError(
@@ -132,6 +131,11 @@ class Host:
     def remembers(self) -> bool:
         """Whether the policy has a memory, so that every question needs a place."""
         return self._memories is not None
+
+    @property
+    def sees(self) -> bool:
+        """Whether the policy is shown every step, so that a question holds those since the last one."""
+        return sees(self._policy)
 
     @property
     def batching(self) -> Batching:
@@ -260,6 +264,8 @@ class Host:
             if place.at is not None:
                 restore_memory(self._policy, memory)
         self._at = None
+        for observation, step in question.frames if self.sees else ():
+            show(self._policy, observation, step)
         actions = ask(self._policy, item.observation, item.query)
         name = memories.add(place, copy_memory(self._policy))
         self._at = (place.client, name)

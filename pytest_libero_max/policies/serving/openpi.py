@@ -22,6 +22,8 @@ from pytest_libero_max.policies.serving.memories import Place
 if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection
 
+    from pytest_libero_max.worlds.contract import Observation
+
 LOG = logging.getLogger("pytest_libero_max.servers")
 
 CLOSE_AFTER_ERROR = 1011
@@ -35,6 +37,7 @@ def greeting(host: Host) -> dict[str, Any]:
         "spec": host.spec.to_dict(),
         "memory": host.remembers,
         "cadence": True,
+        "sees": host.sees,
         "batching": {"size": batching.size, "wait_s": batching.wait_s, "pad": batching.pad},
     }
 
@@ -48,7 +51,7 @@ def answer(host: Host, request: Any) -> dict[str, Any]:
     """
     item = _item(request)
     place = Place.read(request.get("memory")) if host.remembers else None
-    found = host.ask(Question(item, place, _cadence(request)))
+    found = host.ask(Question(item, place, _cadence(request), _frames(request)))
     reply = {"actions": found.actions, "batch": found.batch}
     return reply if found.memory is None else {**reply, "memory": found.memory}
 
@@ -74,11 +77,8 @@ def talk(connection: ServerConnection, host: Host) -> None:
 def _item(request: Any) -> BatchItem:
     try:
         observation, query, episode = (request[key] for key in ("observation", "query", "episode"))
-        for key, value in observation.items():
-            if not (isinstance(key, str) and isinstance(value, np.ndarray)):
-                raise TypeError("an observation holds arrays by their names")
         return BatchItem(
-            dict(observation),
+            _arrays(observation),
             Query(
                 _integer(query, "index"),
                 _integer(query, "step"),
@@ -111,6 +111,27 @@ def _cadence(request: Any) -> tuple[int, int] | None:
     if not isinstance(value, list) or len(value) != 2 or not all(type(number) is int for number in value):
         raise ServerError("a request whose 'cadence' is no list of H and Q")
     return value[0], value[1]
+
+
+def _frames(request: Any) -> tuple[tuple[Observation, int], ...]:
+    """What a policy that sees every step has to be shown first.
+
+    Raises:
+        ServerError: They are no list of maps with an observation and a step.
+    """
+    try:
+        return tuple(
+            (_arrays(frame["observation"]), _integer(frame, "step")) for frame in request.get("frames", [])
+        )
+    except (LookupError, TypeError, AttributeError) as error:
+        raise ServerError(f"a request with frames that are none ({type(error).__name__}: {error})") from error
+
+
+def _arrays(observation: Any) -> Observation:
+    for key, value in observation.items():
+        if not (isinstance(key, str) and isinstance(value, np.ndarray)):
+            raise TypeError("an observation holds arrays by their names")
+    return dict(observation)
 
 
 def _integer(values: Any, key: str) -> int:

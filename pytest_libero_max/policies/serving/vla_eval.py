@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
-from pytest_libero_max.errors import LiberoMaxError, ServerError
+from pytest_libero_max.errors import AdapterError, LiberoMaxError, ServerError
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query, query_seed
 from pytest_libero_max.policies.pieces.images import rotate_180
 from pytest_libero_max.policies.servers.codecs import VLA_EVAL, Dialect, array_from, pack, shortened, unpack
@@ -61,8 +61,17 @@ class Session:
         self._memory: str | None = None
 
     def greeting(self) -> dict[str, Any]:
-        """What the server says about itself."""
+        """What the server says about itself.
+
+        Raises:
+            AdapterError: The policy is shown every step.
+        """
         spec = self._spec
+        if self._host.sees:
+            raise AdapterError(
+                f"policy {spec.name!r} is shown every step (see), which this side of vla-eval's protocol "
+                "does not do. Ask the server at / with openpi:// and --libero-max-profile=served."
+            )
         poses = {"absolute_action": True} if spec.control == "absolute" else {}
         return {
             "harness_version": "pytest-libero-max",

@@ -6,7 +6,6 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -116,56 +115,6 @@ def test_an_adapter_with_memory_keeps_it_behind_such_a_profile() -> None:
         counts.append(policy.predict(fakes.observation(), fakes.query())[0, 0])
         policy.client.close()
     assert counts == pytest.approx([0.0, 0.01, 0.02, 0.02])
-
-
-@pytest.mark.parametrize("profile", ["served", "wrapped"])
-def test_a_server_that_is_connected_to_again_is_the_same_one_at_any_cadence(profile: str) -> None:
-    class Seeded(Sound):
-        def chunk(self, observation: Any, query: Any) -> Any:
-            return np.random.default_rng(query.seed).uniform(-0.8, 0.8, (8, 7))
-
-    with serving(Host(Seeded(), "x"), port=0) as (port, _):
-        policy = load_served(f"openpi://127.0.0.1:{port}?patience=0.2", profile, 8, 4)
-        policy.reset(fakes.EPISODE)
-        first = policy.predict(fakes.observation(), fakes.query())
-        own = policy.spec
-        for spec in (own, replace(own, horizon=6, query_interval=6), own):
-            policy.spec = spec
-            policy.client.close()
-            again = policy.predict(fakes.observation(), fakes.query())
-            assert again.tobytes() == first[: spec.horizon].tobytes()
-            assert policy.spec == spec
-        policy.client.close()
-
-
-class AsDeclared(Batched):
-    """What it returns depends on the H that it declares: a decoder of chunks of any length."""
-
-    def chunk(self, observation: Any, query: Any) -> Any:
-        return np.full((self.spec.horizon, 7), self.spec.horizon / 100 + self.spec.query_interval / 1000)
-
-
-@pytest.mark.parametrize("size", [1, 2])
-def test_an_adapter_that_reads_its_cadence_follows_that_of_each_client(size: int) -> None:
-    host = Host(AsDeclared(), "x", Batching(size, 0.05))
-    with serving(host, port=0) as (port, _):
-        clients = [load_served(f"openpi://127.0.0.1:{port}?patience=0.2", "served") for _ in range(2)]
-        for client in clients:
-            client.reset(fakes.EPISODE)
-        for cadence in ((8, 4), (2, 2), (6, 1)):
-            clients[1].spec = replace(clients[1].spec, horizon=cadence[0], query_interval=cadence[1])
-            answers = at_once(
-                *(
-                    lambda client=client: client.predict(fakes.observation(), fakes.query())
-                    for client in clients
-                )
-            )
-            for answer, (horizon, interval) in zip(answers, ((8, 4), cadence), strict=True):
-                assert answer.shape == (horizon, 7)
-                assert np.allclose(answer, horizon / 100 + interval / 1000)
-        for client in clients:
-            client.client.close()
-    assert host.spec.horizon == 8
 
 
 def test_h_and_q_of_the_server_may_be_overridden() -> None:
