@@ -1,4 +1,4 @@
-"""What a request says beside the query: the cadence that the client plays, and steps that were not asked at."""
+"""What a request says beside the query: the cadence that is played, and steps without a query."""
 
 from __future__ import annotations
 
