@@ -17,7 +17,7 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.watch import NO_WATCH, Watch
-from pytest_libero_max.policies.check import Actions, ask, require_spec, show, start
+from pytest_libero_max.policies.check import Actions, ask, notes_of, require_spec, show, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, World, WorldState
 
@@ -173,8 +173,7 @@ class Stage:
         # The numbers are ours: the policy has had the query in its hands.
         for name, seconds in getattr(self.policy, "query_seconds", {}).items():
             self.clock.add(name, seconds)
-        notes = getattr(self.policy, "query_notes", None)
-        return Answer(index, step, actions, None if notes is None else dict(notes))
+        return Answer(index, step, actions, notes_of(self.policy))
 
     def show(self, step: int) -> None:
         """Show the world as it is to a policy that is shown every step, where it is not asked.

@@ -7,7 +7,7 @@ import inspect
 import pickle
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -253,6 +253,28 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
         return check_actions(answer, spec)
     except ActionError as error:
         raise ActionError(f"{where}: {error}") from error
+
+
+def notes_of(policy: Policy) -> dict[str, int] | None:
+    """What a policy counted at its last query (``query_notes``), None where it offers no counts.
+
+    Raises:
+        AdapterError: They are no counts by name, so that a record could not hold them.
+    """
+    notes = getattr(policy, "query_notes", None)
+    if notes is None:
+        return None
+    counts = dict(notes) if isinstance(notes, Mapping) else {}
+    if counts != notes or not all(type(name) is str and _is_count(n) for name, n in counts.items()):
+        raise AdapterError(
+            f"query_notes={notes!r} of policy {policy.spec.name!r}, but must be counts by name, integers of "
+            "at least 0. They are added up in the record."
+        )
+    return {name: int(count) for name, count in counts.items()}
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and int(value) >= 0
 
 
 def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:

@@ -196,6 +196,8 @@ class Policy(Protocol):
     of the observation and the query. ``reset`` is called at the start of both rollouts; the Dynamic rollout
     may start at the event, so a privileged policy must not take the world it finds then for the initial
     state.
+
+    A policy may keep counts of its last query by name in ``query_notes``; they are added up in the record.
     """
 
     spec: PolicySpec

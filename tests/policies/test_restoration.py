@@ -13,7 +13,7 @@ from pytest_libero_max.changes.pixels import SensorCorruption
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import play_pair
-from pytest_libero_max.policies.check import check_policy, remembers
+from pytest_libero_max.policies.check import check_policy, notes_of, remembers
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
 from pytest_libero_max.policies.image_quality import assess
 from pytest_libero_max.policies.loading import load_policy
@@ -187,6 +187,14 @@ def test_counts_and_times_are_in_the_record(world: TinyWorld) -> None:
     assert record.timings["restore_s"] > 0
     assert PairRecord.from_dict(record.to_dict()) == record
     assert record.policy["wrappers"] == ["restore=gated"]
+
+
+@pytest.mark.parametrize("notes", [[1], {"images": -1}, {"images": 0.5}, {1: 1}, {"restored": True}])
+def test_notes_that_are_no_counts_are_the_policys_error(notes: object) -> None:
+    policy = Looks()
+    policy.query_notes = notes  # type: ignore[attr-defined]
+    with pytest.raises(AdapterError, match="must be counts by name"):
+        notes_of(policy)
 
 
 def test_a_policy_without_a_wrapper_has_no_notes_in_its_record(world: TinyWorld) -> None:
