@@ -21,6 +21,9 @@ from pytest_libero_max.report.formats import (
 _LISTED = 16
 """So many joint outcomes are printed; ``report.json`` has all."""
 
+_ENOUGH = 30
+"""With fewer cases, a percentile interval is too narrow."""
+
 _MARKS = {True: "1", False: "0"}
 
 
@@ -72,6 +75,11 @@ def study_notes(study: Json) -> list[str]:
             "and Mid-task, and the camera after Reset compared with the one after Mid-task: a pair in which "
             "the crossing is not the logged one, or the cameras differ, is invalid."
         )
+        if study["cases"] < _ENOUGH:
+            notes.append(
+                f"With fewer than {_ENOUGH} cases the intervals that resample cases are too narrow. Read the "
+                "exact ones."
+            )
     elif any(setting["horizon"] != study["settings"][0]["horizon"] for setting in study["settings"]):
         notes.append("H differs between the settings, so differences between them are not those of Q alone.")
     return notes

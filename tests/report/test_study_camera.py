@@ -119,6 +119,10 @@ def test_the_papers_approach_counts(report: Json) -> None:
     }
 
 
+def test_many_cases_need_no_warning(report: Json) -> None:
+    assert "With fewer than 30 cases" not in markdown(report)
+
+
 def test_joint_outcomes_add_up_to_the_cases(report: Json) -> None:
     rows = report["study"]["outcomes"]
     assert sum(row["cases"] for row in rows) == 1000
@@ -199,6 +203,7 @@ def test_every_writer_prints_a_study_of_any_size(name: str, cells: list[Cell]) -
     jsonschema.Draft202012Validator(schema).validate(json.loads(json.dumps(report)))
     for text in (markdown(report), html(report, [], ["pytest"]), "\n".join(summary_lines(report))):
         assert ("Reset" in text) == bool(cells)
+        assert ("With fewer than 30 cases" in text) == bool(cells)
     assert study_csv(report["study"]).startswith("place,value\nname,camera-")
     assert bool(study_figures(report["study"])) == bool(cells)
 
