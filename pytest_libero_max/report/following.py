@@ -71,12 +71,12 @@ class Seen:
 
     @property
     def state(self) -> State:
-        """Whether it plays. ``unknown``: on another machine, whose locks may not be seen from here."""
+        """Whether it plays. ``unknown``: its lock, or that of another machine, may not be seen from here."""
         if self.mark is None:
             return "ended"
         if self.mark.locked:
             return "running"
-        return "killed" if self.mark.here else "unknown"
+        return "killed" if self.mark.here and self.mark.locked is False else "unknown"
 
     @property
     def complete(self) -> bool:
@@ -94,10 +94,16 @@ class Seen:
         lines = [
             f"{self.folder}: {policy} on {self.run.provenance['case_set']['name']}, {self._state_text()}"
         ]
-        pace = pace_parts(progress, now) if self.state == "running" else []
+        pace = pace_parts(progress, now) if self._seems_to_play else []
         lines.append(", ".join([f"{progress.done} of {progress.planned} pairs", *pace]))
         lines.append(letters_text(progress.counts))
-        return lines + (playing_lines(progress) if self.state == "running" else [])
+        return lines + (playing_lines(progress) if self._seems_to_play else [])
+
+    @property
+    def _seems_to_play(self) -> bool:
+        """Whether it plays, or said so a short while ago where its lock cannot be seen."""
+        heard = self.mark is not None and self.mark.age_s <= QUIET_S
+        return self.state == "running" or (self.state == "unknown" and heard)
 
     def _state_text(self) -> str:
         if self.mark is None:
@@ -107,8 +113,8 @@ class Seen:
             return f"running ({owner})" + (f", quiet for {ago}" if self.mark.age_s > QUIET_S else "")
         if self.state == "unknown":
             return (
-                f"last heard of {ago} ago ({owner}). Whether that process still plays cannot be seen from "
-                "this machine"
+                f"last heard of {ago} ago ({owner}). Whether that process still plays cannot be seen "
+                "from here"
             )
         return f"killed before it ended ({owner}, {ago} ago). Give its command again with --libero-max-resume"
 

@@ -17,6 +17,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import DiskError, OptionError, ReportError
@@ -67,7 +68,7 @@ class Mark:
     def _locked(self) -> int:
         while True:
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
-            if not _lock(descriptor):
+            if _lock(descriptor) is False:  # a file system without locks cannot tell, and counts as free
                 os.close(descriptor)
                 require_free(self._path.parent)
                 continue
@@ -117,7 +118,7 @@ class SeenMark:
 
     Attributes:
         owner: Which process wrote it, on which machine.
-        locked: Whether a living process holds it.
+        locked: Whether a living process holds it; None where the file system does not tell.
         here: Whether that process is one of this machine. Where it is not, and the lock is not seen, the
             file system may not tell of locks on other machines.
         age_s: Seconds since the run last noted something.
@@ -125,7 +126,7 @@ class SeenMark:
     """
 
     owner: str
-    locked: bool
+    locked: bool | None
     here: bool
     age_s: float
     noted: Json
@@ -134,8 +135,8 @@ class SeenMark:
 def read_mark(folder: Path) -> SeenMark | None:
     """The mark of a folder, or None where its run has ended, or never began."""
     try:
-        with (folder / MARK_NAME).open("rb") as file:
-            locked = not _lock(file.fileno())
+        with _opened(folder / MARK_NAME) as file:
+            free = _lock(file.fileno())
             owner, _, rest = file.read().decode(errors="replace").partition("\n")
             age_s = max(time.time() - os.fstat(file.fileno()).st_mtime, 0.0)
     except OSError:
@@ -145,6 +146,7 @@ def read_mark(folder: Path) -> SeenMark | None:
     except ValueError:  # nothing is noted yet, or it was read while it was being written
         noted = {}
     here = owner.endswith(f" on {socket.gethostname()}")
+    locked = None if free is None else not free
     return SeenMark(owner.strip(), locked, here, age_s, noted if isinstance(noted, dict) else {})
 
 
@@ -154,12 +156,20 @@ def _owner(folder: Path) -> str | None:
     return mark.owner if mark is not None and mark.locked else None
 
 
-def _lock(descriptor: int) -> bool:
-    """Whether the file could be locked. A file system without locks cannot tell, and counts as free."""
+def _opened(mark: Path) -> BinaryIO:
+    """The mark, for writing where that is allowed: NFS locks no file that is open for reading alone."""
+    try:
+        return mark.open("r+b")
+    except PermissionError:
+        return mark.open("rb")
+
+
+def _lock(descriptor: int) -> bool | None:
+    """Whether the file could be locked; None where the file system does not tell."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:
-        pass
+        return None
     return True

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import gzip
 import os
 import re
@@ -82,7 +83,22 @@ def test_what_cannot_be_seen_of_another_machine_is_not_said(tmp_path: Path) -> N
     os.utime(mark, (0, 0))
     seen = Follower(tmp_path).look()
     assert seen.state == "unknown"
-    assert "cannot be seen from this machine" in seen.lines()[0]
+    assert "cannot be seen from here" in seen.lines()[0]
+
+
+def test_a_file_system_without_locks_makes_no_run_a_killed_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(descriptor: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    store = _begin(tmp_path)
+    monkeypatch.setattr("fcntl.flock", refuse)
+    seen = Follower(tmp_path).look()
+    assert seen.state == "unknown"
+    assert seen.lines()[3].startswith("gw0 playing for 10 s: ")
+    store.close()
+    assert Follower(tmp_path).look().state == "ended"
 
 
 def test_a_run_that_says_nothing_for_long_is_called_quiet(tmp_path: Path) -> None:
