@@ -15,6 +15,7 @@ from pytest_libero_max.errors import OptionError
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
     from pytest_libero_max.construction.examiner import Progress
+    from pytest_libero_max.sources.installed import InstalledCatalogue
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -37,6 +38,8 @@ def add_commands(commands: Commands) -> None:
     eligibility = commands.add_parser(
         "eligibility", help="Count the variations that can host each event, by source category"
     )
+    _add_classification(eligibility)
+    add_substrate(eligibility)
     eligibility.set_defaults(run=_eligibility)
 
     build = commands.add_parser(
@@ -51,13 +54,7 @@ def add_commands(commands: Commands) -> None:
         metavar="TRACK",
         help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both)",
     )
-    build.add_argument(
-        "--plus-classification",
-        type=Path,
-        metavar="FILE",
-        help="On the libero substrate: task_classification.json of LIBERO-Plus's repository, which its "
-        "package lacks (default: that of the checkout)",
-    )
+    _add_classification(build)
     add_substrate(build)
     _add_examination(build)
     build.set_defaults(run=_build)
@@ -107,6 +104,16 @@ def add_commands(commands: Commands) -> None:
     )
     add_substrate(show)
     show.set_defaults(run=_show)
+
+
+def _add_classification(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--plus-classification",
+        type=Path,
+        metavar="FILE",
+        help="On the libero substrate: task_classification.json of LIBERO-Plus's repository, which its "
+        "package lacks (default: that of the checkout)",
+    )
 
 
 def _add_expert(command: argparse.ArgumentParser, *, default: str | None) -> None:
@@ -165,9 +172,24 @@ def _gallery(options: argparse.Namespace) -> None:
 
 
 def _eligibility(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.configurations import eligibility_lines
+    from pytest_libero_max.construction.configurations import EMBEDDED, eligibility_lines
 
-    print("\n".join(eligibility_lines()))
+    origin = EMBEDDED if options.substrate == "embedded" else _installed_catalogue(options)
+    print("\n".join(eligibility_lines(origin)))
+
+
+def _installed_catalogue(options: argparse.Namespace) -> InstalledCatalogue:
+    from pytest_libero_max.sources.installed import InstalledCatalogue
+    from pytest_libero_max.worlds.libero.installation import find_installations
+
+    if options.substrate != "libero" or options.source_variations == "own":
+        raise OptionError(
+            f"substrate={options.substrate!r} with source variations {options.source_variations!r}: only "
+            "embedded has catalogues of its own, and libero those of the variations that are installed."
+        )
+    where = substrate_options(options)
+    installations = find_installations(where.installations, assets=where.assets)
+    return InstalledCatalogue(installations, options.plus_classification)
 
 
 def _build(options: argparse.Namespace) -> None:
@@ -196,17 +218,8 @@ def _build_genuine(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.genuine import TRACKS, build_genuine
     from pytest_libero_max.construction.overview import overview_lines, write_overview
     from pytest_libero_max.construction.release import write_release
-    from pytest_libero_max.sources.installed import InstalledCatalogue
-    from pytest_libero_max.worlds.libero.installation import find_installations
 
-    if options.substrate != "libero" or options.source_variations == "own":
-        raise OptionError(
-            f"substrate={options.substrate!r} with source variations {options.source_variations!r}: tracks "
-            "are built on embedded, or on libero from the variations that are installed."
-        )
-    where = substrate_options(options)
-    installations = find_installations(where.installations, assets=where.assets)
-    catalogue = InstalledCatalogue(installations, options.plus_classification)
+    catalogue, where = _installed_catalogue(options), substrate_options(options)
     with Work() as work, Examiner(options.work, options.jobs, _tell(work), "libero", where) as examiner:
         work.say(f"What is found is kept in {examiner.path()}")
         release = build_genuine(examiner.examine, catalogue, options.tracks or TRACKS)

@@ -124,7 +124,7 @@ def _events_of(task: TaskMetadata) -> frozenset[str]:
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
 
 
-def eligibility_lines() -> list[str]:
+def eligibility_lines(origin: Catalogue = EMBEDDED) -> list[str]:
     """How many variations of each source category can host each event: what a command prints."""
     lines = [
         f"{'category':<30}{'tasks':>7}" + "".join(f"{event.split('_')[0]:>12}" for event in BENCHMARK_EVENTS)
@@ -132,7 +132,7 @@ def eligibility_lines() -> list[str]:
     for source, categories in (("plus", PLUS_CATEGORIES), ("pro", PRO_CATEGORIES)):
         total = Counter[str]()
         for category in categories:
-            found = hosts(source, category)
+            found = hosts(source, category, origin)
             count = Counter(event for _, events in found for event in events)
             lines.append(_counts(category, len(found), count))
             total += count + Counter(tasks=len(found))

@@ -16,6 +16,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.tracks import CHECKSUMS, load_track, track_names
+from pytest_libero_max.cli import main
 from pytest_libero_max.construction import genuine, selection, splits, verification
 from pytest_libero_max.construction.genuine import build_genuine, candidates_of, propose_smoke
 from pytest_libero_max.construction.overview import overview_lines
@@ -143,6 +144,20 @@ def test_libero_plus_is_as_its_classification_says(catalogue: InstalledCatalogue
     assert {one.difficulty for one in plus} == {1, 2, 3, 4, 5}
     lacking = {one.category for one in plus if catalogue.lacks(one)}
     assert lacking == {"Background Textures", "Light Conditions"}
+
+
+def test_the_command_counts_what_can_host_each_event(
+    packages: tuple[Installation, Installation], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [f"--libero={found.root}" for found in packages]
+    where = ["--substrate=libero", *folders, f"--libero-assets={DATA / 'assets'}"]
+    assert main(["eligibility", *where]) == 0
+    lines = {line[:30].strip(): line[30:].split() for line in capsys.readouterr().out.splitlines()}
+    assert lines["all of pro"][:2] == ["400", "400"]
+    assert lines["Light Conditions"][0] == "40"
+    # As the authors' catalogue has it for every category whose scenes are LIBERO's own.
+    assert lines["camera_view_angle"] == ["40", "40", "40", "40", "40", "33", "27", "12", "33"]
+    assert main(["eligibility", *where, "--source-variations=own"]) == 1
 
 
 def test_a_classification_of_another_registry_is_refused(
