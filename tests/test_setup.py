@@ -62,6 +62,11 @@ def test_a_wheel_has_every_track_and_every_room(checkout: Path) -> None:
     modules = {path.relative_to(package) for path in package.rglob("*.py")}
     source = ROOT / "pytest_libero_max"
     assert modules == {path.relative_to(source) for path in source.rglob("*.py")}
+    pages = [
+        path for kind in ("css", "js", "webp") for path in (source / "report" / "page").rglob(f"*.{kind}")
+    ]
+    assert len(pages) > 16
+    assert all((package / path.relative_to(source)).is_file() for path in pages)
     assert {path.name for path in (checkout / "installed").iterdir()} == {
         "pytest_libero_max",
         f"{wheel.name.removesuffix('-py3-none-any.whl')}.dist-info",

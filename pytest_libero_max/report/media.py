@@ -59,6 +59,12 @@ def _films(folder: Path) -> list[Path]:
     return [path for path in found if path.suffix in FILM_SUFFIXES and not path.name.startswith(".")]
 
 
+def caption_of(path: str, item_id: str) -> str:
+    """What a film or a picture shows, from its name, for example ``base-dynamic, what the policy saw``."""
+    name = path.rpartition("/")[2].rpartition(".")[0].removeprefix(f"{item_id}{_SEPARATOR}")
+    return f"{name.removesuffix(_SAW)}, what the policy saw" if name.endswith(_SAW) else name
+
+
 def pictures_in(folder: Path) -> dict[str, list[str]]:
     """Paths of the pictures of each pair that has some, relative to the folder of the run, by item id."""
     found: dict[str, list[str]] = {}

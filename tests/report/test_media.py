@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.report.media import film_name, films_in, kept_beside, pictures_in
+from pytest_libero_max.report.media import caption_of, film_name, films_in, kept_beside, pictures_in
 
 
 def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
@@ -24,6 +24,7 @@ def test_a_film_of_what_a_policy_saw_is_kept_but_not_taken_for_the_film_of_the_p
     (folder / name).touch()
     assert films_in(tmp_path) == {}
     assert films_in(tmp_path, "saw") == {"a-t00": f"films/{name}"}
+    assert caption_of(f"films/{name}", "a-t00") == "base-dynamic, what the policy saw"
     assert kept_beside(tmp_path) == ["films"]
 
 

@@ -79,8 +79,8 @@ def test_media_are_named_by_what_tells_them_apart_and_addressed_as_a_browser_wan
         run, {item: [f"films/{item}--base dynamic.mp4"]}, {item: [f"pictures/{item}--a-before.png"]}
     )
     place = str(cases["items"].index(item))
-    assert cases["films"] == {place: [["base dynamic.mp4", f"films/{item}--base%20dynamic.mp4"]]}
-    assert cases["pictures"] == {place: [["a-before.png", f"pictures/{item}--a-before.png"]]}
+    assert cases["films"] == {place: [["base dynamic", f"films/{item}--base%20dynamic.mp4"]]}
+    assert cases["pictures"] == {place: [["a-before", f"pictures/{item}--a-before.png"]]}
     assert _column(cases, "film")[item] == "yes"
     assert "film" not in [column["key"] for column in run_cases(run, {}, {})["columns"]]
 

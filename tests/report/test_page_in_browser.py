@@ -164,7 +164,7 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
     assert detail.count() == 0
     assert shown.complaints == []
     pictures = Shown(browser, page, f"#cases?case={NEVER.item_id}").page.locator(".detail figure")
-    captions = ["agentview-before.png", "agentview-after.png", "robot0_eye_in_hand-before.png"]
+    captions = ["agentview-before", "agentview-after", "robot0_eye_in_hand-before"]
     assert pictures.all_inner_texts()[:3] == captions
     error = Shown(browser, page, f"#cases?case={INVALID.item_id}").page.locator(".detail")
     assert "qpos is not finite" in error.inner_text()

@@ -10,7 +10,7 @@ from urllib.parse import quote
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.media import PICTURES_NAME
+from pytest_libero_max.report.media import PICTURES_NAME, caption_of
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
 from pytest_libero_max.report.page.packing import labelled, packed
 from pytest_libero_max.report.replay import replay_command
@@ -118,10 +118,7 @@ def _commands(stored: StoredRun, traced: bool) -> Iterator[list[str]]:
 def media_by_place(planned: Sequence[PlannedPair], paths: Mapping[str, Sequence[str]]) -> Json:
     """Captions and addresses of files by the place of their pair, as the page asks for them."""
     return {
-        str(place): [
-            [path.rpartition("/")[2].removeprefix(f"{pair.item_id}--"), quote(path)]
-            for path in paths[pair.item_id]
-        ]
+        str(place): [[caption_of(path, pair.item_id), quote(path)] for path in paths[pair.item_id]]
         for place, pair in enumerate(planned)
         if pair.item_id in paths
     }
