@@ -194,9 +194,9 @@ class Policy(Protocol):
     A policy with memory also offers ``snapshot() -> object`` and ``restore(object)``, so that the Dynamic
     rollout can begin with the memory Base had at the event. Without them the policy must be a function
     of the observation and the query, unless its memory is made of what it was shown (``see``) or asked
-    (``PolicySpec(history=True)``): then it is shown or asked all of it again. ``reset`` is called at the start of both rollouts; the Dynamic rollout
-    may start at the event, so a privileged policy must not take the world it finds then for the initial
-    state.
+    (``PolicySpec(history=True)``): then it is shown or asked all of it again. ``reset`` is called at the
+    start of both rollouts; the Dynamic rollout may start at the event, so a privileged policy must not take
+    the world it finds then for the initial state.
 
     A policy may keep counts of its last query by name in ``query_notes``; they are added up in the record.
     """
