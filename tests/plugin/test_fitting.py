@@ -14,7 +14,6 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import fitting
 from pytest_libero_max.plugin.fitting import fitting_track, require_fit
 from pytest_libero_max.worlds.kind import SubstrateOptions
-from tests.worlds.libero.data import DATA, needs_package
 
 ANY = SubstrateOptions()
 OWN = SubstrateOptions(variations="own")
@@ -110,38 +109,3 @@ def test_the_embedded_scenes_refuse_tasks_of_the_genuine_libero_plus(
     chosen = pytester.runpytest_subprocess(*arguments, "-m", "source_pro", "-p", "no:cacheprovider")
     assert chosen.ret == pytest.ExitCode.OK
     chosen.stdout.fnmatch_lines(["16/32 tests collected*"])
-
-
-@needs_package
-def test_a_track_of_the_embedded_scenes_is_refused_on_genuine_ones(pytester: pytest.Pytester) -> None:
-    result = pytester.runpytest_subprocess(
-        "--libero-max-policy=noop",
-        "--libero-max-substrate=libero",
-        f"--libero-max-libero-assets={DATA / 'assets'}",
-        "--libero-max-track=lite",
-        "-p",
-        "no:cacheprovider",
-    )
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(
-        [
-            "*660 of 800 cases of track lite cannot be played on substrate libero.",
-            "560: LIBERO-Plus is not installed: `pip install *`.",
-            "17: object. Its objects are in LIBERO-PRO alone: `pip install *`.",
-            "Play --libero-max-track=original, which fits*",
-        ]
-    )
-
-
-@needs_package
-def test_libero_alone_plays_the_original_track_by_default(pytester: pytest.Pytester) -> None:
-    result = pytester.runpytest_subprocess(
-        "--libero-max-policy=noop",
-        "--libero-max-substrate=libero",
-        f"--libero-max-libero-assets={DATA / 'assets'}",
-        "--collect-only",
-        "-p",
-        "no:cacheprovider",
-    )
-    assert result.ret == pytest.ExitCode.OK
-    result.stdout.fnmatch_lines(["libero-max: policy noop, track original (32 cases*"])
