@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import LimitReached, MemoryLimitError, TimeLimitError
-from pytest_libero_max.machine import GIB, limit_private_bytes, memory_bytes
+from pytest_libero_max.machine import GIB, limit_private_bytes, memory_bytes, return_large_blocks
 from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.last_words import MEMORY, Doing, LastWords
 from pytest_libero_max.plugin.options import Settings
@@ -44,6 +44,7 @@ class Guard:
 
     def __init__(self, settings: Settings, workers: int, words: LastWords | None, stderr: int = 2) -> None:
         self.phase = "setup"
+        return_large_blocks()
         self.watchdog = Watchdog(settings.timeouts, words, stderr)
         self._words = words
         self._memory_gib = memory_gib(settings.memory, workers)

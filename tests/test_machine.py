@@ -1,0 +1,68 @@
+"""What is set for a whole process is set in a process of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from pytest_libero_max.machine import GIB, memory_bytes, private_bytes, resident_bytes
+
+HOLES = """
+from pytest_libero_max.machine import resident_bytes, return_large_blocks
+{call}
+import ctypes
+
+libc = ctypes.CDLL(None)
+libc.malloc.restype = ctypes.c_void_p
+libc.malloc.argtypes = [ctypes.c_size_t]
+libc.free.argtypes = [ctypes.c_void_p]
+libc.free(libc.malloc(30 * 2**20))  # from here on glibc keeps blocks of this size in its heap
+before = resident_bytes()
+for _ in range(10):
+    large = libc.malloc(20 * 2**20)
+    ctypes.memset(large, 1, 20 * 2**20)
+    small = libc.malloc(1000)  # stays, above the large block
+    libc.free(large)
+    libc.malloc(2**19)  # takes a part of the hole
+print((resident_bytes() - before) // 2**20)
+"""
+
+
+def _grown_mib(call: str) -> int:
+    done = subprocess.run(
+        [sys.executable, "-c", HOLES.format(call=call)], capture_output=True, text=True, check=True
+    )
+    return int(done.stdout)
+
+
+def test_large_blocks_are_returned() -> None:
+    assert _grown_mib("") > 20
+    assert _grown_mib("return_large_blocks()") < 10
+
+
+def test_a_limit_on_memory_holds_and_is_a_memory_error() -> None:
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from pytest_libero_max.machine import limit_private_bytes\n"
+            "limit_private_bytes(2**29)\n"
+            "bytearray(2**20)\n"
+            "try:\n"
+            "    bytearray(2**30)\n"
+            "except MemoryError:\n"
+            "    print('none left')\n",
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "none left\n"
+
+
+def test_a_process_has_less_than_the_machine() -> None:
+    resident, private = resident_bytes(), private_bytes()
+    assert resident is not None
+    assert private is not None
+    assert 0 < resident < memory_bytes()
+    assert memory_bytes() > GIB / 4
