@@ -20,14 +20,14 @@ from tests.report.made_up import PROVENANCE, plan, records_of
 
 REPORTS = Path(__file__).parents[2] / "reports"
 COMPARISON = "comparison.json"
-FOLDERS = sorted(path for path in REPORTS.rglob("*") if path.is_dir())
-RUNS = [folder for folder in FOLDERS if not any(path.is_dir() for path in folder.iterdir())]
-"""Folders without folders in them are of one run each; the others hold runs and their comparison."""
+RUNS = sorted(path.parent for path in REPORTS.rglob("report.json"))
+COMPARISONS = sorted(path.parent for path in REPORTS.rglob(COMPARISON))
 
 
 @pytest.mark.skipif(not REPORTS.is_dir(), reason="the source distribution has no reports")
 def test_runs_are_published() -> None:
     assert RUNS
+    assert [path.parent for path in sorted(REPORTS.rglob(PACKED_PAIRS_NAME))] == RUNS
 
 
 @pytest.fixture
@@ -70,11 +70,7 @@ def test_everything_in_a_published_run_follows_from_its_pairs(folder: Path) -> N
             assert published == content.decode(), name
 
 
-@pytest.mark.parametrize(
-    "folder",
-    [folder for folder in FOLDERS if folder not in RUNS],
-    ids=lambda folder: str(folder.relative_to(REPORTS)),
-)
+@pytest.mark.parametrize("folder", COMPARISONS, ids=lambda folder: str(folder.relative_to(REPORTS)))
 def test_a_published_comparison_follows_from_the_runs_beside_it(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
