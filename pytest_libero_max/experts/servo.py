@@ -47,10 +47,8 @@ _LEASH = 1.5  # how much score a thing must gain for each m that it is seen to h
 _COVERED = 0.15  # part of a thing that the hand's outline may cover before it cannot be judged
 _NOTHING_M = 0.003  # opening below which the fingers hold nothing
 _PALM_M = 0.027  # how far the palm stays above what is held by its top
-_RIM_M, _RIM_DEPTH_M = (
-    0.0035,
-    0.015,
-)  # from the outside of a rim to the middle of its wall, and how deep it is held
+_RIM_M = 0.0035  # from the outside of a rim to the middle of its wall
+_RIM_DEPTH_M = 0.015  # how far below a rim it is held
 _WIDEST_M = 0.072
 _ABOVE_M = 0.015  # horizontal distance within which the hand is above its goal
 _ARRIVED_M = 0.02
