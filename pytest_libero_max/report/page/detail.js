@@ -96,7 +96,7 @@ function eventPicture(name) {
 
 function detail(data, table, row) {
   const item = data.items[row];
-  const values = data.details ? unpacked(data.details, row) : {};
+  const values = unpacked(data.details, row);
   const films = data.films[row] ?? [];
   const pictures = data.pictures?.[row] ?? [];
   const columns = data.columns.filter((column) => column.labels && !column.outcome);
