@@ -55,6 +55,8 @@ class LastWords:
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+        # Never closed: what an adapter logs with may keep it, and goes on writing after the pair.
+        self._stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
         self._forget()
         self.note(Doing())
         faulthandler.enable(self._file)
@@ -76,13 +78,10 @@ class LastWords:
         before = os.dup(2)
         try:
             os.dup2(self._file, 2)
-            with os.fdopen(os.dup(2), "w", buffering=1, errors="backslashreplace") as ours:
-                sys.stderr = ours
-                try:
-                    yield
-                finally:
-                    sys.stderr = python
+            sys.stderr = self._stderr
+            yield
         finally:
+            sys.stderr = python
             os.dup2(before, 2)
             os.close(before)
             self._pass_on(python)
