@@ -5,9 +5,7 @@ Precedence, for every option: command line, then ini file, then default.
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import OptionError, did_you_mean
-from pytest_libero_max.plugin.array_jobs import shard_of_job
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.timeouts import Limits
 from pytest_libero_max.report.media import FILM_SELECTIONS
 from pytest_libero_max.worlds.kind import SubstrateOptions
@@ -28,7 +26,6 @@ from pytest_libero_max.worlds.registry import (
 )
 
 if TYPE_CHECKING:
-    from pytest_libero_max.events.schedules import Cadence
     from pytest_libero_max.report.gates import Gate
     from pytest_libero_max.studies.study import Study
 
@@ -43,9 +40,6 @@ PROGRESS_FORMS = ("auto", "live", "lines", "none")
 DEFAULT_OUTPUT = "libero-max-results"
 
 POLICY_FLAG = "--libero-max-policy"
-
-LONGEST_S = 10_000_000
-MOST_GIB = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -75,99 +69,6 @@ class Option:
         return f"libero_max_{self.name.replace('-', '_')}"
 
 
-def _text(text: str) -> str:
-    if not text.strip():
-        raise ValueError("expected some text")
-    return text
-
-
-def _positive(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) < 1:
-        raise ValueError("expected an integer of at least 1")
-    return int(text)
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
-        raise ValueError("expected an integer of at least 0")
-    return int(text)
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0 < seconds <= LONGEST_S:
-        raise ValueError(f"expected seconds, above 0 and at most {LONGEST_S}")
-    return seconds
-
-
-def _gibibytes(text: str) -> float | None:
-    if text == "auto":
-        return None
-    if text == "none":
-        return 0.0
-    try:
-        amount = float(text)
-    except ValueError:
-        amount = math.nan
-    if not 0 < amount <= MOST_GIB:
-        raise ValueError("expected GiB as a number above 0, auto, or none")
-    return amount
-
-
-def _shard(text: str) -> tuple[int, int]:
-    if text == "env":
-        return shard_of_job(os.environ)
-    index, slash, count = text.partition("/")
-    if not (slash and index.isascii() and index.isdigit() and count.isascii() and count.isdigit()):
-        raise ValueError("expected I/N, for example 1/4, or env")
-    if not 1 <= int(index) <= int(count):
-        raise ValueError("expected I/N with 1 <= I <= N")
-    return int(index), int(count)
-
-
-def _fraction(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
-        raise ValueError("expected a number from 0 to 1, for example 0.5")
-    return value
-
-
-def _cadence(text: str) -> tuple[Cadence, ...]:
-    from pytest_libero_max.studies.cadence import parse_cadence
-
-    return parse_cadence(text)
-
-
-def _gate(text: str) -> Gate:
-    from pytest_libero_max.report.gates import parse_gate
-
-    try:
-        return parse_gate(text)
-    except OptionError as error:
-        raise ValueError(str(error)) from None
-
-
-def _one_of(*known: str) -> Callable[[str], str]:
-    return _known_in(known)
-
-
-def _known_in(known: Collection[str]) -> Callable[[str], str]:
-    """Accepts a name of a collection, which is not looked at before."""
-
-    def parse(text: str) -> str:
-        if text not in known:
-            raise ValueError(f"unknown value. {did_you_mean(text, known)}")
-        return text
-
-    return parse
-
-
 # Help texts: capital letter, no final period for one phrase.
 OPTIONS = (
     Option(
@@ -177,37 +78,37 @@ OPTIONS = (
         "FILE.py:NAME or PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a "
         "profile); given on the command line without test paths, every pair of the track is "
         "collected; given in the ini file, pytest libero-max plays them, and so does testpaths = libero-max",
-        _text,
+        read.text,
     ),
     Option(
         "profile",
         "NAME|PATH",
         "How the policy behind a server's address is asked: a profile of this package, or a TOML file",
-        _text,
+        read.text,
     ),
     Option(
         "track",
         "NAME",
         "Frozen set of cases to play (default: smoke; on the libero substrate, original if what is installed "
         "does not play smoke)",
-        _text,
+        read.text,
     ),
-    Option("manifest", "PATH", "Play the cases of this manifest instead of a track", _text),
-    Option("limit", "N", "Play a stratified, deterministic subset of N cases", _positive),
+    Option("manifest", "PATH", "Play the cases of this manifest instead of a track", read.text),
+    Option("limit", "N", "Play a stratified, deterministic subset of N cases", read.positive),
     Option(
         "shard",
         "I/N",
         "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
         "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
         "say it); join the runs with libero-max merge",
-        _shard,
+        read.shard,
     ),
     Option(
         "substrate",
         "NAME",
         "What builds the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
         "(a toy scene for manifests that name its entities)",
-        _known_in(SUBSTRATES),
+        read.known_in(SUBSTRATES),
         "embedded",
     ),
     Option(
@@ -215,7 +116,7 @@ OPTIONS = (
         "FOLDER",
         "Checkout of LIBERO, LIBERO-Plus or LIBERO-PRO for the libero substrate; may be repeated, once a "
         "kind (default: what import libero finds)",
-        _text,
+        read.text,
         default=(),
         many=True,
     ),
@@ -223,20 +124,20 @@ OPTIONS = (
         "libero-assets",
         "FOLDER",
         "Models and textures for an installation of the libero substrate that has none of its own",
-        _text,
+        read.text,
     ),
     Option(
         "semantics",
         "WHICH",
         "Events of the libero substrate as published, defects included, or corrected",
-        _one_of(*SEMANTICS),
+        read.one_of(*SEMANTICS),
         "published",
     ),
     Option(
         "instruction",
         "WHICH",
         "Prompts of the libero substrate as published, where LIBERO-Plus's name the variation, or clean",
-        _one_of(*INSTRUCTIONS),
+        read.one_of(*INSTRUCTIONS),
         "published",
     ),
     Option(
@@ -244,7 +145,7 @@ OPTIONS = (
         "WHICH",
         "LIBERO-Plus's and LIBERO-PRO's variations on the libero substrate: the installed ones, or "
         "this package's own, made at reset on LIBERO's scenes",
-        _one_of(*SOURCE_VARIATIONS),
+        read.one_of(*SOURCE_VARIATIONS),
         "installed",
     ),
     Option(
@@ -252,7 +153,7 @@ OPTIONS = (
         "MODE",
         "How Dynamic reaches the event: fork (from a snapshot taken in Base) or "
         "replay (the recorded actions, from reset)",
-        _one_of(*PREFIX_MODES),
+        read.one_of(*PREFIX_MODES),
         "fork",
     ),
     Option(
@@ -260,7 +161,7 @@ OPTIONS = (
         "FRACTION",
         "Let every event happen at this share of its change, 0 to 1; refused for events that happen whole or "
         "not at all",
-        _fraction,
+        read.fraction,
         1.0,
     ),
     Option(
@@ -268,23 +169,25 @@ OPTIONS = (
         "NAME",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
         "track camera unless another one is named) or cadence (of the track lite)",
-        _known_in(("camera-timing", "camera-strength", "cadence")),
+        read.known_in(("camera-timing", "camera-strength", "cadence")),
     ),
     Option(
         "cadence",
         "SETTINGS",
         "Settings of the study cadence: values of Q, for example 2,4,8, or of H/Q, for example 2/2,4/4,8/8; "
         "the policy's own cadence is always played",
-        _cadence,
+        read.cadence,
     ),
-    Option("horizon", "ACTIONS", "Override H, the most actions a query returns", _positive),
-    Option("query-interval", "ACTIONS", "Override Q, the actions executed before the next query", _positive),
+    Option("horizon", "ACTIONS", "Override H, the most actions a query returns", read.positive),
+    Option(
+        "query-interval", "ACTIONS", "Override Q, the actions executed before the next query", read.positive
+    ),
     Option(
         "restore",
         "MODE",
         "Restore the images before the policy sees them, by what they show alone: native (never), gated "
         "(those that look damaged) or always",
-        _one_of(*RESTORE_MODES),
+        read.one_of(*RESTORE_MODES),
         "native",
     ),
     Option(
@@ -292,20 +195,20 @@ OPTIONS = (
         "WATCH",
         "Execute whole chunks, and ask the policy early where something changed, on average no oftener than "
         "every Q steps; watched are the fixed cameras (image) or the objects (privileged)",
-        _one_of(*ADAPTIVE_MODES),
+        read.one_of(*ADAPTIVE_MODES),
     ),
     Option(
         "strict",
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
-        _one_of(*STRICT_MODES),
+        read.one_of(*STRICT_MODES),
     ),
     Option(
         "traces",
         "WHICH",
         "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
         "films: none, regression or all",
-        _one_of(*TRACE_MODES),
+        read.one_of(*TRACE_MODES),
         "none",
     ),
     Option(
@@ -313,7 +216,7 @@ OPTIONS = (
         "WHICH",
         "Film these pairs once they are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all",
-        _one_of(*FILM_MODES),
+        read.one_of(*FILM_MODES),
         "none",
     ),
     Option(
@@ -321,20 +224,20 @@ OPTIONS = (
         "FORM",
         "How far the run is: live (a line below pytest's output that is drawn again and again), lines (one a "
         "minute, later fewer), none, or auto (live in a terminal, otherwise lines, and with -q none)",
-        _one_of(*PROGRESS_FORMS),
+        read.one_of(*PROGRESS_FORMS),
         "auto",
     ),
     Option(
         "noise-floor",
         "PAIRS",
         "Play Base twice for a stratified subset of so many pairs and report how often it flips",
-        _positive,
+        read.positive,
     ),
     Option(
         "gate",
         "CONDITION",
         "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated",
-        _gate,
+        read.gate,
         default=(),
         many=True,
     ),
@@ -343,25 +246,25 @@ OPTIONS = (
         "SECONDS",
         "Wall-clock limit of one call of the policy; what takes longer makes its pair an error, never a "
         "failed episode (default: none)",
-        _seconds,
+        read.seconds,
     ),
     Option(
         "step-timeout",
         "SECONDS",
         "Wall-clock limit of one step, reset or image of the simulator (default: none)",
-        _seconds,
+        read.seconds,
     ),
     Option(
         "pair-timeout",
         "SECONDS",
         "Wall-clock limit of a pair with all its arms, without the loading of the policy (default: none)",
-        _seconds,
+        read.seconds,
     ),
     Option(
         "retries",
         "N",
         "Play a pair again in a fresh process, so many times, after the process that played it has died",
-        _count,
+        read.count,
         2,
     ),
     Option(
@@ -377,9 +280,9 @@ OPTIONS = (
         "GIB",
         "Memory limit of a process that plays pairs: GiB, none, or auto, which is its share of 0.9 of this "
         "machine's memory and at least 4 (default: auto)",
-        _gibibytes,
+        read.gibibytes,
     ),
-    Option("output", "FOLDER", "Where pairs.jsonl and report.json go", _text, DEFAULT_OUTPUT),
+    Option("output", "FOLDER", "Where pairs.jsonl and report.json go", read.text, DEFAULT_OUTPUT),
     Option(
         "resume",
         "",

@@ -1,0 +1,120 @@
+"""Values of options from their text: each function returns one, or raises ``ValueError`` with the rule."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.plugin.array_jobs import shard_of_job
+
+if TYPE_CHECKING:
+    from pytest_libero_max.events.schedules import Cadence
+    from pytest_libero_max.report.gates import Gate
+
+LONGEST_S = 10_000_000
+MOST_GIB = 1_000_000
+
+
+def text(value: str) -> str:
+    """Anything that is not empty."""
+    if not value.strip():
+        raise ValueError("expected some text")
+    return value
+
+
+def positive(text: str) -> int:
+    """An integer of at least 1."""
+    if not text.isascii() or not text.isdigit() or int(text) < 1:
+        raise ValueError("expected an integer of at least 1")
+    return int(text)
+
+
+def count(text: str) -> int:
+    """An integer of at least 0."""
+    if not text.isascii() or not text.isdigit():
+        raise ValueError("expected an integer of at least 0")
+    return int(text)
+
+
+def seconds(text: str) -> float:
+    """A duration, s."""
+    duration = _number(text)
+    if not 0 < duration <= LONGEST_S:
+        raise ValueError(f"expected seconds, above 0 and at most {LONGEST_S}")
+    return duration
+
+
+def gibibytes(text: str) -> float | None:
+    """An amount of memory, GiB; 0 for ``none``, None for ``auto``."""
+    if text == "auto":
+        return None
+    if text == "none":
+        return 0.0
+    amount = _number(text)
+    if not 0 < amount <= MOST_GIB:
+        raise ValueError("expected GiB as a number above 0, auto, or none")
+    return amount
+
+
+def shard(text: str) -> tuple[int, int]:
+    """Number and count of a part, both from 1."""
+    if text == "env":
+        return shard_of_job(os.environ)
+    index, slash, count = text.partition("/")
+    if not (slash and index.isascii() and index.isdigit() and count.isascii() and count.isdigit()):
+        raise ValueError("expected I/N, for example 1/4, or env")
+    if not 1 <= int(index) <= int(count):
+        raise ValueError("expected I/N with 1 <= I <= N")
+    return int(index), int(count)
+
+
+def fraction(text: str) -> float:
+    """A number from 0 to 1."""
+    value = _number(text)
+    if not 0.0 <= value <= 1.0:
+        raise ValueError("expected a number from 0 to 1, for example 0.5")
+    return value
+
+
+def cadence(text: str) -> tuple[Cadence, ...]:
+    """The settings of a sweep."""
+    from pytest_libero_max.studies.cadence import parse_cadence
+
+    return parse_cadence(text)
+
+
+def gate(text: str) -> Gate:
+    """A condition on the report."""
+    from pytest_libero_max.report.gates import parse_gate
+
+    try:
+        return parse_gate(text)
+    except OptionError as error:
+        raise ValueError(str(error)) from None
+
+
+def one_of(*known: str) -> Callable[[str], str]:
+    """Accepts one of a few names."""
+    return known_in(known)
+
+
+def known_in(known: Collection[str]) -> Callable[[str], str]:
+    """Accepts a name of a collection, which is not looked at before."""
+
+    def parse(text: str) -> str:
+        if text not in known:
+            raise ValueError(f"unknown value. {did_you_mean(text, known)}")
+        return text
+
+    return parse
+
+
+def _number(text: str) -> float:
+    """A number, or NaN, which keeps no rule."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
