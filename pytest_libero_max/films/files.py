@@ -15,7 +15,8 @@ from pytest_libero_max.worlds.contract import Image
 
 INSTALL = "pip install 'pytest-libero-max[film]'"
 
-_CRF = "26"
+_H264 = {"crf": "26", "preset": "veryfast", "x264-params": "mbtree=0"}
+"""Without mbtree, with which the same frames may give other bytes in a process that has made films before."""
 _WEBP_QUALITY = 60
 _KEY_FRAMES = (30, 60)
 """Between whole frames of a WebP lie at least and at most so many that hold only what differs. Whole frames
@@ -67,7 +68,7 @@ def _write_mp4(path: Path, frames: Iterator[Image], hz: float) -> None:
     first = next(frames)
     height, width = first.shape[:2]
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream("libx264", rate=round(hz), options={"crf": _CRF, "preset": "veryfast"})
+        stream = container.add_stream("libx264", rate=round(hz), options=_H264)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.thread_count = 1  # the other processors play pairs
         for frame in chain([first], frames):

@@ -55,6 +55,21 @@ def test_the_same_frames_give_the_same_bytes(tmp_path: Path, suffix: str) -> Non
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
+def test_an_mp4_has_the_same_bytes_after_other_films(tmp_path: Path) -> None:
+    """The encoder may read memory that it has not written, which holds parts of earlier films."""
+    pytest.importorskip("av", reason="the extra film")
+    path, draw = tmp_path / "a.mp4", np.random.default_rng(0)
+    contents = []
+    for size in ((96, 144), (64, 98)):
+        frames = [draw.integers(0, 255, (*size, 3), np.uint8) for _ in range(12)]
+        for number in range(20):
+            used = [np.full(int(length), number, np.uint8) for length in draw.integers(1000, 200000, 30)]
+            del used
+            write_film(path, frames, 20, overwrite=True)
+            contents.append(path.read_bytes())
+    assert len(set(contents)) == 2
+
+
 def test_nothing_is_written_over_without_being_asked(tmp_path: Path) -> None:
     path = tmp_path / "a.webp"
     path.write_text("mine")

@@ -117,7 +117,7 @@ def test_an_adapter_tells_what_its_model_is_handed(
     assert np.array_equal(_image(ticks[0], "base"), policy.views[0][::-1, ::-1] // 2)
     with pytest.raises(AdapterError, match="is not what the run was played with"):
         shown_by({**ran, "code": "0" * 64}, adapter=str(adapter))
-    adapter.write_text(MODULE.replace("def model_inputs", "def other_inputs"))
+    adapter.write_text(MODULE.replace("def model_inputs", "def inputs"))
     with pytest.raises(AdapterError, match="has no model_inputs"):
         _ticks(played, {**ran, "code": None}, adapter=str(adapter))
 

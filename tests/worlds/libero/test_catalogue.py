@@ -107,6 +107,7 @@ def passing(cases: Sequence[Case]) -> dict[str, Preflight]:
 
 
 def test_descriptions_are_read_in_order() -> None:
+    pytest.importorskip("bddl", reason="LIBERO's parser")
     found = describe(
         "(define (problem p) (:fixtures table - table) (:objects a_1 A_2 - a b_1 - b) ; a remark\n"
         "(:obj_of_interest a_1) (:init (On a_1 table_x) (In b_1 a_1)) (:goal (And (On a_1 b_1) (Turnon s))))"
