@@ -236,14 +236,24 @@ def _touching(world: World, case: Case) -> dict[str, set[str]]:
     return {name: set(world.contacts(name)) for name in _moved(change_from_dict(case.event.change))}
 
 
-def _settling(world: World, case: Case, steps: int) -> dict[str, tuple[float, float]]:
+def _settling(
+    world: World, case: Case, steps: int, names: Iterable[str]
+) -> tuple[dict[str, tuple[float, float]], frozenset[str]]:
     """How far everything moves, and how far down, in the first steps of the episode without the setup, m.
 
     The initial states of LIBERO-Object begin with objects a little inside the floor, which throws them up: an
     event that brings them back there is not worse than the task itself at the same moment.
+
+    Returns:
+        The movements by name, and which of the named entities are off their support after these steps.
     """
     world.reset(case.init_state_index)
-    return _drift(world, steps)
+    drift = _drift(world, steps)
+    return drift, frozenset(name for name in names if not _is_supported(world, name))
+
+
+def _is_supported(world: World, name: str) -> bool:
+    return world.entities[name].support in world.contacts(name)
 
 
 def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: int) -> Preflight:
@@ -311,8 +321,10 @@ def _motion_problems(
     here = world.snapshot()
     calm = _drift(world, steps)
     calm_image = _image(world) if moving and steps == _HOLD_AT_TRIGGER else None
+    loose: frozenset[str] = frozenset()
     if case.event.setup:
-        calm = {**_settling(world, case, steps), **calm}
+        settling, loose = _settling(world, case, steps, touching)
+        calm = {**settling, **calm}
     world.restore(here)
     change.apply(world)
     disturbed = _drift(world, steps)
@@ -330,7 +342,7 @@ def _motion_problems(
             yield Problem("settling", detail)
     for name in touching:
         support = world.entities[name].support
-        if support in touching[name] and support not in world.contacts(name):
+        if support in touching[name] and name not in loose and not _is_supported(world, name):
             yield Problem("support", f"{name} has lost its support {support}")
     yield from _overlaps(world, touching)
 

@@ -125,6 +125,33 @@ def test_what_comes_back_is_compared_with_the_same_moments_of_the_episode(
     assert preflight(jumping, insertion(0.14, 0.0)).problems == ()
 
 
+@pytest.mark.parametrize("at_start_too", [True, False])
+def test_what_comes_back_may_leave_its_support_as_it_does_when_the_episode_begins(
+    monkeypatch: pytest.MonkeyPatch, at_start_too: bool
+) -> None:
+    """An initial state with an object a little inside its support throws it up."""
+    thrown = TinyWorld()
+    original, apply = thrown.reset, InsertObstacle.apply
+
+    def reset(init: int) -> None:
+        original(init)
+        thrown.place("clutter_1", thrown.position("clutter_1") - np.array([0.0, 0.0, 0.001]))
+        if at_start_too:
+            thrown.push("clutter_1", (0.0, 0.0, 1.0))
+
+    def insert(self: InsertObstacle, world: TinyWorld) -> Evidence:
+        evidence = apply(self, world)
+        world.push("clutter_1", (0.0, 0.0, 1.0))
+        return evidence
+
+    monkeypatch.setattr(thrown, "reset", reset)
+    monkeypatch.setattr(InsertObstacle, "apply", insert)
+    lost = "clutter_1 has lost its support main_table" in str(
+        preflight(thrown, insertion(0.14, 0.0)).problems
+    )
+    assert lost is not at_start_too
+
+
 @pytest.mark.parametrize(("suite", "task"), [("libero_goal", 0), ("libero_10", 2)])
 def test_a_task_that_the_expert_never_begins_is_not_rejected_for_it(suite: str, task: int) -> None:
     case = Configuration(pro_suite("task", suite)[task], 0).case(Cell("task", "illumination_switch", 0))
