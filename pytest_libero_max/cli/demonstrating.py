@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -78,7 +78,15 @@ def _demos(options: argparse.Namespace) -> None:
     events = () if options.events is None else options.events or BENCHMARK_EVENTS
     plans = list(planned(options.suites, options.tasks, options.inits, events))
     settings = Settings(options.expert, options.image_size)
-    found = collect(plans, options.folder, settings, options.jobs, _say)
+    before: list[int] = []
+    with Work() as work:
+
+        def tell(done: int, total: int) -> None:
+            before.append(done)
+            left = work.left(done - before[0], total - before[0])
+            work.show(f"{done} of {total} episodes played{left}", last=done == total)
+
+        found = collect(plans, options.folder, settings, options.jobs, tell)
     paths = [item.path for item in found if item.path is not None]
     print(
         f"Episodes in {options.folder}: {len(paths)}. The expert did not complete: {len(found) - len(paths)}."
@@ -88,7 +96,3 @@ def _demos(options: argparse.Namespace) -> None:
 
         write_dataset(paths, options.lerobot)
         print(f"Dataset of LeRobot in {options.lerobot}.")
-
-
-def _say(done: int, total: int) -> None:
-    print(f"Played: {done} of {total}", file=sys.stderr, flush=True)
