@@ -15,7 +15,7 @@ from pytest_libero_max.worlds.contract import Image
 
 INSTALL = "pip install 'pytest-libero-max[film]'"
 
-_H264 = {"crf": "26", "preset": "veryfast", "x264-params": "mbtree=0"}
+_H264 = {"crf": "30", "preset": "veryfast", "x264-params": "mbtree=0"}
 """Without mbtree, with which the same frames may give other bytes in a process that has made films before."""
 _WEBP_QUALITY = 60
 _KEY_FRAMES = (30, 60)
