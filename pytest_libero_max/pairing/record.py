@@ -291,6 +291,12 @@ class PairRecord:
     # The pair.
 
     @property
+    def configuration(self) -> str:
+        """Task and initial state within its source category: its cases differ in their event alone."""
+        parts = (self.source, self.source_category, self.suite, self.task_index, self.init_state_index)
+        return "|".join(map(str, parts))
+
+    @property
     def base_success(self) -> bool:
         """Whether Base completed the task."""
         return self.arm(BASE).success

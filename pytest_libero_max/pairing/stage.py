@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,7 +20,7 @@ from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.watch import NO_WATCH, Watch
 from pytest_libero_max.policies.check import Actions, ask, notes_of, require_spec, show, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, World, WorldState
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, Observation, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
@@ -115,13 +116,8 @@ class Stage:
             max_steps=case.budget,
             world=self.world if privileged else None,
         )
-        before = self._seen_by_policy()
-        self.watch.query()
-        with self.clock("policy_s"):
+        with self._policy_acts("reset"):
             start(self.policy, episode)
-        self.watch.step()
-        require_spec(self.policy, self.spec, "reset")
-        self._require_unaltered(before, "reset")
 
     def require_untouched(self) -> None:
         """Refuse an arm during which a fixed field of the model or its options was written.
@@ -153,26 +149,17 @@ class Stage:
             AdapterError: The policy raised, or altered the world or its spec, which are read only for it.
             SimulatorError: The renderer does not answer.
         """
-        spec, where = self.spec, f"predict, query {index} at step {step}"
         query = Query(index, step, self.instruction, query_seed(self.case.policy_seed, index))
-        self.watch.step()
-        with self.clock("observe_s"):
-            observation = self.world.observe(spec.cameras, spec.image_size)
-        before = self._seen_by_policy()
-        waited_s = self._waited_s()
-        self.watch.query()
-        with self.clock("policy_s"):
+        observation, waited_s = self._observed(), self._waited_s()
+        with self._policy_acts(f"predict, query {index} at step {step}"):
             actions = ask(self.policy, observation, query)
-        self.watch.step()
         if self._waited_s() > waited_s:
             self.clock.add(WAITED, self._waited_s() - waited_s)
         if (batch := int(getattr(self.policy, "batch_size", 1))) > 1:
             self.clock.note_largest(BATCH, batch)
-        require_spec(self.policy, spec, where)
-        self._require_unaltered(before, where)
-        # The numbers are ours: the policy has had the query in its hands.
         for name, seconds in getattr(self.policy, "query_seconds", {}).items():
             self.clock.add(name, seconds)
+        # The numbers are ours: the policy has had the query in its hands.
         return Answer(index, step, actions, notes_of(self.policy))
 
     def show(self, step: int) -> None:
@@ -185,14 +172,27 @@ class Stage:
             AdapterError: The policy raised, or altered the world or its spec, which are read only for it.
             SimulatorError: The renderer does not answer.
         """
-        where = f"see, step {step}"
+        observation = self._observed()
+        with self._policy_acts(f"see, step {step}"):
+            show(self.policy, observation, step)
+
+    def _observed(self) -> Observation:
+        """What the policy is shown of the world as it is now."""
         self.watch.step()
         with self.clock("observe_s"):
-            observation = self.world.observe(self.spec.cameras, self.spec.image_size)
+            return self.world.observe(self.spec.cameras, self.spec.image_size)
+
+    @contextmanager
+    def _policy_acts(self, where: str) -> Iterator[None]:
+        """The block calls the policy, which must leave the world and its own spec as they are.
+
+        Args:
+            where: What it is called for, for a message.
+        """
         before = self._seen_by_policy()
         self.watch.query()
         with self.clock("policy_s"):
-            show(self.policy, observation, step)
+            yield
         self.watch.step()
         require_spec(self.policy, self.spec, where)
         self._require_unaltered(before, where)

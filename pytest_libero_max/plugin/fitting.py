@@ -38,9 +38,8 @@ def fitting_track(name: str | None, substrate: str, options: SubstrateOptions) -
         return name or GENERAL_TRACK
     if name is not None:
         return genuine_name(name)
-    return (
-        genuine_name(GENERAL_TRACK) if _fits(genuine_name(GENERAL_TRACK), substrate, options) else PLAIN_TRACK
-    )
+    general = genuine_name(GENERAL_TRACK)
+    return general if _fits(general, substrate, options) else PLAIN_TRACK
 
 
 def require_fit(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:

@@ -65,9 +65,7 @@ class Guard:
             except Exception as error:
                 if self._words is not None and self._is_memory(error):
                     self._words.note(Doing(self.phase, MEMORY, self._memory_text()))
-                    os._exit(
-                        OUT_OF_MEMORY
-                    )  # what holds the memory is not known, and a fresh process has it not
+                    os._exit(OUT_OF_MEMORY)  # nobody knows what holds the memory; a fresh process has it free
                 raise
 
     def enter(self, phase: str) -> None:

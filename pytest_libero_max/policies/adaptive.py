@@ -137,9 +137,8 @@ class AdaptivePolicy(WrappedPolicy):
         if not len(memory.chunk):
             return False
         if self._mode == "image":
-            pairs = zip(
-                memory.changes, changes, strict=False
-            )  # nothing to compare with at the first two looks
+            # At the first two looks there is nothing to compare with.
+            pairs = zip(memory.changes, changes, strict=False)
             return any(surprise(before, now) > SURPRISE for before, now in pairs)
         assert self._world is not None
         assert memory.places is not None

@@ -41,11 +41,8 @@ class WrappedPolicy:
             )
         self.inner = policy
         self._spec = replace(policy.spec, wrappers=(*policy.spec.wrappers, words))
-        for name in (
-            "snapshot",
-            "restore",
-            "close",
-        ):  # looked up on the object itself by a Protocol's isinstance
+        # A Protocol's isinstance looks for them on the object itself.
+        for name in ("snapshot", "restore", "close"):
             if hasattr(policy, name):
                 setattr(self, name, getattr(policy, name))
         if hasattr(policy, "model_inputs"):

@@ -84,7 +84,7 @@ def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Json:
             for arm in (BASE, DYNAMIC)
         },
         category=np.array([f"{record.source}|{record.source_category}" for record in first]),
-        configuration=np.array([_configuration(record) for record in first]),
+        configuration=np.array([record.configuration for record in first]),
     )
     groups = {
         "source": np.array([record.source for record in first]),
@@ -154,11 +154,6 @@ def _require_sensor_noise(records: Sequence[PairRecord]) -> None:
             f"The runs hold pairs of {', '.join(other)}, but recovery is about "
             "sensor_noise_onset. Play the track recovery, or another with -m sensor_noise_onset."
         )
-
-
-def _configuration(record: PairRecord) -> str:
-    """Task and initial state; cases of one configuration differ in their event alone."""
-    return f"{record.source}|{record.suite}|{record.task_index}|{record.init_state_index}"
 
 
 def _corruption(record: PairRecord) -> str:

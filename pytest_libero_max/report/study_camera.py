@@ -42,7 +42,7 @@ def camera_json(study: CameraTiming, records: Sequence[PairRecord], tasks: Seque
         {arm: np.array([record.arm(arm).success for record in records], dtype=np.bool_) for arm in labels},
         [record.source for record in records],
         tasks,
-        [_configuration(record) for record in records],
+        [record.configuration for record in records],
     )
     pairs = _pairs(study)
     return {
@@ -139,12 +139,6 @@ def _entered(record: PairRecord, arm: ArmRecord) -> bool:
             "no camera study. Play it again."
         )
     return arm.min_distance_m <= float(within_m)
-
-
-def _configuration(record: PairRecord) -> str:
-    """Task and initial state; cases of one configuration differ in their event alone."""
-    parts = (record.source, record.source_category, record.suite, record.task_index, record.init_state_index)
-    return "|".join(map(str, parts))
 
 
 def _rate_json(conditions: Conditions, arm: str) -> Json:

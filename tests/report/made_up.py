@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -12,6 +13,7 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.report.store import PairStore
 
 POLICY: Json = {
     "name": "scripted",
@@ -123,3 +125,11 @@ def error_of(pair: PlannedPair) -> PairError:
         message="qpos is not finite",
         phase="dynamic",
     )
+
+
+def kill(store: PairStore) -> None:
+    """Leave what a kill leaves: the files, without their lock."""
+    assert store._file is not None
+    assert store._mark is not None
+    store._file.close()
+    os.close(store._mark._descriptor)

@@ -16,7 +16,7 @@ from pytest_libero_max.report.following import Follower, note_of
 from pytest_libero_max.report.in_progress import MARK_NAME
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore
-from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
+from tests.report.made_up import POLICY, PROVENANCE, kill, plan, record_of
 
 RUN = Run(tuple(plan()[:4]), PROVENANCE)
 
@@ -29,13 +29,6 @@ def _begin(folder: Path, pairs: int = 2) -> PairStore:
     for pair in RUN.planned[:pairs]:
         store.append(record_of(pair, True, False))
     return store
-
-
-def _kill(store: PairStore) -> None:
-    assert store._file is not None
-    assert store._mark is not None
-    store._file.close()
-    os.close(store._mark._descriptor)
 
 
 def test_a_run_is_followed_from_its_first_line_to_its_end(tmp_path: Path) -> None:
@@ -65,7 +58,7 @@ def test_a_run_is_followed_from_its_first_line_to_its_end(tmp_path: Path) -> Non
 
 
 def test_a_killed_run_is_called_killed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _kill(_begin(tmp_path))
+    kill(_begin(tmp_path))
     seen = Follower(tmp_path).look()
     assert seen.state == "killed"
     assert "killed before it ended" in seen.lines()[0]
@@ -77,7 +70,7 @@ def test_a_killed_run_is_called_killed(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_what_cannot_be_seen_of_another_machine_is_not_said(tmp_path: Path) -> None:
-    _kill(_begin(tmp_path))
+    kill(_begin(tmp_path))
     mark = tmp_path / MARK_NAME
     mark.write_text(mark.read_text().replace(socket.gethostname(), "elsewhere"))
     os.utime(mark, (0, 0))

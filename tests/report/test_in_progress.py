@@ -16,7 +16,7 @@ from pytest_libero_max.report.in_progress import MARK_NAME
 from pytest_libero_max.report.merge import merge_folders
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore, read_pairs
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, kill, plan, record_of
 
 RUN = Run(tuple(plan()[:4]), PROVENANCE)
 
@@ -26,14 +26,6 @@ def _played(folder: Path, pairs: int = 4) -> PairStore:
     for pair in RUN.planned[:pairs]:
         store.append(record_of(pair, True, False))
     return store
-
-
-def _kill(store: PairStore) -> None:
-    """Leave what a kill leaves: the files, without their lock."""
-    assert store._file is not None
-    assert store._mark is not None
-    store._file.close()
-    os.close(store._mark._descriptor)
 
 
 def test_no_reader_takes_a_run_in_progress_or_a_killed_one_for_a_result(tmp_path: Path) -> None:
@@ -53,7 +45,7 @@ def test_no_reader_takes_a_run_in_progress_or_a_killed_one_for_a_result(tmp_path
             with pytest.raises(ReportError, match=state):
                 read()
         if state == "is still in progress":
-            _kill(store)
+            kill(store)
     (folder / MARK_NAME).unlink()
     assert len(read_pairs(folder).records) == 2
 
@@ -64,12 +56,12 @@ def test_a_run_that_begins_takes_away_the_reports_of_the_one_before(tmp_path: Pa
     store = PairStore(tmp_path, RUN)
     assert (tmp_path / "report.json").exists(), "nothing is touched before the run begins"
     store.begin()
-    _kill(store)
+    kill(store)
     assert sorted(path.name for path in tmp_path.iterdir()) == [MARK_NAME, "pairs.1.jsonl", "pairs.jsonl"]
 
 
 def test_a_killed_run_goes_on(tmp_path: Path) -> None:
-    _kill(_played(tmp_path, 2))
+    kill(_played(tmp_path, 2))
     store, stored = PairStore.resume(tmp_path, RUN)
     assert stored is not None
     assert len(stored.records) == 2

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.policies.restoration import COUNTS
@@ -145,3 +146,28 @@ def test_the_command_reads_folders_in_any_order(tmp_path: Path, capsys: pytest.C
     written = json.loads((tmp_path / "recovery.json").read_text(encoding="utf-8"))
     assert printed == "\n".join(recovery_lines(compare_recovery([NATIVE, GATED]))) + "\n"
     assert written["effects"] == compare_recovery([NATIVE, GATED])["effects"]
+
+
+def test_the_whole_frozen_track_is_compared() -> None:
+    cases = load_track("recovery").cases
+    planned = tuple(PlannedPair.of(case) for case in cases)
+
+    def played(mode: str, every: int) -> StoredRun:
+        spec = {**POLICY, "wrappers": [] if mode == "native" else [f"restore={mode}"]}
+        records = []
+        for number, (pair, case) in enumerate(zip(planned, cases, strict=True)):
+            labels = {"task_index": case.task_index, "init_state_index": case.init_state_index}
+            record = record_of(pair, True, number % every == 0, policy=spec, **labels)
+            if mode != "native":
+                notes = dict.fromkeys(COUNTS, 2)
+                record = replace(
+                    record,
+                    arms={name: replace(record.arm(name), notes=notes) for name in ("base", "dynamic")},
+                )
+            records.append(record)
+        return StoredRun(Run(planned, PROVENANCE), tuple(records), (), torn=False)
+
+    recovery = compare_recovery([played("native", 3), played("always", 2)])
+    assert recovery["pairs"]["common"] == 300
+    (gain,) = [row for row in recovery["effects"] if row["quantity"] == "dynamic" and row["over"] == "native"]
+    assert gain["value"] == pytest.approx(50 / 300)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 from weakref import WeakSet
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.policies.profile import Profile
-from pytest_libero_max.policies.servers.link import Client
-from pytest_libero_max.policies.servers.reply import Reply
 from pytest_libero_max.policies.servers.request import Request
 from pytest_libero_max.policies.servers.served import Actions, Adapt, ServedPolicy
 from pytest_libero_max.worlds.contract import Observation
@@ -108,18 +107,16 @@ class RememberingPolicy(DeclaredPolicy):
     the one after it. So a query can be asked again after an interruption, like any other.
     """
 
-    def __init__(
-        self,
-        spec: PolicySpec,
-        request: Request,
-        reply: Reply,
-        connect: Callable[[Callable[[Any], None]], Client],
-        adapt: Adapt | None = None,
-    ) -> None:
-        super().__init__(spec, request, reply, connect, adapt)
-        self._name = secrets.token_hex(8)
-        self._at: str | None = None
-        self._kept: WeakSet[Kept] = WeakSet()
+    _at: str | None = None
+    """The server's name for the memory that the next request begins with; None for that of a new episode."""
+
+    @cached_property
+    def _name(self) -> str:
+        return secrets.token_hex(8)
+
+    @cached_property
+    def _kept(self) -> WeakSet[Kept]:
+        return WeakSet()
 
     def reset(self, episode: Episode) -> None:
         """Begin with no memory."""
@@ -165,21 +162,12 @@ class RememberingPolicy(DeclaredPolicy):
 class SeeingPolicy(RememberingPolicy):
     """A policy behind a server that is shown every step: each request holds the steps since the last one."""
 
-    def __init__(
-        self,
-        spec: PolicySpec,
-        request: Request,
-        reply: Reply,
-        connect: Callable[[Callable[[Any], None]], Client],
-        adapt: Adapt | None = None,
-    ) -> None:
-        super().__init__(spec, request, reply, connect, adapt)
-        self._frames: list[dict[str, Any]] = []
+    _frames: tuple[dict[str, Any], ...] = ()
 
     def reset(self, episode: Episode) -> None:
         """Begin with no memory."""
         super().reset(episode)
-        self._frames = []
+        self._frames = ()
 
     def see(self, observation: Observation, step: int) -> None:
         """Keep a step for the next request.
@@ -189,7 +177,7 @@ class SeeingPolicy(RememberingPolicy):
         """
         query = Query(0, step, self._episode.instruction, 0)
         shown = super().request(observation, query)["observation"]
-        self._frames.append({"observation": shown, "step": step})
+        self._frames = (*self._frames, {"observation": shown, "step": step})
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
         """What the server is sent.
@@ -207,12 +195,12 @@ class SeeingPolicy(RememberingPolicy):
             ServerError: See :class:`RememberingPolicy`.
         """
         actions = super().predict(observation, query)
-        self._frames = []
+        self._frames = ()
         return actions
 
     def snapshot(self) -> object:
         """A name of the memory, with what the server does not know yet."""
-        kept = Kept(self._at, tuple(self._frames))
+        kept = Kept(self._at, self._frames)
         self._kept.add(kept)
         return kept
 
@@ -224,4 +212,4 @@ class SeeingPolicy(RememberingPolicy):
         """
         super().restore(memory)
         assert isinstance(memory, Kept)
-        self._frames = list(memory.frames)
+        self._frames = memory.frames
