@@ -184,7 +184,7 @@ def score(likely: Chances, camera: NominalCamera, shape: Shape, position: Array)
     """The score of an object at a position, (3,) m; -1 where it would be outside the image."""
     inside, around, (left, top) = _masks(camera.project(shape.points(position)))
     rows, columns = (
-        slice(max(0, start), max(0, min(camera.size, start + length)))
+        slice(*np.clip((start, start + length), 0, camera.size))
         for start, length in ((top, inside.shape[0]), (left, inside.shape[1]))
     )
     part = likely[rows, columns]

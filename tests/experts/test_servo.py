@@ -105,6 +105,16 @@ def test_an_object_is_found_within_a_centimetre(
         assert seen.score > 0.5
 
 
+@pytest.mark.parametrize("away", [(0.0, -0.7), (0.0, 0.7), (0.6, 0.0), (-6.0, 0.0), (0.0, 2.0)])
+def test_what_is_outside_the_image_scores_least(away: tuple[float, float]) -> None:
+    scene, shape = SCENES["libero_spatial"], SHAPES["plate"]
+    position = np.array([*away, scene.destination_area.height])
+    pixels = scene.camera.project(shape.points(position))
+    assert ((pixels < 0) | (pixels >= IMAGE_SIZE)).any(axis=1).all()
+    likely = np.ones((IMAGE_SIZE, IMAGE_SIZE), dtype=np.float32)
+    assert sight.score(likely, scene.camera, shape, position) == -1.0
+
+
 def test_every_instruction_of_its_suites_is_understood() -> None:
     for task in tasks("libero_object"):
         assert understand(SCENES["libero_object"], task.language).category == task.goal[0].subject[:-2]
