@@ -243,7 +243,11 @@ def _contrasts(study: Json, sources: Sequence[str]) -> list[StudyTable]:
 
 
 def _gap_label(row: Json) -> str:
-    return f"strength {row['first']} - strength {row['second']}"
+    return f"(Mid-task - Reset) at {_percent(row['first'])} - at {_percent(row['second'])}"
+
+
+def _percent(strength: str) -> str:
+    return f"{float(strength):.0%}"
 
 
 def _group_text(group: Json) -> str:
@@ -254,14 +258,7 @@ def _group_text(group: Json) -> str:
 
 def _approach(study: Json) -> StudyTable:
     strengths = study["approach"]
-    head = (
-        ("Cases", *(f"strength {strength}" for strength in strengths))
-        if len(strengths) > 1
-        else (
-            "Cases",
-            "Number",
-        )
-    )
+    named = tuple(f"at {_percent(strength)}" for strength in strengths) if len(strengths) > 1 else ("Number",)
     words = (
         ("Event fired in Mid-task", ("triggered",)),
         ("... and a query followed it", ("query_after_the_event",)),
@@ -287,7 +284,7 @@ def _approach(study: Json) -> StudyTable:
     rows = [
         (label, *(_count(strengths[strength], place) for strength in strengths)) for label, place in words
     ]
-    return StudyTable("Approach", head, rows)
+    return StudyTable("Approach", ("Cases", *named), rows)
 
 
 def _count(values: Json, place: Sequence[str]) -> str:
