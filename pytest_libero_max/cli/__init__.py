@@ -16,6 +16,7 @@ from pytest_libero_max.cli import (
     demonstrating,
     filming,
     measuring,
+    planning,
     results,
     serving,
     watching,
@@ -71,6 +72,16 @@ def parser() -> argparse.ArgumentParser:
         description="Around runs of pytest --libero-max-policy: measure, compare, build the benchmark.",
     )
     commands = command.add_subparsers(required=True, metavar="COMMAND")
-    for subject in (checking, serving, measuring, watching, results, filming, demonstrating, building):
+    for subject in (
+        checking,
+        serving,
+        measuring,
+        planning,
+        watching,
+        results,
+        filming,
+        demonstrating,
+        building,
+    ):
         subject.add_commands(commands)
     return command

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Mapping
 from dataclasses import replace
+from time import perf_counter
 from typing import TYPE_CHECKING, NoReturn
 
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
@@ -98,9 +101,10 @@ def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: P
     from pytest_libero_max.policies.check import check_cameras
     from pytest_libero_max.policies.code import adapter_digest
 
-    settings = settings_of(request.config)
+    settings, begin = settings_of(request.config), perf_counter()
     substrate = request.getfixturevalue("libero_max_substrate")
     world = request.getfixturevalue("libero_max_world")
+    world_s = perf_counter() - begin
     if ADAPTER_DIGEST not in request.config.stash:
         guard.enter(POLICY_PHASE)
         check_cameras(policy, world)
@@ -122,7 +126,13 @@ def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: P
     )
     if settings.study is not None:
         settings.study.check(pair)
-    return pair, world
+    return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin}), world
+
+
+def _timed(pair: Pair, seconds: Mapping[str, float]) -> Pair:
+    """The pair with more timings in its record."""
+    timings = pair.record.timings | {name: round(value, 6) for name, value in seconds.items()}
+    return replace(pair, record=replace(pair.record, timings=dict(sorted(timings.items()))))
 
 
 def _arms(case: Case, policy: Policy, settings: Settings, repeat_base: bool) -> tuple[Arm, ...]:

@@ -29,6 +29,9 @@ def test_every_pair_is_played_recorded_and_reported(run: Run, results: Results) 
     assert {line["line"] for line in lines} == {"pair"}
     assert report["pairs"]["planned"] == report["pairs"]["played"] == 16
     assert report["overall"]["trigger_coverage"]["count"] == 16
+    for timings in (line["timings"] for line in lines):
+        parts = ("world_s", "reset_s", "arm_base_s", "prefix_s", "arm_dynamic_s")
+        assert timings["pair_s"] >= sum(timings[name] for name in parts) > 0
     result.stdout.fnmatch_lines(
         ["*libero-max: policy adapter.py*(16 cases, digest *), substrate tiny, prefix fork*"]
     )

@@ -1,0 +1,212 @@
+"""What a pair costs, expected from the timings of pairs that were measured.
+
+Time is what was counted (steps, calls of the policy) times what one of them took. How many there are depends
+on the task and the policy: a task that the policy solves ends early. What one takes depends on the scene,
+and is taken from the suite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from hashlib import sha256
+from typing import NamedTuple
+
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+
+PAIR = "pair_s"
+"""Among the timings of a pair: all of it and the building of its scene, but not the loading of the policy."""
+
+WORLD = "world_s"
+"""Among the timings of a pair: the building of its scene; next to nothing where it is built already."""
+
+_WEIGHT = 2.0
+"""So many pairs of a mean's own are worth as much as the mean of the larger group."""
+
+_DONORS = 3
+"""A group of so many pairs is drawn from; a smaller one leaves that to the larger group that it is in."""
+
+
+class Kind(NamedTuple):
+    """What the cost of a pair is expected from.
+
+    Attributes:
+        suite: LIBERO suite.
+        task: Its task, for example ``libero_goal/3``.
+        event: Name of its event.
+    """
+
+    suite: str
+    task: str
+    event: str
+
+    def groups(self) -> Iterator[tuple[str, ...]]:
+        """What the kind belongs to: all pairs, its suite, its task, the kind itself."""
+        return (tuple(self[:length]) for length in range(4))
+
+
+class Counted(NamedTuple):
+    """What is done in a pair: control steps, and calls of the policy with an observation each."""
+
+    steps: float
+    calls: float
+
+
+class Cost(NamedTuple):
+    """What a pair costs.
+
+    Attributes:
+        worker_s: Seconds of its worker apart from the policy: scene, steps, images, checks.
+        calls: Calls of the policy.
+        policy_s: Seconds of these calls, as they were measured.
+    """
+
+    worker_s: float
+    calls: float
+    policy_s: float
+
+    @property
+    def seconds(self) -> float:
+        """From the beginning to the end of the pair."""
+        return self.worker_s + self.policy_s
+
+
+def counted(record: PairRecord) -> Counted:
+    """The steps and calls of a measured pair. What arms share is counted once, as it is played once.
+
+    Where the policy is asked again for a check, those calls are counted as well.
+    """
+    steps = calls = 0
+    for arm in record.arms.values():
+        if arm.shares is None:
+            shared_steps, shared_calls = _shared(arm)
+            steps += (arm.steps or 0) - shared_steps
+            calls += (arm.queries or 0) - shared_calls
+    if record.triggered and "asked_again_s" in record.timings:
+        calls += 2
+    return Counted(steps, calls)
+
+
+def _shared(arm: ArmRecord) -> tuple[int, int]:
+    """Steps and queries of an arm that another one has played for it: those before its event."""
+    return (arm.firings[0].step, arm.firings[0].queries) if arm.firings else (0, 0)
+
+
+def seconds_of(record: PairRecord) -> float:
+    """How long a pair took, from beginning to end; without its scene in a record that does not say it."""
+    timings = record.timings
+    if PAIR in timings:
+        return float(timings[PAIR])
+    parts = ("reset_s", "prefix_s", "asked_again_s")
+    arms = (f"arm_{name}_s" for name in record.arms)
+    return float(sum(timings.get(name, 0.0) for name in (*parts, *arms)))
+
+
+@dataclass
+class _Units:
+    """Sums over pairs, from which follows what one of each takes."""
+
+    pairs: int = 0
+    steps: float = 0.0
+    calls: float = 0.0
+    fixed_s: float = 0.0
+    steps_s: float = 0.0
+    images_s: float = 0.0
+    policy_s: float = 0.0
+
+    def add(self, record: PairRecord) -> None:
+        done, timings = counted(record), record.timings
+        fixed = timings.get("reset_s", 0.0) + timings.get(WORLD, 0.0)
+        images, policy = timings.get("observe_s", 0.0), timings.get("policy_s", 0.0)
+        self.pairs += 1
+        self.steps += done.steps
+        self.calls += done.calls
+        self.fixed_s += fixed
+        self.images_s += images
+        self.policy_s += policy
+        self.steps_s += max(seconds_of(record) - fixed - images - policy, 0.0)
+
+    def cost(self, done: Counted) -> Cost:
+        worker_s = self.fixed_s / self.pairs + done.steps * self.steps_s / max(self.steps, 1.0)
+        worker_s += done.calls * self.images_s / max(self.calls, 1.0)
+        return Cost(worker_s, done.calls, done.calls * self.policy_s / max(self.calls, 1.0))
+
+
+@dataclass
+class _Group:
+    """What was counted in the pairs of a group, in shares of the budget of steps."""
+
+    shares: list[Counted] = field(default_factory=list)
+    steps: float = 0.0
+    calls: float = 0.0
+
+    def add(self, share: Counted) -> None:
+        self.shares.append(share)
+        self.steps += share.steps
+        self.calls += share.calls
+
+
+@dataclass
+class CostModel:
+    """Learns from measured pairs what others cost.
+
+    A mean of a kind is drawn towards the mean of its task, that towards the mean of its suite, and that
+    towards the mean of all pairs, in units of the suite's budget of steps: a group without a measured pair
+    is expected to be like the next larger one.
+    """
+
+    pairs: int = 0
+    _own: dict[str, Counted] = field(default_factory=dict)
+    _groups: dict[tuple[str, ...], _Group] = field(default_factory=dict)
+    _units: dict[tuple[str, ...], _Units] = field(default_factory=dict)
+
+    def add(self, kind: Kind, record: PairRecord) -> None:
+        """Learn from a measured pair."""
+        self.pairs += 1
+        done, budget = counted(record), _budget(kind)
+        self._own[record.case_id] = done
+        for group in kind.groups():
+            share = Counted(done.steps / budget, done.calls / budget)
+            self._groups.setdefault(group, _Group()).add(share)
+        for group in ((), (kind.suite,)):
+            self._units.setdefault(group, _Units()).add(record)
+
+    def expected(self, kind: Kind) -> Cost:
+        """The mean cost of a pair of a kind; at least one pair, of whatever kind, has been measured."""
+        steps = calls = weight = 0.0
+        for group in kind.groups():
+            known = self._groups.get(group)
+            if known is None:
+                break
+            together = weight + len(known.shares)
+            steps = (weight * steps + known.steps) / together
+            calls = (weight * calls + known.calls) / together
+            weight = _WEIGHT
+        return self._cost(kind, Counted(steps, calls))
+
+    def drawn(self, kind: Kind, case_id: str) -> Cost:
+        """The cost of one pair, from what was counted in it, or else in a measured pair of its kind.
+
+        That is one of the smallest group that has several, chosen by the id of the case: the same one
+        whenever it is asked. So a plan has long pairs and short ones, as runs have.
+        """
+        units = self._units.get((kind.suite,)) or self._units[()]
+        if case_id in self._own:
+            return units.cost(self._own[case_id])
+        donors = self._groups[()].shares
+        for group in kind.groups():
+            if (known := self._groups.get(group)) is not None and len(known.shares) >= _DONORS:
+                donors = known.shares
+        number = int.from_bytes(sha256(case_id.encode()).digest()[:8]) % len(donors)
+        return self._cost(kind, donors[number])
+
+    def _cost(self, kind: Kind, share: Counted) -> Cost:
+        budget = _budget(kind)
+        units = self._units.get((kind.suite,)) or self._units[()]
+        return units.cost(Counted(share.steps * budget, share.calls * budget))
+
+
+def _budget(kind: Kind) -> int:
+    """Policy steps that an episode may take."""
+    return SUITE_BUDGETS.get(kind.suite, max(SUITE_BUDGETS.values()))
