@@ -40,6 +40,7 @@ from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, 
 from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report import provenance
+from pytest_libero_max.report.damaged_lines import damage_said
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
 from pytest_libero_max.report.in_progress import require_free
 from pytest_libero_max.report.junit import suite_properties
@@ -123,7 +124,10 @@ class RunController:
 
     def _measured_before(self) -> tuple[str, ...]:
         stored = read_to_resume(self.settings.output) if self.settings.resume else None
-        return () if stored is None else tuple(record.item_id for record in stored.records)
+        if stored is None:
+            return ()
+        self._lines += damage_said(stored.damaged)
+        return tuple(record.item_id for record in stored.records)
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, manifest_of(self.config)

@@ -19,7 +19,8 @@ from pytest_libero_max.report.media import TRACES_NAME, VIEWS, films_in, kept_be
 from pytest_libero_max.report.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.replay import replay_command
-from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, decode_json, pairs_file, read_pairs
+from pytest_libero_max.report.store import PAIRS_NAME, StoredRun, pairs_file, read_pairs
+from pytest_libero_max.report.strict_json import decode_json
 from pytest_libero_max.report.study_figures import study_figures
 
 REPORT_NAME = "report.json"

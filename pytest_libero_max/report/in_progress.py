@@ -35,18 +35,21 @@ class Mark:
     Args:
         folder: An existing folder.
 
+    Attributes:
+        path: Of the mark.
+
     Raises:
         OptionError: Another run is in progress in the folder.
         DiskError: The mark cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / MARK_NAME
+        self.path = folder / MARK_NAME
         try:
             self._descriptor = self._locked()
             self._write("")
         except OSError as error:
-            raise DiskError(f"Cannot write {self._path}: {error}. Is the disk full?") from error
+            raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 
     def note(self, progress: Json) -> None:
         """Note how far the run is; a disk that is full costs no more than the note."""
@@ -62,18 +65,18 @@ class Mark:
     def remove(self) -> None:
         """The run has ended."""
         with suppress(OSError):  # the folder may be gone
-            self._path.unlink()
+            self.path.unlink()
         os.close(self._descriptor)
 
     def _locked(self) -> int:
         while True:
-            descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
             if _lock(descriptor) is False:  # a file system without locks cannot tell, and counts as free
                 os.close(descriptor)
-                require_free(self._path.parent)
+                require_free(self.path.parent)
                 continue
             # The run that had it may have removed the file meanwhile.
-            if self._path.exists() and os.path.samestat(os.fstat(descriptor), self._path.stat()):
+            if self.path.exists() and os.path.samestat(os.fstat(descriptor), self.path.stat()):
                 return descriptor
             os.close(descriptor)
 

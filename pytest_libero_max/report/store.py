@@ -11,18 +11,23 @@ import json
 import os
 from dataclasses import dataclass
 from io import FileIO
-from math import isfinite
 from pathlib import Path
-from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json, cut_torn_line, read_content
-from pytest_libero_max.errors import DiskError, OptionError, ReportError
+from pytest_libero_max.benchmark.documents import Json, read_content
+from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
 from pytest_libero_max.pairing.fields import shown
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.agreement import Agreement, run_differences
+from pytest_libero_max.report.damaged_lines import (
+    DAMAGED_NAME,
+    DamagedLine,
+    FileState,
+    set_lines_aside,
+)
 from pytest_libero_max.report.in_progress import Mark, require_ended, require_free
 from pytest_libero_max.report.media import kept_beside
 from pytest_libero_max.report.run import Run
+from pytest_libero_max.report.strict_json import decode_json
 
 PAIRS_NAME = "pairs.jsonl"
 PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
@@ -42,12 +47,15 @@ class StoredRun:
         errors: Pairs that could not be measured, in the order of the file. A case played again after an
             error has both; its record counts.
         torn: Whether the last line was cut off by a kill and has been left out.
+        damaged: Lines that cannot be what a run has written, left out as well. Only a run that is to go on
+            is read like this; to any other reader such a line is an error.
     """
 
     run: Run
     records: tuple[PairRecord, ...]
     errors: tuple[PairError, ...]
     torn: bool
+    damaged: tuple[DamagedLine, ...] = ()
 
     @property
     def measured(self) -> frozenset[str]:
@@ -79,6 +87,7 @@ class PairStore:
         self._mark: Mark | None = None
         self._agreement = Agreement(run)
         self._append_to_existing = False
+        self._resumed: tuple[FileState, StoredRun] | None = None
         self._broken = False
         require_writable(folder)
         require_free(folder)
@@ -87,39 +96,42 @@ class PairStore:
     def resume(cls, folder: Path, run: Run) -> tuple[PairStore, StoredRun | None]:
         """Continue the run in ``folder``, or begin it where there is none.
 
-        A torn last line is removed from the file.
+        Damaged lines are taken out of the file when the run begins, and kept beside it; see
+        :func:`.damaged_lines.set_lines_aside`.
 
         Returns:
             The store and what it already holds, None for a new run.
 
         Raises:
             ReportError: The folder holds a run of other cases, or of another policy, or one that was played
-                with something else that changes results; names every difference.
+                with something else that changes results; names every difference. Or the first line is
+                damaged, which says what the run is.
             OptionError: The folder cannot be written to, or another run is in progress in it.
         """
         store = cls(folder, run)
+        state = FileState.of(store.path)
         stored = read_to_resume(folder)
-        if stored is None:
+        if stored is None or state is None:
             return store, None
         _require_same_run(stored.run, run, store.path)
         for record in stored.records:
             store._agreement.add(record, str(store.path))
-        if stored.torn:
-            cut_torn_line(store.path)
         store._append_to_existing = True
+        store._resumed = state, stored
         return store, stored
 
     def begin(self) -> None:
         """Mark the folder, set aside what an earlier run left there, and write the first line.
 
         Raises:
-            OptionError: Another run is in progress in the folder.
+            OptionError: Another run is in progress in the folder, or has played there since this one looked.
             DiskError: The folder cannot be written to any more.
         """
         if self._mark is None:
             self._mark = Mark(self.path.parent)
         try:
             if self._append_to_existing:
+                self._repair()
                 self._file = self.path.open("a+b", buffering=0)
                 return
             if self.path.exists():
@@ -130,6 +142,19 @@ class PairStore:
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}. Give a folder you can write to.") from error
         self._write_line(_line("run", self._run.to_dict()))
+
+    def _repair(self) -> None:
+        """Take damaged lines out of the file, which nobody else can have altered behind the lock."""
+        if self._resumed is None:
+            return
+        state, stored = self._resumed
+        if FileState.of(self.path) != state:
+            raise OptionError(
+                f"{self.path} was written by another run since this one looked. Give the command again."
+            )
+        if stored.damaged or stored.torn:
+            set_lines_aside(self.path, {line.number for line in stored.damaged})
+        self._resumed = None
 
     def append(self, pair: PairRecord | PairError) -> None:
         """Write one pair and wait until the disk has it.
@@ -199,6 +224,9 @@ class PairStore:
         self._file.seek(0)
         content = self._file.read()
         self.path.parent.mkdir(parents=True, exist_ok=True)
+        if self._mark is not None and not self._mark.path.exists():
+            self._mark.remove()
+            self._mark = Mark(self.path.parent)
         again = self.path.open("w+b", buffering=0)
         again.write(content)
         self._file.close()
@@ -227,6 +255,9 @@ def _set_aside(path: Path) -> None:
     numbers = [int(part) for old in named if (part := old.name.split(".")[1]).isdecimal()]
     number = max(numbers, default=0) + 1
     path.replace(path.with_name(f"pairs.{number}.jsonl"))
+    damaged = path.with_name(DAMAGED_NAME)
+    if damaged.exists():
+        damaged.replace(path.with_name(f"pairs.{number}.damaged"))
     for name in beside:
         (folder / name).rename(folder / f"{name}.{number}")
 
@@ -257,6 +288,25 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
     path = pairs_file(path)
     if ended and path.name == PAIRS_NAME:
         require_ended(path.parent)
+    stored = _read(path)
+    if stored.damaged:
+        raise ReportError(f"{path}, {stored.damaged[0]} {_CURE}")
+    return stored
+
+
+_CURE = (
+    "Give the command of the run again with --libero-max-resume: it sets the line aside and plays the pair "
+    "again."
+)
+
+
+def _read(path: Path) -> StoredRun:
+    """Read all lines that are what a run writes.
+
+    Raises:
+        ReportError: The file cannot be read, or its first line is damaged.
+        OtherRunError: A line is of another run.
+    """
     try:
         content = read_content(path)
     except (OSError, ValueError) as error:
@@ -268,6 +318,7 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
         raise ReportError(f"{path} holds no complete line: its run ended before the first pair.")
     records: list[PairRecord] = []
     errors: list[PairError] = []
+    damaged: list[DamagedLine] = []
     for number, line in enumerate(lines, start=1):
         try:
             kind, values = decode_line(line)
@@ -279,27 +330,35 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
                 continue
             pair = PairRecord.from_dict(values) if kind == "pair" else PairError.from_dict(values)
             agreement.add(pair, f"line {number}")
+        except OtherRunError as error:
+            raise OtherRunError(f"{path}, line {number}: {error}") from error
         except ReportError as error:
-            raise ReportError(f"{path}, line {number}: {error}") from error
+            if number == 1:
+                raise ReportError(
+                    f"{path}, line 1: {error} The first line says what the run is, and the others mean "
+                    "nothing without it: put it back from a copy, or choose another output folder."
+                ) from error
+            damaged.append(DamagedLine(number, str(error)))
+            continue
         if isinstance(pair, PairRecord):
             records.append(pair)
         else:
             errors.append(pair)
-    return StoredRun(run, tuple(records), tuple(errors), torn=bool(rest))
+    return StoredRun(run, tuple(records), tuple(errors), torn=bool(rest), damaged=tuple(damaged))
 
 
 def read_to_resume(folder: Path) -> StoredRun | None:
     """What a folder holds of a run that may go on; None where it holds not even the whole first line.
 
     Raises:
-        ReportError: A line is damaged; names the line.
+        ReportError: The first line is damaged, or another line is of another run; names the line.
     """
     path = folder / PAIRS_NAME
     if not path.exists():
         return None
     with path.open("rb") as file:
         begun = file.readline().endswith(b"\n")
-    return read_pairs(path, ended=False) if begun else None
+    return _read(path) if begun else None
 
 
 def decode_line(line: bytes) -> tuple[str, Json]:
@@ -308,44 +367,11 @@ def decode_line(line: bytes) -> tuple[str, Json]:
     Raises:
         ReportError: It is none of them.
     """
-    values = decode_json(line, "The file is damaged; remove that line to leave the pair out.")
+    values = decode_json(line, "The line is damaged.")
     kind = values.pop("line", None) if isinstance(values, dict) else None
     if kind not in ("run", "pair", "error"):
         raise ReportError(f"line={shown(kind)}, but must be 'run', 'pair' or 'error'.")
     return kind, values
-
-
-def decode_json(content: bytes, cure: str) -> Any:
-    """Decode JSON as results are written: finite numbers, and no name twice in an object.
-
-    Args:
-        content: UTF-8.
-        cure: What to do where it is not JSON; ends the message.
-
-    Raises:
-        ReportError: It is something else.
-    """
-    try:
-        return _DECODER.decode(content.decode())
-    except (ValueError, RecursionError) as error:
-        raise ReportError(f"not JSON ({error}). {cure}") from error
-
-
-def _once(pairs: list[tuple[str, Any]]) -> Json:
-    values = dict(pairs)
-    if len(values) != len(pairs):
-        raise ValueError(f"a name occurs twice in an object that has {', '.join(map(shown, values))}")
-    return values
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not isfinite(value):
-        raise ValueError(f"{text} is no finite number")
-    return value
-
-
-_DECODER = json.JSONDecoder(object_pairs_hook=_once, parse_float=_finite, parse_constant=_finite)
 
 
 def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.store import read_pairs
-from tests.plugin.test_run import Results, Run
+from tests.plugin.test_run import Results, Run, identities
 
 LEAVING = """
 import os
@@ -136,3 +136,21 @@ def test_stopping_at_the_first_failure_on_workers_is_an_incomplete_run(
     )
     assert run("-n2", "-x", policy="failing.py", subprocess=True).ret == 11
     assert results()[1]["pairs"]["missing"] > 0
+
+
+def test_a_damaged_line_is_said_kept_and_its_pair_played_again(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    run("-k", "camera_shift or illumination_switch")
+    before = identities(results()[0])
+    path = Path(pytester.path) / "libero-max-results" / "pairs.jsonl"
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([*lines[:2], lines[2][:200] + b"\n", *lines[3:]]))
+    result = run("-k", "camera_shift or illumination_switch", "--libero-max-resume")
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(
+        ["1 damaged line of the pairs measured before*pairs.damaged*line 3: not JSON*"]
+    )
+    assert identities(results()[0]) == before
+    assert path.with_name("pairs.damaged").read_bytes() == lines[2][:200] + b"\n"

@@ -1,0 +1,103 @@
+"""Lines of ``pairs.jsonl`` that a run cannot have written: kept beside it, and their pairs played again.
+
+A disk that fails, a copy that broke off or an editor can damage a line. What it held cannot be trusted any
+more, and what the other lines hold is as sound as before.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+DAMAGED_NAME = "pairs.damaged"
+"""Where damaged lines are kept, byte for byte, in the order in which they were found."""
+
+_MOST_SAID = 3
+
+
+@dataclass(frozen=True)
+class DamagedLine:
+    """A line that cannot be used.
+
+    Attributes:
+        number: The line, from 1.
+        why: What is wrong with it.
+    """
+
+    number: int
+    why: str
+
+    def __str__(self) -> str:
+        return f"line {self.number}: {self.why}"
+
+
+@dataclass(frozen=True)
+class FileState:
+    """What tells whether a file was altered.
+
+    Attributes:
+        inode: Number of the file.
+        size: In bytes.
+        altered_ns: When it was written last, in ns since the epoch.
+    """
+
+    inode: int
+    size: int
+    altered_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> FileState | None:
+        """The state of a file now; None where there is none."""
+        try:
+            status = path.stat()
+        except OSError:
+            return None
+        return cls(status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+def damage_said(damaged: Collection[DamagedLine]) -> list[str]:
+    """What a resumed run says of damaged lines."""
+    if not damaged:
+        return []
+    count = f"{len(damaged)} damaged lines" if len(damaged) > 1 else "1 damaged line"
+    some = "; ".join(str(line) for line in list(damaged)[:_MOST_SAID])
+    more = f"; and {len(damaged) - _MOST_SAID} more" if len(damaged) > _MOST_SAID else ""
+    return [
+        f"{count} of the pairs measured before, kept in {DAMAGED_NAME}; what is missing now is played again: "
+        f"{some}{more}"
+    ]
+
+
+def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
+    """Move lines, and a last line without its end, from a file to the end of ``pairs.damaged`` beside it.
+
+    At every moment of it each line is on the disk, in one of the files or in both.
+
+    Args:
+        path: A file of lines.
+        numbers: Which, from 1.
+
+    Raises:
+        OSError: A file cannot be read or written.
+    """
+    *lines, torn = path.read_bytes().split(b"\n")
+    aside = [line + b"\n" for number, line in enumerate(lines, start=1) if number in numbers]
+    aside += [torn + b"\n"] if torn else []
+    with path.with_name(DAMAGED_NAME).open("ab") as file:
+        _write(file, aside)
+    if not numbers:
+        os.truncate(path, path.stat().st_size - len(torn))
+        return
+    repaired = path.with_name(f"{path.name}.repaired")
+    with repaired.open("wb") as file:
+        _write(file, [line + b"\n" for number, line in enumerate(lines, start=1) if number not in numbers])
+    repaired.replace(path)
+
+
+def _write(file: BinaryIO, lines: Iterable[bytes]) -> None:
+    file.writelines(lines)
+    file.flush()
+    os.fsync(file.fileno())
