@@ -66,14 +66,15 @@ def _packages() -> Iterator[Finding]:
 
 def _rendering() -> Iterator[Finding]:
     try:
-        backend = gl.prepare()
-        if backend == "egl":
-            device, count = egl.chosen()
-            yield Finding("ok", f"images with {gl.VARIABLE}=egl on {device}, of {count}")
-        elif backend in gl.OFFSCREEN:
-            yield Finding("ok", f"images with {gl.VARIABLE}={backend}")
-        else:
-            gl.require()
+        gl.check()
+        backend = gl.require()
+        where = "on {}, of {}".format(*egl.chosen()) if backend == "egl" else ""
+        from pytest_libero_max.worlds.rendering.renderer import require_images
+
+        require_images()
+        yield Finding("ok", f"images with {gl.VARIABLE}={backend} {where}".rstrip())
+    except ImportError:
+        return  # MuJoCo is missing, which has been said
     except LiberoMaxError as error:
         yield Finding("missing", f"images: {error}")
 

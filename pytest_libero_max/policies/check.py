@@ -81,7 +81,7 @@ def check_cameras(policy: Policy, world: World) -> None:
 
     Raises:
         AdapterError: It lacks one; suggests the closest.
-        SimulatorError: Nothing on this machine can draw; names the packages that help.
+        SimulatorError: Nothing on this machine can draw; says what helps.
     """
     known = [world.model.camera(number).name for number in range(world.model.ncam)]
     for camera in policy.spec.cameras:
@@ -92,6 +92,9 @@ def check_cameras(policy: Policy, world: World) -> None:
             )
     if policy.spec.cameras:
         gl.require()
+        from pytest_libero_max.worlds.rendering.renderer import require_images
+
+        require_images()
 
 
 def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:

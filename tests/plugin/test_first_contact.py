@@ -101,6 +101,19 @@ def test_a_backend_that_cannot_draw_is_one_sentence_before_anything_starts(
     assert not (pytester.path / "libero-max-results").exists()
 
 
+def test_a_device_that_does_not_exist_is_one_sentence_before_anything_starts(
+    run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not gl.loads("egl"):
+        pytest.skip("needs EGL: the Debian packages libegl1 libgl1-mesa-dri libopengl0")
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "99")
+    result = run()
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: MUJOCO_EGL_DEVICE_ID='99', but EGL's devices are *unset it*"])
+    assert not (pytester.path / "libero-max-results").exists()
+
+
 def test_actions_beyond_one_are_counted_and_warned_of_once(
     run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:

@@ -86,6 +86,21 @@ def chosen() -> tuple[Device, int]:
         OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.
         SimulatorError: None of those that may be used answers.
     """
+    return _choose()
+
+
+def check() -> None:
+    """Find out whether the device answers that ``MUJOCO_EGL_DEVICE_ID`` names, where EGL has any.
+
+    Raises:
+        OptionError: There is no such device.
+        SimulatorError: It does not answer.
+    """
+    if os.environ.get(VARIABLE) and answers():
+        _choose()
+
+
+def _choose() -> tuple[Device, int]:
     egl = _loaded()
     asked, visible = os.environ.get(VARIABLE), os.environ.get(VISIBLE)
     devices = [] if egl is None else egl.devices(numbered=not asked)

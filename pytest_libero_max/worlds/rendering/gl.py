@@ -41,12 +41,14 @@ def prepare() -> str:
 
 
 def check() -> None:
-    """Find out whether an explicit ``MUJOCO_GL`` can draw. Nothing is settled by that.
+    """Find out whether an explicit ``MUJOCO_GL`` or ``MUJOCO_EGL_DEVICE_ID`` can draw. Settles nothing.
 
     For whoever only hands out the work, before anything is played.
 
     Raises:
-        OptionError: It is no backend for offscreen images, or its libraries do not load; says what to do.
+        OptionError: It is no backend for offscreen images, or its libraries do not load, or there is no such
+            device; says what to do.
+        SimulatorError: The device does not answer.
     """
     asked = _asked()
     if asked in OFFSCREEN and not loads(asked):
@@ -54,6 +56,8 @@ def check() -> None:
             f"{VARIABLE}={asked!r}, but its libraries do not load here. Install the Debian packages "
             f"`{_PACKAGES[asked]}`, or unset {VARIABLE} to have a backend chosen."
         )
+    if asked not in ("osmesa", *DISABLED):
+        egl.check()
 
 
 def require() -> str:

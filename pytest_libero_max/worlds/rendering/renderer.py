@@ -135,7 +135,12 @@ class Renderer:
         self._model.vis.quality.offsamples = OFFSAMPLES
         self._model.vis.quality.shadowsize = SHADOW_MAP if self._shadows else 0
         self._model.vis.map.shadowclip = SHADOW_REACH
-        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        try:
+            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        except mujoco.FatalError as error:
+            raise SimulatorError(
+                f"MuJoCo cannot draw with {gl.VARIABLE}={gl.require()!r}: {error}."
+            ) from error
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._shadows
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = self._reflections
@@ -143,6 +148,33 @@ class Renderer:
         self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+
+
+def require_images() -> None:
+    """Draw one image of next to nothing, to see whether this process can.
+
+    Raises:
+        SimulatorError: It cannot; says what to do.
+    """
+    model = mujoco.MjModel.from_xml_string(_ONE_BALL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    renderer = Renderer(model, data)
+    cure = f"Set {gl.VARIABLE} to the other one of {', '.join(gl.OFFSCREEN)}, or repair the driver."
+    try:
+        image = renderer.render("eye", 64)
+    except SimulatorError as error:
+        raise SimulatorError(f"{error} {cure}") from error
+    renderer.close()
+    if image.min() == image.max():
+        raise SimulatorError(
+            f"The OpenGL backend {gl.require()!r} draws one colour only where a ball should be. {cure}"
+        )
+
+
+_ONE_BALL = """<mujoco><worldbody>
+  <light pos="0 0 3"/><camera name="eye" pos="0 0 2"/><geom size="0.5" group="1"/>
+</worldbody></mujoco>"""
 
 
 @cache

@@ -9,7 +9,7 @@ import pytest
 
 from pytest_libero_max.doctor import diagnose
 from pytest_libero_max.errors import OptionError, SimulatorError
-from pytest_libero_max.worlds.rendering import egl, gl
+from pytest_libero_max.worlds.rendering import egl, gl, renderer
 from pytest_libero_max.worlds.rendering.egl import Device, preferred
 
 SOFTWARE = Device(2, "software", software=True)
@@ -106,9 +106,33 @@ def test_mujoco_is_told_the_device_and_robosuite_none(
 def test_the_record_and_the_doctor_name_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(egl, "_loaded", lambda: FakeEgl(SWAPPED))
     monkeypatch.setattr(gl, "prepare", lambda: "egl")
+    monkeypatch.setattr(gl, "require", lambda: "egl")
+    monkeypatch.setattr(renderer, "require_images", lambda: None)
     assert gl.fingerprint() == {"gl": "egl", "gl_device": "NVIDIA B"}
     expected = "images with MUJOCO_GL=egl on EGL device 1 (NVIDIA B, CUDA's 0), of 3"
     assert expected in [finding.text for finding in diagnose()]
+
+
+@pytest.mark.parametrize(
+    ("asked", "broken", "message"),
+    [("9", (), "EGL's devices are 0, 1, 2"), ("1", (1,), "No EGL device gives a display.*NVIDIA B")],
+)
+def test_a_device_that_cannot_draw_is_found_before_anything_is_played(
+    monkeypatch: pytest.MonkeyPatch, asked: str, broken: tuple[int, ...], message: str
+) -> None:
+    monkeypatch.setattr(egl, "_loaded", lambda: FakeEgl(SWAPPED, broken))
+    monkeypatch.delenv(gl.VARIABLE, raising=False)
+    egl.check()
+    monkeypatch.setenv(egl.VARIABLE, asked)
+    with pytest.raises((OptionError, SimulatorError), match=message):
+        gl.check()
+    assert [text for level, text in _findings() if level == "missing" and text.startswith("images: ")]
+    monkeypatch.setenv(gl.VARIABLE, "disable")
+    gl.check()
+
+
+def _findings() -> list[tuple[str, str]]:
+    return [(finding.level, finding.text) for finding in diagnose()]
 
 
 def test_robosuite_and_images_work_with_numbers_that_robosuite_takes_for_a_contradiction() -> None:

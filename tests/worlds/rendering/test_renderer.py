@@ -2,14 +2,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SimulatorError, SubstrateError
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+from pytest_libero_max.worlds.rendering.renderer import Renderer, require_images
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 RED = 0
@@ -152,6 +154,21 @@ def test_a_filter_that_breaks_the_image_is_refused() -> None:
     world.add_filter(Crop())
     with pytest.raises(SubstrateError, match="keeps shape and type"):
         world.observe(size=16)
+
+
+def test_a_driver_that_draws_nothing_is_found_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    require_images()
+    with monkeypatch.context() as patch:
+        patch.setattr(Renderer, "render", lambda self, camera, size: np.zeros((size, size, 3), np.uint8))
+        with pytest.raises(SimulatorError, match=r"one colour only where a ball should be\. Set MUJOCO_GL"):
+            require_images()
+
+    def refuse(*args: object) -> None:
+        raise mujoco.FatalError("OpenGL version 1.5 or higher required")
+
+    monkeypatch.setattr(mujoco, "MjrContext", refuse)
+    with pytest.raises(SimulatorError, match=r"OpenGL version 1\.5 or higher required\. Set MUJOCO_GL"):
+        require_images()
 
 
 def test_a_camera_or_size_that_does_not_exist_is_refused() -> None:
