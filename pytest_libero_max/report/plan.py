@@ -8,16 +8,11 @@ from dataclasses import replace
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.sharding import shard
 from pytest_libero_max.costs.fleet import Fleet, Played, play
-from pytest_libero_max.costs.model import Cost, CostModel, Kind
+from pytest_libero_max.costs.model import Cost, CostModel
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.progress import duration
 from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
 from pytest_libero_max.report.store import StoredRun
-
-
-def kind_of(pair: PlannedPair) -> Kind:
-    """What the cost of a planned pair is expected from."""
-    return Kind(pair.suite, pair.task, pair.event)
 
 
 def learn(stored: StoredRun) -> CostModel:
@@ -30,7 +25,7 @@ def learn(stored: StoredRun) -> CostModel:
         raise ReportError("The run has no measured pair. Play a few, for example --libero-max-limit=32.")
     model, planned = CostModel(), {pair.case_id: pair for pair in stored.run.planned}
     for record in stored.records:
-        model.add(kind_of(planned[record.case_id]), record)
+        model.add(planned[record.case_id].kind, record)
     return model
 
 
@@ -56,7 +51,7 @@ def plan_lines(stored: StoredRun, pairs: Iterable[PlannedPair], what: str, fleet
     model, chosen = learn(stored), playable(pairs, stored)
     if not chosen:
         raise ReportError(f"The policy of the run supports no suite of {what}.")
-    costs = [model.drawn(kind_of(pair), pair.case_id) for pair in chosen]
+    costs = [model.drawn(pair.kind, pair.case_id) for pair in chosen]
     if fleet.servers and fleet.query_s is None:
         calls = sum(cost.calls for cost in costs)
         fleet = replace(fleet, query_s=sum(cost.policy_s for cost in costs) / max(calls, 1.0))
@@ -133,7 +128,7 @@ def shard_lines(stored: StoredRun, cases: Sequence[Case], count: int) -> list[st
     seconds = []
     for number in range(1, count + 1):
         pairs = playable(map(PlannedPair.of, shard(cases, number, count)), stored)
-        seconds.append(sum(model.drawn(kind_of(pair), pair.case_id).seconds for pair in pairs))
+        seconds.append(sum(model.drawn(pair.kind, pair.case_id).seconds for pair in pairs))
     mean, longest = sum(seconds) / count, max(seconds)
     if not mean:
         raise ReportError("The policy of the run supports no suite of these cases.")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.outcome_letters import ALL_LETTERS, ERROR, letter_of
 from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
+from pytest_libero_max.report.work_left import WorkLeft
 
 
 @dataclass
@@ -29,10 +30,21 @@ class PairCounts:
     letters: dict[str, str] = field(default_factory=dict)
     errors: int = 0
     _unsupported: int | None = None
+    _work: WorkLeft | None = None
+
+    @property
+    def work(self) -> WorkLeft:
+        """What is left to do of the planned pairs."""
+        if self._work is None:
+            self._work = WorkLeft(self.planned)
+        return self._work
 
     def add(self, pair: PairRecord | PairError) -> None:
         """Count a pair, or an error in its place."""
+        if pair.item_id not in self.letters:
+            self.work.remove(pair.item_id)
         if isinstance(pair, PairRecord):
+            self.work.learn(pair)
             self.letters[pair.item_id] = letter_of(pair)
             if self._unsupported is None:
                 self._unsupported = len(unsupported_pairs(self.planned, pair.policy))
@@ -87,7 +99,14 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """At the pace of this session; None where it is not known yet."""
+        """As the measured pairs let expect it of the others; None where nothing is known yet.
+
+        Where their costs are not known, at the pace of this session.
+        """
+        if self.seconds:
+            left = self.counts.work.seconds_left(self.before, self.seconds, self.playing)
+            if left is not None:
+                return left
         pace = self.per_minute
         return None if pace is None else 60.0 * max(self.planned - self.done, 0) / pace
 
@@ -105,21 +124,19 @@ def progress_text(progress: Progress, now: float | None = None) -> str:
 
 def pace_parts(progress: Progress, now: float | None = None) -> list[str]:
     """Pace and time left, as far as they are known; nothing of a run that has nothing left to do."""
-    pace, left = progress.per_minute, progress.seconds_left
-    if pace is None or left is None:
-        return []
-    return pace_words(pace, left, now)
+    left = progress.seconds_left
+    return [] if left is None else pace_words(progress.per_minute, left, now)
 
 
-def pace_words(per_minute: float, seconds_left: float, now: float | None = None) -> list[str]:
+def pace_words(per_minute: float | None, seconds_left: float, now: float | None = None) -> list[str]:
     """Pace and time left.
 
     Args:
-        per_minute: Pairs a minute.
+        per_minute: Pairs a minute; None where this session has measured none.
         seconds_left: 0 where nothing is left to do, which is not said.
         now: Seconds since the epoch, for when it will be ready; None: leave that out.
     """
-    parts = [f"{per_minute:.1f}/min"]
+    parts = [] if per_minute is None else [f"{per_minute:.1f}/min"]
     if seconds_left > 0:
         ready = "" if now is None else f" (ready at {_clock(now, seconds_left)})"
         parts.append(f"{duration(seconds_left)} left{ready}")

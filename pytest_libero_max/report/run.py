@@ -9,6 +9,7 @@ from typing import Any
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json, slug
 from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.fields import (
@@ -73,6 +74,11 @@ class PlannedPair:
     def event_variant(self) -> str:
         """Event and parameter variant as one word, for example ``camera_shift-v1``."""
         return f"{self.event}-v{self.variant}"
+
+    @property
+    def kind(self) -> Kind:
+        """What its cost is expected from."""
+        return Kind(self.suite, self.task, self.event)
 
     @classmethod
     def of(cls, case: Case) -> PlannedPair:

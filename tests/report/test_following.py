@@ -27,7 +27,7 @@ def _begin(folder: Path, pairs: int = 2) -> PairStore:
     item = RUN.planned[pairs].item_id
     store.note(note_of(1000.0, 1060.0, 0, {item: 1050.0}, {item: "gw0", "another": "gw1"}))
     for pair in RUN.planned[:pairs]:
-        store.append(record_of(pair, True, False))
+        store.append(record_of(pair, True, False, timings={"pair_s": 25.0}))
     return store
 
 
@@ -40,7 +40,7 @@ def test_a_run_is_followed_from_its_first_line_to_its_end(tmp_path: Path) -> Non
     assert seen.state == "running"
     lines = seen.lines()
     assert lines[0].startswith(f"{tmp_path}: scripted.py on track smoke, running (process {os.getpid()} on ")
-    assert lines[1:3] == ["2 of 4 pairs, 2.0/min, 60 s left", "P 0 R 2 N 0 E 0"]
+    assert lines[1:3] == ["2 of 4 pairs, 2.0/min, 40 s left", "P 0 R 2 N 0 E 0"]
     assert lines[3].startswith("gw0 playing for 10 s: plus-")
     pair = RUN.planned[2]
     store.append(PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "broken", "setup"))
@@ -179,10 +179,10 @@ def test_several_runs_are_followed_together(tmp_path: Path, capsys: pytest.Captu
     one, other = _begin(tmp_path / "1"), _begin(tmp_path / "2", 1)
     assert main(["watch", str(tmp_path / "1"), str(tmp_path / "2"), "--once"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].endswith(", 2 of 4 pairs, 2.0/min, 60 s left, P 0 R 2 N 0 E 0")
-    assert lines[1].endswith(", 1 of 4 pairs, 1.0/min, 3 min left, P 0 R 1 N 0 E 0")
+    assert lines[0].endswith(", 2 of 4 pairs, 2.0/min, 40 s left, P 0 R 2 N 0 E 0")
+    assert lines[1].endswith(", 1 of 4 pairs, 1.0/min, 2 min left, P 0 R 1 N 0 E 0")
     assert re.fullmatch(
-        r"3 of 8 pairs of 2 runs, 3\.0/min, 3 min left \(ready at .*\), P 0 R 3 N 0 E 0", lines[2]
+        r"3 of 8 pairs of 2 runs, 3\.0/min, 2 min left \(ready at .*\), P 0 R 3 N 0 E 0", lines[2]
     )
     for store in (one, other):
         store.close()
