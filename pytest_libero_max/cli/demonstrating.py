@@ -51,6 +51,14 @@ def add_commands(commands: Commands) -> None:
     demos.add_argument(
         "--expert", default="expert", metavar="POLICY", help="As for pytest --libero-max-policy"
     )
+    demos.add_argument(
+        "--disturb",
+        type=float,
+        default=0.0,
+        metavar="SHARE",
+        help="Push the hand aside after this share of the queries, until the next one, so that the episodes "
+        "show how to come back. The recorded action is the expert's, not the push (default: %(default)s)",
+    )
     demos.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
     demos.add_argument(
         "--lerobot",
@@ -75,9 +83,11 @@ def _demos(options: argparse.Namespace) -> None:
             raise OptionError(
                 f"--{name.replace('_', '-')} is {getattr(options, name)}, but must be at least 1."
             )
+    if not 0.0 <= options.disturb <= 1.0:
+        raise OptionError(f"--disturb is {options.disturb}, but must be from 0 to 1.")
     events = () if options.events is None else options.events or BENCHMARK_EVENTS
     plans = list(planned(options.suites, options.tasks, options.inits, events))
-    settings = Settings(options.expert, options.image_size)
+    settings = Settings(options.expert, options.image_size, disturbed=options.disturb)
     before: list[int] = []
     with Work() as work:
 

@@ -22,6 +22,7 @@ from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 EPISODES = "episodes"
 SETTINGS = "demos.json"
+_NOT_SHOWN = ("about", "actions", "executed")
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,17 @@ class Settings:
         expert: The policy, as for ``pytest --libero-max-policy``.
         image_size: Side of the images, pixels.
         substrate: What builds the worlds.
+        disturbed: Share of the queries after which the hand is pushed aside.
     """
 
     expert: str = "expert"
     image_size: int = 128
     substrate: str = "embedded"
+    disturbed: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings as they are written beside the episodes; ``disturbed`` only where it is not 0."""
+        return {key: value for key, value in asdict(self).items() if key != "disturbed" or value}
 
 
 @dataclass(frozen=True)
@@ -128,17 +135,17 @@ def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
     """The episode of a file, and what else is known of it: suite, task, initial state, event."""
     with path.open("rb") as content, np.load(content, allow_pickle=False) as file:
         about = json.loads(str(file["about"]))
-        observations = {key: file[key] for key in file.files if key not in ("about", "actions")}
-        actions = file["actions"]
+        observations = {key: file[key] for key in file.files if key not in _NOT_SHOWN}
+        actions, executed = file["actions"], file.get("executed")
     return (
-        Demonstration(True, about["instruction"], about["event_step"], observations, actions),
+        Demonstration(True, about["instruction"], about["event_step"], observations, actions, executed),
         about,
     )
 
 
 def _begin(folder: Path, settings: Settings) -> None:
     path = folder / SETTINGS
-    wanted = {"format": 1, **asdict(settings)}
+    wanted = {"format": 1, **settings.to_dict()}
     if path.exists():
         try:
             there = json.loads(path.read_text(encoding="utf-8"))
@@ -159,7 +166,7 @@ def _record_all(plans: Sequence[Planned], folder: Path, settings: Settings) -> i
     policy, substrate = load_policy(settings.expert), open_substrate(settings.substrate)
     try:
         for plan in plans:
-            demo = record(plan, substrate.world(plan.case), policy, settings.image_size)
+            demo = record(plan, substrate.world(plan.case), policy, settings.image_size, settings.disturbed)
             path = folder / EPISODES / f"{plan.name}.npz"
             if demo.success:
                 save(path, plan, demo)
@@ -184,6 +191,8 @@ def save(path: Path, plan: Planned, demo: Demonstration) -> None:
         "event_step": demo.event_step,
     }
     arrays = {**demo.observations, "actions": demo.actions, "about": np.array(json.dumps(about))}
+    if demo.executed is not None:
+        arrays["executed"] = demo.executed
 
     def write(partial: Path) -> None:
         with partial.open("wb") as file:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.demos.disturbed import DisturbedPolicy
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, arms_of
@@ -56,7 +57,8 @@ class Demonstration:
         event_step: Policy steps before the event; None where it did not happen.
         observations: What was shown before each action, by robosuite's keys: images (T, S, S, 3) uint8 as
             LIBERO delivers them, bottom row first, and states (T, n).
-        actions: (T, 7) as executed.
+        actions: (T, 7) what the policy answered.
+        executed: (T, 7) what was executed, where that is something else: see ``disturbed`` in :func:`record`.
     """
 
     success: bool
@@ -64,6 +66,7 @@ class Demonstration:
     event_step: int | None
     observations: dict[str, NDArray[Any]]
     actions: NDArray[np.float64]
+    executed: NDArray[np.float64] | None = None
 
 
 def planned(
@@ -104,7 +107,9 @@ def _case(suite: str, index: int, init: int, event: str, variant: int) -> Case:
     return parse_case(case_record(identity, resolve_event(event, variant, metadata, identity), metadata.name))
 
 
-def record(plan: Planned, world: World, policy: Policy, image_size: int) -> Demonstration:
+def record(
+    plan: Planned, world: World, policy: Policy, image_size: int, disturbed: float = 0.0
+) -> Demonstration:
     """Let a policy play an episode, and look at the world before every step.
 
     Args:
@@ -112,6 +117,7 @@ def record(plan: Planned, world: World, policy: Policy, image_size: int) -> Demo
         world: A world of its scene.
         policy: A policy that solves the tasks. The images that a privileged one asks for are not drawn.
         image_size: Side of the recorded images, pixels.
+        disturbed: Share of the queries after whose answer the hand is pushed aside, until the next one.
 
     Raises:
         AdapterError: The policy broke its contract.
@@ -120,6 +126,8 @@ def record(plan: Planned, world: World, policy: Policy, image_size: int) -> Demo
     """
     if policy.spec.privileged:
         policy.spec = replace(policy.spec, cameras=())
+    pushed = DisturbedPolicy(policy, disturbed) if disturbed else None
+    policy = pushed or policy
     arm = next(arm for arm in arms_of(plan.case) if arm.name == plan.arm)
     stage = Stage(plan.case, world, policy)
     rollout = Rollout.start(stage)
@@ -130,12 +138,14 @@ def record(plan: Planned, world: World, policy: Policy, image_size: int) -> Demo
         shown.append(world.observe(CAMERAS, image_size))
         rollout.advance()
     result = rollout.result()
+    steps = [answer.step for answer in result.answers]
     return Demonstration(
         result.success,
         instruction,
         result.firings[0].step if result.firings else None,
         {key: np.stack([observation[key] for observation in shown]) for key in sorted(shown[0])},
-        result.actions,
+        pushed.meant_at(steps, result.steps) if pushed else result.actions,
+        result.actions if pushed else None,
     )
 
 

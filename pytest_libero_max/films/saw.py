@@ -31,7 +31,7 @@ from pytest_libero_max.policies.restoration import RestoringPolicy
 from pytest_libero_max.policies.servers.address import is_address
 from pytest_libero_max.policies.servers.request import Request
 from pytest_libero_max.policies.wrapping import WrappedPolicy
-from pytest_libero_max.worlds.contract import Image, Observation, World
+from pytest_libero_max.worlds.contract import Image, ImageSize, Observation, World
 
 _GROUND = 96
 _RESTORE = "restore="
@@ -125,7 +125,7 @@ def saw(
             return View(before.images, opening, before.words) if before else View({}, opening)
         told = world.language if case.instruction is None else case.instruction
         query = Query(index, step, told, query_seed(case.policy_seed, index))
-        observation: Observation = world.observe(cameras, int(record.policy["image_size"]))
+        observation: Observation = world.observe(cameras, _size(record))
         for wrapper in wrappers:
             observation = wrapper.seen(observation)
         images = shown.images(observation, query)
@@ -190,6 +190,11 @@ def fitted(image: Image, size: int) -> Image:
     ground = Picture.new("RGB", (size, size), (_GROUND,) * 3)
     ground.paste(small, ((size - sides[0]) // 2, (size - sides[1]) // 2))
     return np.array(ground)
+
+
+def _size(record: PairRecord) -> ImageSize:
+    size = record.policy["image_size"]
+    return (int(size[0]), int(size[1])) if isinstance(size, list) else int(size)
 
 
 def _delivered(observation: Observation, query: Query) -> dict[str, Image]:

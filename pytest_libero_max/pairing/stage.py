@@ -20,7 +20,14 @@ from pytest_libero_max.pairing.clock import Clock
 from pytest_libero_max.pairing.watch import NO_WATCH, Watch
 from pytest_libero_max.policies.check import Actions, ask, notes_of, require_spec, show, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, Observation, World, WorldState
+from pytest_libero_max.worlds.contract import (
+    NOOP_ACTION,
+    Control,
+    ImageSize,
+    Observation,
+    World,
+    WorldState,
+)
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
@@ -276,7 +283,7 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
     )
 
 
-def _look(world: World, cameras: tuple[str, ...], size: int) -> dict[str, NDArray[Any]]:
+def _look(world: World, cameras: tuple[str, ...], size: ImageSize) -> dict[str, NDArray[Any]]:
     if not cameras:
         return {}
     observation = world.observe(cameras, size)

@@ -159,10 +159,10 @@ def block_changes(before: Image, now: Image) -> Array:
 
     Rows and columns that are left over are not looked at.
     """
-    side = before.shape[0] // BLOCKS
-    end = BLOCKS * side
-    difference = np.abs(before[:end, :end].astype(np.int16) - now[:end, :end]).mean(axis=2)
-    blocks: Array = difference.reshape(BLOCKS, side, BLOCKS, side).mean(axis=(1, 3))
+    high, wide = (side // BLOCKS for side in before.shape[:2])
+    part = slice(BLOCKS * high), slice(BLOCKS * wide)
+    difference = np.abs(before[part].astype(np.int16) - now[part]).mean(axis=2)
+    blocks: Array = difference.reshape(BLOCKS, high, BLOCKS, wide).mean(axis=(1, 3))
     return blocks
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, Control, Observation, World
+from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, World
 
 Arm = Literal["base", "dynamic"]
 
@@ -35,7 +35,7 @@ class PolicySpec:
         horizon: H, the most actions a query may return.
         query_interval: Q, how many of them are executed before the next query; at most H.
         cameras: The images it wants in every observation. None are rendered for an empty tuple.
-        image_size: Side of the square images, pixels.
+        image_size: Side of square images, or height and width, pixels.
         privileged: Whether it reads the simulator's state through ``episode.world``.
         repeatable: Whether the same observation and query give the same bytes again. The pair runner checks
             it on policies without a snapshot; False, for a server whose arithmetic varies, switches that
@@ -58,7 +58,7 @@ class PolicySpec:
     horizon: int = 1
     query_interval: int = 1
     cameras: tuple[str, ...] = CAMERAS
-    image_size: int = 256
+    image_size: ImageSize = 256
     privileged: bool = False
     repeatable: bool = True
     revision: str | None = None
@@ -70,8 +70,9 @@ class PolicySpec:
     def __post_init__(self) -> None:
         if not self.name:
             raise AdapterError("name='' but a policy needs a name; it labels the report.")
-        for field in ("horizon", "query_interval", "image_size"):
-            object.__setattr__(self, field, self._count(field))
+        for field in ("horizon", "query_interval"):
+            object.__setattr__(self, field, self._count(field, getattr(self, field)))
+        object.__setattr__(self, "image_size", self._size())
         if self.revision is not None and not (isinstance(self.revision, str) and self.revision):
             raise AdapterError(
                 f"revision={self.revision!r} of policy {self.name!r}, but must be None or a string that is "
@@ -117,9 +118,20 @@ class PolicySpec:
                 )
         return tuple(sorted({*self.suites}))
 
-    def _count(self, field: str) -> int:
-        """A field as a plain int, so that NumPy's integers can be written as JSON."""
-        value = getattr(self, field)
+    def _size(self) -> ImageSize:
+        """The size of the images; one number where they are square, so that it is told in one way."""
+        value = self.image_size
+        if not isinstance(value, list | tuple):
+            return self._count("image_size", value)
+        if len(value) != 2:
+            raise AdapterError(
+                f"image_size={value!r} of policy {self.name!r}, but must be a side, or height and width."
+            )
+        height, width = (self._count("image_size", side) for side in value)
+        return height if height == width else (height, width)
+
+    def _count(self, field: str, value: Any) -> int:
+        """A number as a plain int, so that NumPy's integers can be written as JSON."""
         try:
             count = operator.index(value)
         except TypeError:
@@ -137,6 +149,8 @@ class PolicySpec:
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON types; without those from ``suites`` on where they are at their defaults."""
         values = {**asdict(self), "cameras": list(self.cameras)}
+        if isinstance(self.image_size, tuple):
+            values["image_size"] = list(self.image_size)
         names = ("suites", "control", "wrappers", "history")
         suites, control, wrappers, history = (values.pop(name) for name in names)
         if suites is not None:

@@ -88,16 +88,17 @@ def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -
     for name, array in told.items():
         image = as_image(array)
         if image is not None:
-            for part, half in _halves(name, image):
+            for part, half in _halves(name, image, observation):
                 yield from _one_image(part, half, observation, next(names, None))
         elif array.dtype.kind == "f":
             yield from _one_state(name, array.ravel(), observation)
 
 
-def _halves(name: str, image: Image) -> list[tuple[str, Image]]:
-    """An image twice as wide as high is two, side by side."""
+def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str, Image]]:
+    """An image twice as wide as high is two, side by side, unless the world delivers such images."""
     height, width = image.shape[:2]
-    if width != 2 * height:
+    delivered = (value.shape[:2] for key, value in observation.items() if key.endswith("_image"))
+    if width != 2 * height or any(high * 2 == wide for high, wide in delivered):
         return [(name, image)]
     return [(f"{name}, left", image[:, :height]), (f"{name}, right", image[:, height:])]
 

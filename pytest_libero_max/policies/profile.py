@@ -36,6 +36,7 @@ SECTIONS: Mapping[str, tuple[str, ...]] = {
         "codec",
         "dialect",
         "declared_by_server",
+        "every_step",
         "suites",
     ),
     "inputs": (),

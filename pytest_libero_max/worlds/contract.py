@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+ImageSize = int | tuple[int, int]
+"""Side of a square image, or height and width, pixels."""
 Observation = Mapping[str, NDArray[Any]]
 """LIBERO's own keys: ``agentview_image``, ``robot0_eye_in_hand_image`` ((H, W, 3) uint8, OpenGL row
 order, so ``image[::-1]`` is upright), ``robot0_eef_pos`` (3, m, world), ``robot0_eef_quat`` (4, xyzw),
@@ -49,6 +51,11 @@ arm never reaches."""
 
 Goal = tuple[tuple[str, ...], ...]
 """Predicates that must all hold, as BDDL writes them: ``(("on", "akita_black_bowl_1", "plate_1"),)``."""
+
+
+def height_and_width(size: ImageSize) -> tuple[int, int]:
+    """Height and width of an image, pixels."""
+    return (size, size) if isinstance(size, int) else size
 
 
 @dataclass(frozen=True)
@@ -215,8 +222,11 @@ class World(Protocol):
         """
         ...
 
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
-        """Proprioception, and a (size, size, 3) uint8 image for each camera named (:data:`Observation`)."""
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+        """Proprioception, and a (H, W, 3) uint8 image for each camera named (:data:`Observation`).
+
+        The height decides how much is seen from top to bottom; a wider image shows more on both sides.
+        """
         ...
 
     def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:

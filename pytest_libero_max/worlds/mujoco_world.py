@@ -28,6 +28,7 @@ from pytest_libero_max.worlds.contract import (
     Entity,
     Goal,
     Image,
+    ImageSize,
     PixelFilter,
     Semantics,
     WorldState,
@@ -254,7 +255,7 @@ class MujocoWorld(ABC):
             raise SubstrateError(f"control={control!r}. {did_you_mean(str(control), get_args(Control))}")
         self._control = control
 
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         observation: dict[str, NDArray[Any]] = dict(self._proprioception())
         for camera in cameras:
             observation[f"{camera}_image"] = self._image(camera, size)
@@ -473,7 +474,7 @@ class MujocoWorld(ABC):
         self._data.qvel[dofs] = 0.0
         self._data.qacc_warmstart[dofs] = 0.0  # the solver must not start from forces felt elsewhere
 
-    def _drawn(self, camera: str, size: int) -> Image:
+    def _drawn(self, camera: str, size: ImageSize) -> Image:
         """An image as it comes from the renderer, which exists by now."""
         assert self._renderer is not None
         return self._renderer.render(camera, size)
@@ -490,7 +491,7 @@ class MujocoWorld(ABC):
 
         return Renderer(self._model, self._data)
 
-    def _image(self, camera: str, size: int) -> Image:
+    def _image(self, camera: str, size: ImageSize) -> Image:
         if self._renderer is None:
             self._renderer = self._new_renderer()
         image = self._drawn(camera, size)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The names of the episodes that are played, without a simulator; the second is not solved."""
     names: list[str] = []
 
-    def record(plan: Planned, world: Any, policy: Any, image_size: int) -> Demonstration:
+    def record(plan: Planned, world: Any, policy: Any, image_size: int, disturbed: float) -> Demonstration:
         names.append(plan.name)
         return {0: demo(5), 1: demo(9, success=False), 2: demo(6, event_step=2)}[PLANS.index(plan)]
 
@@ -74,6 +75,25 @@ def test_episodes_are_kept_and_not_played_again(tmp_path: Path, played: list[str
     assert (loaded.event_step, loaded.instruction) == (2, "do 0")
     assert about["event"] == "target_relocation"
     assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_what_was_executed_is_kept_where_it_is_not_what_the_expert_wanted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, played: list[str]
+) -> None:
+    (plain,) = collect(PLANS[:1], tmp_path / "plain", Settings())
+    executed = demo(5).actions + 0.5
+    monkeypatch.setattr(collection, "record", lambda *args: replace(demo(5), executed=executed))
+    (pushed,) = collect(PLANS[:1], tmp_path / "pushed", Settings(disturbed=0.25))
+    assert plain.path is not None
+    assert load(plain.path)[0].executed is None
+    assert pushed.path is not None
+    loaded, _ = load(pushed.path)
+    assert (loaded.actions == demo(5).actions).all()
+    assert loaded.executed is not None
+    assert (loaded.executed == executed).all()
+    assert "disturbed" not in (tmp_path / "plain" / "demos.json").read_text()
+    with pytest.raises(OptionError, match=r"was begun with .*'disturbed': 0.25"):
+        collect(PLANS[:1], tmp_path / "pushed", Settings())
 
 
 def test_the_same_episodes_give_the_same_bytes(tmp_path: Path, played: list[str]) -> None:
@@ -167,3 +187,5 @@ def test_the_command_records_on_the_embedded_scenes(
     assert about["event"] is None
     assert main([*command[:-4], "--inits", "10", "--image-size", "16"]) == 1
     assert "not an initial state" in capsys.readouterr().err
+    assert main([*command, "--disturb", "2"]) == 1
+    assert "--disturb is 2.0, but must be from 0 to 1" in capsys.readouterr().err

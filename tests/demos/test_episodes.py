@@ -64,6 +64,30 @@ def test_base_and_dynamic_are_the_same_until_the_event_and_show_it_at_once(world
     assert (images[0][step] != images[1][step]).any()
 
 
+def test_a_disturbed_hand_is_recorded_with_what_the_expert_wanted(world: Solvable) -> None:
+    plan = Planned(make_case(), "base")
+    plain = record(plan, world, Reach(), 16)
+    pushed, again = (record(plan, world, Reach(), 16, disturbed=0.5) for _ in range(2))
+    assert plain.executed is None
+    assert pushed.executed is not None
+    assert again.executed is not None
+    assert pushed.executed.tobytes() == again.executed.tobytes()
+    aside = np.abs(pushed.executed - pushed.actions).max(axis=1) > 0
+    # A push lasts from one query to the next; Q is 5, and 12 steps have 3 queries.
+    assert sorted({bool(aside[step]) for step in (0, 5, 10)}) == [False, True]
+    assert all(len({*aside[step : step + 5]}) == 1 for step in (0, 5, 10))
+    assert (np.abs(pushed.executed) <= 1).all()
+    assert (pushed.executed[:, 6] == pushed.actions[:, 6]).all()
+    # The expert answers to where the hand is after the push.
+    first = int(np.flatnonzero(aside)[0])
+    assert (pushed.actions[first] == plain.actions[first]).all()
+    hand = pushed.observations["robot0_eef_pos"]
+    after = next(step for step in (5, 10) if step > first)
+    wanted = np.clip((np.array([0.1, -0.1, 0.5]) - hand[after]) / 0.05, -1, 1)
+    assert np.allclose(pushed.actions[after, :3], wanted)
+    assert not np.allclose(hand[after], plain.observations["robot0_eef_pos"][after], atol=1e-3)
+
+
 def test_an_episode_that_does_not_reach_the_goal_is_no_success() -> None:
     class Brief(ShortCase):
         @property

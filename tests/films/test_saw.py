@@ -173,3 +173,15 @@ def test_an_instruction_that_has_changed_is_said(
     other = replace(played, case=replace(played.case, instruction="put the plate away"))
     monkeypatch.setattr(type(other.case), "digest", played.record.case_digest)
     assert _ticks(other, ADAPTER)[0].views["base"].words == ("query 0 at step 0", "put the plate away")
+
+
+def test_wide_images_are_shown_as_the_policy_got_them(short: None, tmp_path: Path) -> None:
+    policy = Approaching(horizon=5, interval=3, cameras=("agentview",))
+    policy.spec = replace(policy.spec, image_size=(24, SIZE))
+    played = play(tmp_path, policy=policy)
+    ticks = _ticks(played, ADAPTER)
+    assert {name for tick in ticks for view in tick.views.values() for name in view.images} == {
+        f"agentview {SIZE}x24"
+    }
+    shown = next(iter(ticks[0].views["base"].images.values()))
+    assert np.array_equal(shown[4:28], policy.views[0][::-1]) or np.array_equal(shown[4:28], policy.views[0])

@@ -14,7 +14,7 @@ from pytest_libero_max.changes import MoveObject, SetSensorCorruption, ShiftCame
 from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, ImageSize, Observation
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 BUDGET = 50
@@ -122,7 +122,7 @@ class Looking(Solvable):
 
     images = 0
 
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: int = 256) -> dict[str, NDArray[Any]]:
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         self.images += len(cameras)
         return super().observe(cameras, size)
 

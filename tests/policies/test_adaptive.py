@@ -102,6 +102,16 @@ def test_steady_movement_is_no_surprise_and_a_jump_is_one() -> None:
     assert surprise(*steady) < SURPRISE < surprise(steady[0], jump)
 
 
+def test_all_of_a_wide_image_is_watched() -> None:
+    before = np.zeros((48, 96, 3), np.uint8)
+    now = before.copy()
+    now[:, 90:] = 200
+    changes = block_changes(before, now)
+    assert changes.shape == (16, 16)
+    assert (changes[:, 15] == 200).all()
+    assert not changes[:, :15].any()
+
+
 def test_privileged_watches_objects_that_are_not_held(world: TinyWorld) -> None:
     case = make_case("target_relocation")
     fixed = Approaching(horizon=20, interval=20, privileged=True)

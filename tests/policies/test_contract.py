@@ -29,6 +29,18 @@ def test_a_horizon_is_an_integer_of_at_least_one(value: Any) -> None:
         PolicySpec("p", horizon=value)
 
 
+def test_images_are_square_or_have_a_height_and_a_width() -> None:
+    wide = PolicySpec("p", image_size=(480, np.int64(640)))  # type: ignore[arg-type]
+    assert wide.image_size == (480, 640)
+    written = json.loads(json.dumps(wide.to_dict()))
+    assert written["image_size"] == [480, 640]
+    assert PolicySpec("p", image_size=written["image_size"]) == wide
+    assert PolicySpec("p", image_size=(256, 256)) == PolicySpec("p")
+    for value in ((480,), (480, 640, 3), (480, 0), (480, 5000), "480"):
+        with pytest.raises(AdapterError, match=r"^image_size=.* of policy 'p'"):
+            PolicySpec("p", image_size=value)  # type: ignore[arg-type]
+
+
 def test_a_revision_is_part_of_the_spec() -> None:
     assert PolicySpec("p").to_dict()["revision"] is None
     assert PolicySpec("p", revision="3f2a91").to_dict()["revision"] == "3f2a91"

@@ -196,6 +196,13 @@ def load_served(
     if len(kinds) > 1 and policy.greeting.get("memory") is True:
         policy.client.close()
         policy = connected(kinds[2] if policy.greeting.get("sees") is True else kinds[1])
+    if profile.get("policy", "every_step", False) and not hasattr(policy, "see"):
+        policy.client.close()
+        raise AdapterError(
+            f"Profile {profile.name!r} is for a policy that sees every step, but the server at {address} is "
+            "shown queries alone. Serve an adapter with see(observation, step), snapshot() and "
+            "restore(memory) by `libero-max serve`."
+        )
     return policy
 
 

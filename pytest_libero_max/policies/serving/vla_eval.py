@@ -29,7 +29,7 @@ from pytest_libero_max.policies.servers.codecs import VLA_EVAL, Dialect, array_f
 from pytest_libero_max.policies.servers.vla_eval import PROTOCOL_VERSION
 from pytest_libero_max.policies.serving.host import Host, Question
 from pytest_libero_max.policies.serving.memories import Place
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.contract import CAMERAS, height_and_width
 
 if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection
@@ -149,15 +149,15 @@ class Session:
         self._queue.extend(answer.actions[: self._spec.query_interval])
 
     def _observation(self, payload: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-        images, size = payload.get("images"), self._spec.image_size
+        images, shape = payload.get("images"), (*height_and_width(self._spec.image_size), 3)
         images = images if isinstance(images, Mapping) else {}
         observation: dict[str, NDArray[Any]] = {}
         for camera in self._spec.cameras:
             name = _IMAGES.get(camera, camera)
             image = images.get(name)
-            if not isinstance(image, np.ndarray) or (image.dtype, image.shape) != (np.uint8, (size, size, 3)):
+            if not isinstance(image, np.ndarray) or (image.dtype, image.shape) != (np.uint8, shape):
                 seen = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else "not there"
-                raise ServerError(f"images[{name!r}] is {seen}, but the policy wants uint8 {(size, size, 3)}")
+                raise ServerError(f"images[{name!r}] is {seen}, but the policy wants uint8 {shape}")
             observation[f"{camera}_image"] = rotate_180(image)
         if "states" in payload:
             states = payload["states"]

@@ -26,7 +26,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
-from pytest_libero_max.worlds.contract import Array, Entity, EntityKind, Goal, Image, PixelFilter, Semantics
+from pytest_libero_max.worlds.contract import (
+    Array,
+    Entity,
+    EntityKind,
+    Goal,
+    Image,
+    ImageSize,
+    PixelFilter,
+    Semantics,
+)
 from pytest_libero_max.worlds.libero.environment import Built
 from pytest_libero_max.worlds.libero.graspable_parts import graspable_parts_of
 from pytest_libero_max.worlds.privileged import Fact, GraspablePart, facts
@@ -399,7 +408,7 @@ class LiberoWorld(RobosuiteWorld):
         self._view = mujoco.MjData(self._model)
         return Renderer(self._model, self._view, reflections=True)
 
-    def _image(self, camera: str, size: int) -> Image:
+    def _image(self, camera: str, size: ImageSize) -> Image:
         self._look()
         return super()._image(camera, size)
 
@@ -416,7 +425,7 @@ class LiberoWorld(RobosuiteWorld):
         mujoco.mj_kinematics(self._model, self._view)
         mujoco.mj_camlight(self._model, self._view)
 
-    def _drawn(self, camera: str, size: int) -> Image:
+    def _drawn(self, camera: str, size: ImageSize) -> Image:
         image = super()._drawn(camera, size)
         # A look out of turn is taken from the environment inside the wrapper, which adds the noise.
         return image if self._noise is None or self._fresh else self._noise(image, camera, self._steps)

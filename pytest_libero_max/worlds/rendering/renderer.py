@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
-from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.contract import Image, ImageSize, height_and_width
 from pytest_libero_max.worlds.rendering import egl, gl
 
 gl.prepare()
@@ -57,15 +57,16 @@ class Renderer:
         self._side = 0
         self._shadows = False
 
-    def render(self, camera: str, size: int) -> Image:
-        """One image, (size, size, 3) uint8, freshly allocated, bottom row first.
+    def render(self, camera: str, size: ImageSize) -> Image:
+        """One image, (H, W, 3) uint8, freshly allocated, bottom row first.
 
         Raises:
             SubstrateError: No such camera, or a size that cannot be drawn.
             SimulatorError: No OpenGL backend is available.
         """
-        self._aim(camera, size)
-        return self._draw(size)
+        height, width = height_and_width(size)
+        self._aim(camera, height, width)
+        return self._draw(height, width)
 
     def segment(self, camera: str, size: int) -> NDArray[np.intp]:
         """The geom that each pixel shows, (size, size), bottom row first; -1 where there is none.
@@ -73,10 +74,10 @@ class Renderer:
         It is drawn without samples between pixels, so each shows one geom. The errors are those of
         :meth:`render`.
         """
-        self._aim(camera, size)
+        self._aim(camera, size, size)
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        codes = self._draw(size).astype(np.intp) @ (1, 2**8, 2**16)  # 0 is the background
+        codes = self._draw(size, size).astype(np.intp) @ (1, 2**8, 2**16)  # 0 is the background
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         shown = np.full(self._scene.ngeom + 1, -1, dtype=np.intp)
         for drawn in self._scene.geoms[: self._scene.ngeom]:
@@ -85,25 +86,27 @@ class Renderer:
         found: NDArray[np.intp] = shown[codes]
         return found
 
-    def _aim(self, camera: str, size: int) -> None:
+    def _aim(self, camera: str, height: int, width: int) -> None:
         """Set the scene up for one camera."""
         number = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
         if number < 0:
             known = [self._model.camera(i).name for i in range(self._model.ncam)]
             hint = did_you_mean(camera, known)
             raise SubstrateError(f"camera={camera!r} does not exist in this scene. {hint}")
-        if not 1 <= size <= MAX_SIZE:
-            raise SubstrateError(f"size={size!r}: images are 1 to {MAX_SIZE} pixels wide.")
-        self._prepare(size)
+        if not (1 <= height <= MAX_SIZE and 1 <= width <= MAX_SIZE):
+            raise SubstrateError(
+                f"size=({height}, {width}): images are 1 to {MAX_SIZE} pixels high and wide."
+            )
+        self._prepare(max(height, width))
         self._camera.fixedcamid = number
         mujoco.mjv_updateScene(
             self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
         )
 
-    def _draw(self, size: int) -> Image:
-        viewport = mujoco.MjrRect(0, 0, size, size)
+    def _draw(self, height: int, width: int) -> Image:
+        viewport = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(viewport, self._scene, self._context)
-        image: Image = np.empty((size, size, 3), dtype=np.uint8)
+        image: Image = np.empty((height, width, 3), dtype=np.uint8)
         mujoco.mjr_readPixels(image, None, viewport, self._context)
         return image
 

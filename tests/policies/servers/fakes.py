@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.policies.servers.codecs import OPENPI, VLA_EVAL, Dialect, pack, unpack
+from pytest_libero_max.worlds.contract import ImageSize, height_and_width
 
 QUIET = logging.getLogger("tests.fakes")
 QUIET.addHandler(logging.NullHandler())
@@ -31,11 +32,12 @@ def query(index: int = 0) -> Query:
     return Query(index, 5 * index, "put the Box on the plate", 1234 + index)
 
 
-def observation(size: int = 256) -> dict[str, NDArray[Any]]:
+def observation(size: ImageSize = 256) -> dict[str, NDArray[Any]]:
     """A red square in the first corner of the scene's image, a green one in the wrist's, and w < 0."""
-    scene, wrist = np.zeros((2, size, size, 3), dtype=np.uint8)
-    scene[: size // 8, : size // 8, 0] = 255
-    wrist[: size // 8, : size // 8, 1] = 255
+    height, width = height_and_width(size)
+    scene, wrist = np.zeros((2, height, width, 3), dtype=np.uint8)
+    scene[: height // 8, : width // 8, 0] = 255
+    wrist[: height // 8, : width // 8, 1] = 255
     return {
         "agentview_image": scene,
         "robot0_eye_in_hand_image": wrist,

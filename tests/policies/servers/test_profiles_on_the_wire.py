@@ -358,8 +358,8 @@ WRAPPED = [
 UNKNOWN = ("himem_wam",)
 """Of policies whose code could not be read."""
 POSING: dict[str, Look] = {"xvla": check_xvla, "vla_eval_xvla": check_vla_eval}
-ELSEWHERE = ("served",)
-"""Tested in ``test_host.py``, with its real server."""
+ELSEWHERE = ("served", "mimic_video")
+"""Tested in ``test_sockets.py`` and ``test_every_step.py``, with their real server."""
 TABLES_THAT_DIFFER = {"policy", "native", "sources"}
 """Of the profiles that extend ``vla_eval``: they ask the same."""
 

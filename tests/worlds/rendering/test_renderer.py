@@ -48,6 +48,20 @@ def test_images_have_the_asked_size_and_opengl_rows() -> None:
     assert agentview[8, 32].sum() > agentview[-1, 32].sum() + 100
 
 
+def test_a_wide_image_shows_what_the_square_one_shows_and_more_on_both_sides() -> None:
+    world = TinyWorld()
+    square = images(world, 48)
+    wide = world.observe(size=(48, 64))
+    for key, image in square.items():
+        assert wide[key].shape == (48, 64, 3)
+        middle = wide[key][:, 8:56].astype(int)
+        assert np.abs(middle - image).mean() < 0.5
+        assert np.abs(wide[key][:, :48].astype(int) - image).mean() > 4
+    assert world.observe(size=(64, 48))["agentview_image"].shape == (64, 48, 3)
+    with pytest.raises(SubstrateError, match=r"size=\(64, 0\)"):
+        world.observe(size=(64, 0))
+
+
 def test_an_image_does_not_depend_on_what_was_drawn_before() -> None:
     world = TinyWorld()
     small = images(world)
@@ -175,5 +189,5 @@ def test_a_camera_or_size_that_does_not_exist_is_refused() -> None:
     world = TinyWorld()
     with pytest.raises(SubstrateError, match=r"camera='agent'.*Did you mean 'agentview'"):
         world.observe(["agent"])
-    with pytest.raises(SubstrateError, match="size=0"):
+    with pytest.raises(SubstrateError, match=r"size=\(0, 0\)"):
         world.observe(size=0)
