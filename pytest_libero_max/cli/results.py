@@ -76,12 +76,20 @@ def add_commands(commands: Commands) -> None:
     published = commands.add_parser("published", help="Print the results published in the paper")
     published.set_defaults(run=_published)
 
-    merge = commands.add_parser("merge", help="Join the runs of shards into one")
+    merge = commands.add_parser(
+        "merge", help="Join the runs of shards into one; exit status 11 where pairs are missing"
+    )
     merge.add_argument(
         "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of the shards"
     )
     merge.add_argument(
         "--output", type=Path, required=True, metavar="FOLDER", help="Where the joined run is written"
+    )
+    merge.add_argument(
+        "--finished",
+        action="store_true",
+        help="Leave out the folders whose run has not ended or not begun, and say which; may be done again "
+        "when more have ended",
     )
     merge.set_defaults(run=_merge)
 
@@ -186,14 +194,17 @@ def _published(options: argparse.Namespace) -> None:
     print("\n".join(published_lines()))
 
 
-def _merge(options: argparse.Namespace) -> None:
+def _merge(options: argparse.Namespace) -> int:
+    from pytest_libero_max.report.exit_status import INCOMPLETE
     from pytest_libero_max.report.files import write_reports
-    from pytest_libero_max.report.merge import merge_folders
+    from pytest_libero_max.report.merge import finished, merge_folders
     from pytest_libero_max.report.summary import summary_lines
 
-    merge_folders(options.folders, options.output)
+    folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
+    merge_folders(folders, options.output)
     report, paths = write_reports(options.output)
-    print("\n".join(summary_lines(report, [str(path) for path in paths])))
+    print("\n".join([*left_out, *summary_lines(report, [str(path) for path in paths])]))
+    return 0 if report["pairs"]["complete"] else INCOMPLETE
 
 
 def _gate(options: argparse.Namespace) -> int:

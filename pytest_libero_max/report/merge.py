@@ -10,8 +10,9 @@ from pytest_libero_max.benchmark.selection import Selection, merged_selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.agreement import require_same_play, run_differences
+from pytest_libero_max.report.in_progress import read_mark
 from pytest_libero_max.report.run import PlannedPair, Run
-from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
+from pytest_libero_max.report.store import PairStore, StoredRun, pairs_file, read_pairs
 
 _MAY_DIFFER: Json = {"platform": {}, "gl_backend": None, "git": None, "command": []}
 """What pieces of one measurement may differ in, and what is said then."""
@@ -27,13 +28,15 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
         runs: Runs by a name for messages, for example their path.
 
     Raises:
-        ReportError: Fewer than two runs; they differ in policy, substrate, case set, protocol or versions, or
-            in something else that changes results; they are shards of different divisions; or a pair was
-            measured in two of them.
+        ReportError: Fewer than two runs, and not a single shard; they differ in policy, substrate, case set,
+            protocol or versions, or in something else that changes results; they are shards of different
+            divisions; or a pair was measured in two of them.
     """
-    if len(runs) < 2:
-        raise ReportError(f"{len(runs)} run given, but merging takes two or more.")
+    if not runs:
+        raise ReportError("No run given, but merging takes two or more.")
     first_name, first = next(iter(runs.items()))
+    if len(runs) < 2 and not (first.run.provenance.get("selection") or {}).get("shards"):
+        raise ReportError("1 run given that is no shard, but merging takes two or more.")
     planned: dict[str, PlannedPair] = {}
     records: dict[str, tuple[str, PairRecord]] = {}
     errors: dict[str, PairError] = {}
@@ -66,6 +69,25 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
         errors=tuple(errors[case_id] for case_id in sorted(errors) if case_id not in records),
         torn=False,
     )
+
+
+def finished(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
+    """The folders whose run has ended, and what is to be said of the others.
+
+    Raises:
+        ReportError: There is no such folder.
+    """
+    ended, said = [], []
+    for path in paths:
+        if not pairs_file(path).is_file():
+            said.append(f"Left out {path}: no run has begun there.")
+        elif path.is_dir() and read_mark(path) is not None:
+            said.append(f"Left out {path}: its run has not ended.")
+        else:
+            ended.append(path)
+    if not ended:
+        raise ReportError(" ".join([*said, "So there is nothing to merge yet."]))
+    return ended, said
 
 
 def merge_folders(paths: list[Path], output: Path) -> StoredRun:
