@@ -105,7 +105,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     if not valid:
         return ""
     few = len(valid) <= MOST_NAMED
-    close = difflib.get_close_matches(name, valid, n=1 if few else CLOSEST, cutoff=0.5)
+    close = difflib.get_close_matches(str(name), valid, n=1 if few else CLOSEST, cutoff=0.5)
     hint = f"Did you mean {close[0]!r}? " if close else ""
     if few:
         return f"{hint}Known: {', '.join(valid)}."

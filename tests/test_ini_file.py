@@ -42,3 +42,9 @@ def test_a_broken_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "pytest.ini").write_text("no section\n")
     with pytest.raises(OptionError, match=r"Cannot read .*pytest\.ini"):
         ini_lines("libero_max_gate", tmp_path)
+
+
+def test_a_file_that_is_nested_too_deeply_is_named(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text("x = " + "[" * 9999)
+    with pytest.raises(OptionError, match=r"Cannot read .*pyproject\.toml"):
+        ini_lines("libero_max_gate", tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import io
 import json
 import os
 import zlib
@@ -14,6 +15,11 @@ from typing import Any
 from pytest_libero_max.errors import ManifestError, did_you_mean
 
 Json = dict[str, Any]
+
+MOST_BYTES = 2**31
+"""What a packed file may unpack to. A run of 8,000 pairs has some 50 MB."""
+
+_PART = 2**20
 
 
 def canonical_json(value: Any) -> str:
@@ -35,10 +41,16 @@ def read_content(path: Path) -> bytes:
     content = path.read_bytes()
     if path.suffix != ".gz":
         return content
+    unpacked = io.BytesIO()
     try:
-        return gzip.decompress(content)
+        with gzip.open(io.BytesIO(content)) as file:
+            while part := file.read(_PART):
+                unpacked.write(part)
+                if unpacked.tell() > MOST_BYTES:
+                    raise OSError(f"{path} unpacks to more than {MOST_BYTES} bytes, as no document of ours")
     except (EOFError, zlib.error) as error:
         raise OSError(f"{path}: {error}") from error
+    return unpacked.getvalue()
 
 
 def slug(text: str) -> str:

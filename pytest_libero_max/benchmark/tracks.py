@@ -135,10 +135,14 @@ def read_checksums(folder: Path) -> dict[str, str]:
     """Digests of contents by name without ``.gz``.
 
     Raises:
-        ManifestError: The list is missing.
+        ManifestError: The list is missing or damaged.
     """
     try:
         lines = (folder / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+        return {name: digest for digest, name in (line.split() for line in lines)}
     except OSError as error:
         raise ManifestError(f"{error}. The installation is incomplete; install the package again.") from error
-    return {name: digest for digest, name in (line.split() for line in lines)}
+    except ValueError as error:
+        raise ManifestError(
+            f"{folder / CHECKSUMS} is damaged ({error}): each line is a digest and a name. Restore it."
+        ) from error

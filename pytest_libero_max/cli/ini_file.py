@@ -35,7 +35,7 @@ def ini_lines(option: str, start: Path) -> list[str]:
             if path.is_file():
                 try:
                     settings = _settings(path)
-                except (OSError, ValueError, iniconfig.ParseError) as error:
+                except (OSError, ValueError, RecursionError, iniconfig.ParseError) as error:
                     raise OptionError(f"Cannot read {path}: {error}. Mend it or give the option.") from error
                 if settings is not None:
                     value = settings.get(option, [])

@@ -42,7 +42,17 @@ class Certificate:
 
     @classmethod
     def from_dict(cls, value: dict[str, Any]) -> Certificate:
-        return cls(**value)
+        """Read what :meth:`to_dict` wrote.
+
+        Raises:
+            TypeError: It has other fields.
+            ValueError: A value is none that a certificate can have.
+        """
+        found = cls(**value)
+        steps = (found.trigger_step, found.steps)
+        if found.ending not in ENDINGS or any(type(n) is not int for n in steps if n is not None):
+            raise ValueError(f"no certificate: {value!r:.200}")
+        return found
 
 
 def certify(world: World, case: Case, expert: Policy) -> Certificate:

@@ -19,7 +19,7 @@ from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
 from pytest_libero_max.construction.certificates import Certificate, certify
 from pytest_libero_max.construction.preflight import Preflight, Problem, preflight
-from pytest_libero_max.errors import ChangeError, SubstrateError
+from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError
 from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
@@ -175,6 +175,9 @@ class Ledger(Generic[Found]):
     Args:
         path: The file, which need not exist. A last line that was cut off is removed from it.
         kind: What a line holds.
+
+    Raises:
+        ManifestError: A line is damaged.
     """
 
     def __init__(self, path: Path, kind: type[Found]) -> None:
@@ -183,9 +186,15 @@ class Ledger(Generic[Found]):
         self.found: dict[str, Found] = {}
         if path.exists():
             cut_torn_line(path)
-            for line in path.read_bytes().splitlines():
-                case_id, digest, found = json.loads(line)
-                self._digests[case_id], self.found[case_id] = digest, kind.from_dict(found)
+            for number, line in enumerate(path.read_bytes().splitlines(), start=1):
+                try:
+                    case_id, digest, found = json.loads(line)
+                    self._digests[case_id], self.found[case_id] = digest, kind.from_dict(found)
+                except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+                    raise ManifestError(
+                        f"{path}, line {number} is damaged ({type(error).__name__}: {error}). Remove the "
+                        "line; its case is examined again."
+                    ) from error
 
     def of(self, case: Case) -> Found | None:
         """What was found about this very case."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.array_files import read_arrays
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import RolloutResult
@@ -84,9 +84,8 @@ def read_trace(path: Path, record: PairRecord) -> dict[str, ArmTrace]:
         ReportError: It cannot be read, or is not of a pair with this record.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        arrays = read_arrays(path)
+    except (OSError, ValueError) as error:
         raise ReportError(
             f"Cannot read the trace {path}: {error}. Play the pair again with --libero-max-traces=all."
         ) from error

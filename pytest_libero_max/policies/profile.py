@@ -163,7 +163,7 @@ def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
         raise AdapterError(f"profile={text!r} extends itself. Let it extend a profile of this package.")
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise AdapterError(f"profile={text!r} cannot be read: {error}. Repair the file.") from None
     extends = content.pop("extends", None)
     _check(content, path)

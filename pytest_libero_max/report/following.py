@@ -27,6 +27,9 @@ from pytest_libero_max.report.store import PACKED_PAIRS_NAME, PAIRS_NAME, decode
 
 State = Literal["running", "ended", "killed", "unknown"]
 
+_LONGEST_S = 1e9
+"""No run has lasted for thirty years."""
+
 QUIET_S = 600.0
 """A run that has noted nothing for so long is said to be quiet. A pair takes seconds to minutes."""
 
@@ -189,8 +192,10 @@ class Follower:
             since = {str(name): now - float(begun) for name, begun in noted["playing"].items()}
             before = int(noted["before"])
             workers = {str(name): str(worker) for name, worker in noted.get("workers", {}).items()}
-        except (AttributeError, KeyError, TypeError, ValueError):
+        except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
             return Progress(planned, self._counts)
+        if not all(abs(seconds) < _LONGEST_S for seconds in (now - began, *since.values())):
+            return Progress(planned, self._counts)  # no clock says that, NaN included
         age_s = mark.age_s if mark is not None else 0.0
         playing = {name: seconds + age_s for name, seconds in since.items()}
         return Progress(planned, self._counts, before, now - began + age_s, playing, workers)

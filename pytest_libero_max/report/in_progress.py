@@ -146,7 +146,7 @@ def read_mark(folder: Path) -> SeenMark | None:
         return None
     try:
         noted = json.loads(rest)
-    except ValueError:  # nothing is noted yet, or it was read while it was being written
+    except (ValueError, RecursionError):  # nothing is noted yet, or it was read while it was being written
         noted = {}
     here = owner.endswith(f" on {socket.gethostname()}")
     locked = None if free is None else not free

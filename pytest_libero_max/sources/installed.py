@@ -19,7 +19,7 @@ from pytest_libero_max.worlds.libero.installation import Flavour, Installation
 from pytest_libero_max.worlds.libero.lacking import PlusNeeds, first_of, plus_category, pro_lacks
 from pytest_libero_max.worlds.libero.plus import base_name, description_file
 from pytest_libero_max.worlds.libero.pro_tasks import places, with_occluder
-from pytest_libero_max.worlds.libero.tasks import sentence, task_names, task_of, words_of
+from pytest_libero_max.worlds.libero.tasks import sentence, task_names, task_of, text_of, words_of
 
 CLASSIFICATION = Path("benchmark", "task_classification.json")
 """Where a checkout of LIBERO-Plus lists categories and difficulties of its tasks; its package does not."""
@@ -156,10 +156,7 @@ class InstalledCatalogue:
     def _described_in(self, file: Path, *, occluded: bool = False) -> Description:
         key = file, occluded
         if key not in self._described:
-            try:
-                text = file.read_text(encoding="utf-8")
-            except OSError as error:
-                raise SubstrateError(f"Cannot read {str(file)!r}: {error}. Restore it.") from error
+            text = text_of(file)
             self._described[key] = describe(with_occluder(text) if occluded else text)
         return self._described[key]
 

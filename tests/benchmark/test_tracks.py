@@ -41,3 +41,10 @@ def test_files_are_written_with_the_same_bytes_every_time(tmp_path: Path) -> Non
         tracks.write_frozen(path, "[1, 2]\n")
     assert one.read_bytes() == other.read_bytes()
     assert tracks.content_of(one) == b"[1, 2]\n"
+
+
+@pytest.mark.parametrize("content", [b"one two three\n", b"\xff\n", b"\n"])
+def test_a_damaged_list_of_checksums_is_named(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / tracks.CHECKSUMS).write_bytes(content)
+    with pytest.raises(ManifestError, match=f"{tracks.CHECKSUMS} is damaged"):
+        tracks.read_checksums(tmp_path)

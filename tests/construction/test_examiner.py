@@ -22,7 +22,7 @@ from pytest_libero_max.construction.examiner import (
 )
 from pytest_libero_max.construction.preflight import Preflight, Problem
 from pytest_libero_max.construction.visibility import Sight
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.experts import noop
 from pytest_libero_max.worlds.kind import SubstrateOptions
 from tests.construction.test_preflight import case_of, insertion, move
@@ -175,3 +175,23 @@ def test_genuine_cases_are_sorted_without_the_packages_own_catalogues(tmp_path: 
     assert [case.task_index for case in sorted(cases, key=order)] == [3, 7]
     with pytest.raises(SubstrateError):
         sorted(cases, key=scene_order("libero", SubstrateOptions(variations="own")))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"5",
+        b"[1, 2]",
+        b"\xff",
+        b"[" * 9999,
+        b'[[], "0", {"ending": "solved"}]',
+        b'["a", "0", {"x": 1}]',
+        b'["a", "0", {"ending": "won"}]',
+        b'["a", "0", {"ending": "solved", "steps": "90"}]',
+    ],
+)
+def test_a_damaged_line_of_what_was_found_is_named(tmp_path: Path, line: bytes) -> None:
+    path = tmp_path / "found"
+    path.write_bytes(b'["b", "1", {"ending": "solved", "trigger_step": 3, "steps": 90}]\n' + line + b"\n")
+    with pytest.raises(ManifestError, match=r"found, line 2 is damaged .* Remove the line"):
+        Ledger(path, Certificate)

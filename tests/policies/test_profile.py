@@ -78,6 +78,7 @@ def test_a_profile_of_ones_own_replaces_what_it_names_and_files_lie_beside_it(tm
         ('extends = "mine.toml"', "extends itself"),
         ('extends = "pi05_librero"', "Did you mean 'pi05_libero'"),
         ('extends = "other.toml"', "no such profile. Check the path"),
+        ("x = " + "[" * 9999, "cannot be read"),
     ],
 )
 def test_a_damaged_profile_is_refused_with_the_reason(text: str, message: str, tmp_path: Path) -> None:
@@ -97,6 +98,7 @@ def test_a_damaged_profile_is_refused_with_the_reason(text: str, message: str, t
         ('[inputs.image]\nfrom = "agentview_image"\nstep = []', r"inputs\.image\.step is unknown"),
         ('[inputs.image]\nfrom = "agentview_image"\nsteps = ["rotate"]', "Did you mean 'rotate_180'"),
         ('[inputs.state]\njoin = ["positon"]', "Did you mean 'position'"),
+        ("[inputs.state]\njoin = [7]", "joins 7"),
         ('[instruction]\nsteps = ["upper"]', "no step"),
         ('[actions]\nsteps = ["gripper"]', "no step"),
         ('[actions]\nstatistics = "none.json"', "cannot be read"),

@@ -197,3 +197,23 @@ def test_what_watch_cannot_use_is_refused(tmp_path: Path, capsys: pytest.Capture
     assert "holds no run that has begun" in capsys.readouterr().err
     assert main(["watch", str(tmp_path), "--interval=0"]) == 1
     assert "--interval=0.0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "noted",
+    [
+        "[" * 9999,
+        '{"began": 1e999, "now": 0, "before": 0, "playing": {}}',
+        '{"began": 0, "now": 1e308, "before": 0, "playing": {}}',
+        '{"began": 0, "now": NaN, "before": Infinity, "playing": {"x": 1}}',
+        '{"began": 0, "now": ' + "9" * 400 + ', "before": 0, "playing": {}}',
+    ],
+)
+def test_a_note_that_no_clock_can_have_made_is_left_aside(tmp_path: Path, noted: str) -> None:
+    store = _begin(tmp_path)
+    mark = tmp_path / MARK_NAME
+    mark.write_text(mark.read_text().partition("\n")[0] + "\n" + noted)
+    seen = Follower(tmp_path).look()
+    assert seen.progress.seconds is None
+    assert seen.lines(1e9)
+    store.close()

@@ -156,7 +156,7 @@ def read_statistics(path: Path, key: str | None = None, rule: Rule = "bounds") -
     """
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise AdapterError(
             f"Statistics file {str(path)!r} cannot be read: {error}. Check the path."
         ) from None
@@ -184,11 +184,11 @@ def _statistics(entry: Any, rule: Rule, where: str) -> Statistics:
         )
     try:
         numbers = [np.array(action[name], dtype=np.float64) for name in (low, high)]
-    except (TypeError, ValueError) as error:
+        mask = np.array(action.get("mask", np.ones(numbers[0].shape)), dtype=bool)
+    except (TypeError, ValueError, OverflowError) as error:
         raise AdapterError(
-            f"Statistics {where}: action.{low} and action.{high} are no numbers ({error})."
+            f"Statistics {where}: action.{low}, action.{high} or action.mask are no numbers ({error})."
         ) from None
-    mask = np.array(action.get("mask", np.ones(numbers[0].shape)), dtype=bool)
     return Statistics(numbers[0], numbers[1], mask, rule)
 
 

@@ -29,7 +29,7 @@ def declared_spec(greeting: Any) -> PolicySpec:
         raise ServerError("the greeting declares no spec: this is no server of `libero-max serve`")
     try:
         return PolicySpec(**values)
-    except (AdapterError, TypeError) as error:
+    except (AdapterError, TypeError, ValueError) as error:
         raise ServerError(f"the greeting declares a spec that cannot be used: {error}") from error
 
 

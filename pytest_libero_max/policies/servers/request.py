@@ -149,9 +149,14 @@ class Request:
                 value = step(value)
         except AdapterError as error:
             raise AdapterError(f"{self._where}, inputs.{name}: {error}") from None
-        if item.dtype is not None:
-            value = value.astype(item.dtype)
-        return value if item.shape is None else value.reshape(item.shape)
+        try:
+            value = value if item.dtype is None else value.astype(item.dtype)
+            return value if item.shape is None else value.reshape(item.shape)
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise AdapterError(
+                f"{self._where}, inputs.{name}: dtype={item.dtype!r} and shape={item.shape!r} do not fit "
+                f"{getattr(value, 'shape', type(value).__name__)}: {error}."
+            ) from error
 
 
 _QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = {

@@ -43,7 +43,7 @@ class VlaEvalLink:
         seq = self._send("hello", {**greeting, "benchmark": "libero-max"})
         payload = self._read("hello", seq)
         version = payload.get("protocol_version")
-        if version != PROTOCOL_VERSION:
+        if not isinstance(version, int) or version != PROTOCOL_VERSION:
             raise ServerError(
                 f"the server speaks version {version!r} of the protocol, but this side speaks version "
                 f"{PROTOCOL_VERSION}"
@@ -85,12 +85,13 @@ class VlaEvalLink:
         if not isinstance(message, dict) or not isinstance(message.get("payload"), dict):
             raise ServerError("a message is no map with a map as 'payload'")
         payload: dict[Any, Any] = message["payload"]
-        if message.get("type") == "error":
+        said, number = str(message.get("type")), message.get("seq")
+        if said == "error":
             raise ServerError(f"the server reports an error: {shortened(str(payload.get('error')))}")
-        if message.get("type") != kind or message.get("seq") != seq:
+        if said != kind or not isinstance(number, int) or number != seq:
             raise ServerError(
-                f"a message of type {shortened(str(message.get('type')))} with seq {message.get('seq')!r} "
-                f"came, but {kind!r} with seq {seq} was expected"
+                f"a message of type {shortened(said)} with seq {shortened(str(number))} came, but {kind!r} "
+                f"with seq {seq} was expected"
             )
         return payload
 
@@ -135,9 +136,14 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
             "closes. Start the server so that it converts it, as vla-eval's own configuration for LIBERO "
             "does."
         )
+    if not isinstance(layout.get("observation"), dict) or not isinstance(
+        layout["observation"].get("images", {}), dict
+    ):
+        raise AdapterError("The profile's request lacks an 'observation' whose 'images' are a table.")
     observation = dict(layout["observation"])
     if not parameters.get("send_wrist_image"):
-        observation["images"] = {key: image for key, image in observation["images"].items() if key != "wrist"}
+        images = observation.get("images", {})
+        observation["images"] = {key: image for key, image in images.items() if key != "wrist"}
     if not parameters.get("send_state"):
         observation = {key: value for key, value in observation.items() if key[-6:] != "states"}
     elif parameters.get("quat_no_antipodal"):
@@ -161,10 +167,15 @@ def _declared(greeting: Any) -> tuple[dict[Any, Any], dict[Any, Any]]:
     formats = greeting.get("action_spec") or {}
     if not isinstance(parameters, dict) or not isinstance(formats, dict):
         raise ServerError("the greeting's 'observation_params' and 'action_spec' must be maps")
+    if any(isinstance(value, np.ndarray) for value in parameters.values()):
+        raise ServerError("the greeting's 'observation_params' hold an array, but must be flags")
     return parameters, formats
 
 
-def _format(formats: dict[Any, Any], name: str) -> Any:
+def _format(formats: dict[Any, Any], name: str) -> str | None:
     """The format of one part of the actions; None where the server does not say."""
     part = formats.get(name)
-    return part.get("format") if isinstance(part, dict) else None
+    word = part.get("format") if isinstance(part, dict) else None
+    if word is not None and not isinstance(word, str):
+        raise ServerError(f"the format of {name!r} in the greeting is a {type(word).__name__}, not a word")
+    return word

@@ -59,13 +59,25 @@ class Task:
         yield self.bddl
 
 
+def text_of(file: Path) -> str:
+    """The text of a file of the package.
+
+    Raises:
+        SubstrateError: It cannot be read, or is no text.
+    """
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise SubstrateError(f"Cannot read {str(file)!r}: {error}. Restore it.") from error
+
+
 def words_of(bddl: Path) -> str:
     """The instruction in a BDDL file.
 
     Raises:
         SubstrateError: It has none.
     """
-    found = _WORDS.search(bddl.read_text(encoding="utf-8"))
+    found = _WORDS.search(text_of(bddl))
     if found is None:
         raise SubstrateError(f"{str(bddl)!r} has no words for its task. Restore it from the package.")
     return " ".join(found.group(1).split())
@@ -148,6 +160,14 @@ def _task_map(package: Path) -> Mapping[str, tuple[str, ...]]:
             ):
                 table = ast.literal_eval(statement.value)
                 return {suite: tuple(names) for suite, names in table.items()}
-    except (OSError, ValueError, SyntaxError) as error:
+    except (
+        OSError,
+        ValueError,
+        SyntaxError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+        MemoryError,
+    ) as error:
         raise SubstrateError(f"Cannot read the list of tasks {str(path)!r}: {error}.") from error
     raise SubstrateError(f"{str(path)!r} defines no {_TABLE}. Restore it from the package.")

@@ -100,3 +100,16 @@ def test_columns_and_limits_are_cut() -> None:
     assert actions.clip(np.array([[2.0, -3.0, 0.5]])).tolist() == [[1.0, -1.0, 0.5]]
     with pytest.raises(AdapterError, match="no 7 columns"):
         actions.first_columns(np.ones((2, 6)), 7)
+
+
+@pytest.mark.parametrize("mask", [[[True], True], "?", [10**400]])
+def test_statistics_whose_values_are_no_numbers_are_refused(tmp_path: Path, mask: Any) -> None:
+    path = tmp_path / "statistics.json"
+    for name in ("min", "mask"):
+        action = {"min": [0.0, 0.0], "max": [1.0, 1.0], "mask": [True, True], name: mask}
+        path.write_text(json.dumps({"x": {"action": action}}))
+        with pytest.raises(AdapterError, match="Statistics"):
+            actions.unnormalise(np.zeros((1, 2)), actions.read_statistics(path))
+    path.write_text("[" * 9999)
+    with pytest.raises(AdapterError, match="cannot be read"):
+        actions.read_statistics(path)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,10 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.servers import link
+from pytest_libero_max.policies.servers.address import parse_address
+from pytest_libero_max.policies.servers.codecs import VLA_EVAL, pack
 from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
+from pytest_libero_max.policies.servers.vla_eval import VlaEvalLink, returns_poses, wanted
 from tests.policies.servers import fakes
 from tests.policies.servers.test_profiles_on_the_wire import AXIS_ANGLE, SHORT, is_state
 
@@ -160,3 +164,32 @@ def test_an_error_of_the_model_is_told_as_it_is(monkeypatch: pytest.MonkeyPatch)
         with pytest.raises(ServerError, match="observation_failed: KeyError: 'wrist'"):
             policy.predict(fakes.observation(), fakes.query())
         policy.client.close()
+
+
+@pytest.mark.parametrize(
+    "greeting",
+    [
+        {"observation_params": {"send_state": np.zeros(2)}},
+        {"observation_params": {"absolute_action": np.ones(2)}},
+        {"action_spec": {"gripper": {"format": np.zeros(2)}}},
+        {"action_spec": {"position": {"format": ["absolute_xyz"]}}},
+    ],
+)
+def test_arrays_and_lists_where_words_belong_are_an_error_of_the_server(greeting: Any) -> None:
+    layout = {"observation": {"images": {}, "states": "$state"}}
+    with pytest.raises(ServerError, match=r"in the greeting|the greeting's"):
+        returns_poses(greeting) or wanted(layout, greeting)
+
+
+def test_a_profile_without_an_observation_is_refused() -> None:
+    with pytest.raises(AdapterError, match="lacks an 'observation'"):
+        wanted({"task": {}}, {})
+
+
+@pytest.mark.parametrize("name", ["type", "seq"])
+def test_an_array_in_the_envelope_is_an_error_of_the_server(name: str) -> None:
+    linked = VlaEvalLink(parse_address("vla-eval://127.0.0.1:1"))
+    message = {"type": "hello", "seq": 1, "payload": {}, name: np.arange(3)}
+    linked._socket = SimpleNamespace(receive=lambda: pack(message, VLA_EVAL))  # type: ignore[assignment]
+    with pytest.raises(ServerError, match="was expected"):
+        linked._read("hello", 1)

@@ -115,3 +115,24 @@ def test_numpys_own_archives_are_read_without_unpickling(tmp_path: Path) -> None
         read_states(tmp_path / "c.pruned_init.npz")
     (tmp_path / "a.pruned_init").write_bytes(b"")
     assert states_file(tmp_path / "a.pruned_init") == tmp_path / "a.pruned_init"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"r\xff\xff\xff\x7f.",  # a place in the memo that would take 34 GB
+        b"\x80\x02K\x01K\x02R.",
+        b"(0.",
+        b"\x8d" + b"\xff" * 8,
+    ],
+)
+def test_a_damaged_pickle_is_refused_whatever_it_says(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.pruned_init"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("archive/data.pkl", b"N" + content if content[:1] == b"r" else content)
+    with pytest.raises(SubstrateError, match=r"is no file of initial states|holds"):
+        read_states(path)
+    archived = path.read_bytes()
+    path.write_bytes(archived[:36] + b"\xff\xff" + archived[38:])
+    with pytest.raises(SubstrateError, match=r"is no file of initial states|holds"):
+        read_states(path)

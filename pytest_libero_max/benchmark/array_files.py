@@ -1,0 +1,74 @@
+"""Arrays in files of NumPy's: nothing is unpickled, and no file unpacks without bounds."""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_BYTES = 2**31
+"""What a file may unpack to."""
+
+
+def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str, bytes]:
+    """The unpacked members of a zip archive by name.
+
+    Args:
+        path: The file.
+        wanted: Endings of the names that are read; None for all.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is no archive, is damaged, or unpacks to more than :data:`MOST_BYTES`.
+    """
+    content = path.read_bytes()
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = [
+                item for item in archive.infolist() if wanted is None or item.filename.endswith(wanted)
+            ]
+            if sum(item.file_size for item in members) > MOST_BYTES:
+                raise ValueError(f"it unpacks to more than {MOST_BYTES} bytes")
+            return {item.filename: archive.read(item) for item in members}
+    except (
+        Exception
+    ) as error:  # zipfile raises its own errors, those of zlib, and others for what it cannot read
+        raise ValueError(f"it is no sound archive ({type(error).__name__}: {error})") from error
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an ``.npz`` file by name.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is no such file, is damaged, or holds Python objects.
+    """
+    members = read_members(path)
+    return {name.removesuffix(".npy"): array_of(content) for name, content in members.items()}
+
+
+def array_of(content: bytes) -> NDArray[Any]:
+    """The array of the content of an ``.npy`` file.
+
+    Raises:
+        ValueError: It is no such file, is damaged, or holds Python objects.
+    """
+    file = io.BytesIO(content)
+    try:
+        version = np.lib.format.read_magic(file)
+        read = (
+            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        )
+        shape, fortran, dtype = read(file)
+    except Exception as error:  # the header is an expression of Python, and so are the errors
+        raise ValueError(f"it holds no NumPy array ({type(error).__name__}: {error})") from error
+    size = len(content) - file.tell()
+    if dtype.hasobject or not dtype.itemsize or dtype.itemsize * math.prod(shape) != size:
+        raise ValueError(f"it holds {size} bytes as an array of {dtype} with shape {shape}")
+    array = np.frombuffer(content, dtype, offset=file.tell())
+    return array.reshape(shape, order="F" if fortran else "C").copy(order="K")
