@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -15,6 +16,11 @@ def keep_from_children(config: pytest.Config) -> None:
     them lives, and the controller would wait for the worker instead of replacing it.
     """
     descriptors = [number for plugin in config.pluginmanager.get_plugins() for number in _descriptors(plugin)]
+    close_in_children(descriptors)
+
+
+def close_in_children(descriptors: Sequence[int]) -> None:
+    """Let no process that this one forks have these files."""
     os.register_at_fork(after_in_child=lambda: _close(descriptors))
 
 
@@ -25,7 +31,7 @@ def _descriptors(plugin: Any) -> list[int]:
     return [file.fileno() for file in files if file is not None]
 
 
-def _close(descriptors: list[int]) -> None:
+def _close(descriptors: Sequence[int]) -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in descriptors:
         os.dup2(nowhere, descriptor, inheritable=False)  # the number stays taken: a file object has it

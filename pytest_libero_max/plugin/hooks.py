@@ -89,7 +89,12 @@ def pytest_configure(config: pytest.Config) -> None:
         controller = RunController(config)
         config.pluginmanager.register(controller, CONTROLLER)
         config.pluginmanager.register(controller.progress)
-        if config.getoption("tx", None):
+        if controller.settings.ray is not None:
+            from pytest_libero_max.plugin.cluster.run import RayRun
+
+            ray_run = RayRun(config, controller.settings, controller.cases, controller.progress)
+            config.pluginmanager.register(ray_run, WORKERS)
+        elif config.getoption("tx", None):
             config.pluginmanager.register(Workers(config, controller.settings, controller.cases), WORKERS)
             let_workers_restart(config, controller.settings, len(controller.cases))
         else:

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TextIO
 
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import CrashError, LiberoMaxError, MemoryLimitError, TimeLimitError
 from pytest_libero_max.plugin.timer import time_signal
 
@@ -110,6 +111,22 @@ class Death:
     error: LiberoMaxError
     phase: str
     text: str
+
+    def to_dict(self) -> Json:
+        """As JSON values, for a controller on another machine."""
+        return {
+            "kind": type(self.error).__name__,
+            "message": str(self.error),
+            "phase": self.phase,
+            "text": self.text,
+        }
+
+    @classmethod
+    def from_dict(cls, values: Json) -> Death:
+        """From what :meth:`to_dict` returned."""
+        kinds = (TimeLimitError, MemoryLimitError)
+        kind = next((kind for kind in kinds if kind.__name__ == values["kind"]), CrashError)
+        return cls(kind(values["message"]), values["phase"], values["text"])
 
 
 def read_death(path: Path | None, status: int | None, who: str) -> Death:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 LONGEST_S = 10_000_000
 MOST_GIB = 1_000_000
+MOST_PROCESSORS = 1_000
 
 
 def text(value: str) -> str:
@@ -37,6 +38,19 @@ def count(text: str) -> int:
     if not text.isascii() or not text.isdigit():
         raise ValueError("expected an integer of at least 0")
     return int(text)
+
+
+def positive_or_auto(text: str) -> int | None:
+    """An integer of at least 1; None for ``auto``."""
+    return None if text == "auto" else positive(text)
+
+
+def amount(text: str) -> float:
+    """A number of processors of some kind, which may be a fraction."""
+    value = _number(text)
+    if not 0 <= value <= MOST_PROCESSORS or (value > 1 and value != int(value)):
+        raise ValueError("expected a number of at least 0, whole above 1")
+    return value
 
 
 def seconds(text: str) -> float:

@@ -282,6 +282,37 @@ OPTIONS = (
         "machine's memory and at least 4 (default: auto)",
         read.gibibytes,
     ),
+    Option(
+        "ray",
+        "ADDRESS",
+        "Play the pairs on a Ray cluster: HOST:PORT, ray://HOST:PORT, or auto for the cluster that this "
+        "machine belongs to; needs the extra ray",
+        read.text,
+    ),
+    Option(
+        "ray-actors",
+        "N",
+        "Actors that play at once on the Ray cluster, or auto: as many as have room, also when nodes join or "
+        "leave (default: auto)",
+        read.positive_or_auto,
+    ),
+    Option("ray-cpus", "CPUS", "CPUs of the Ray cluster that an actor takes", read.amount, 1.0),
+    Option(
+        "ray-gpus",
+        "GPUS",
+        "GPUs of the Ray cluster that an actor takes, for example 0.25 where four policies share one "
+        "(default: none)",
+        read.amount,
+        0.0,
+    ),
+    Option(
+        "ray-ship",
+        "",
+        "Send the folder in which pytest is called to the nodes of the Ray cluster, which do not share it",
+        bool,
+        False,
+        switch=True,
+    ),
     Option("output", "FOLDER", "Where pairs.jsonl and report.json go", read.text, DEFAULT_OUTPUT),
     Option(
         "resume",
@@ -330,6 +361,11 @@ class Settings:
     retries: int
     isolate: bool
     memory: float | None
+    ray: str | None
+    ray_actors: int | None
+    ray_cpus: float
+    ray_gpus: float
+    ray_ship: bool
     output: Path
     resume: bool
 
@@ -415,6 +451,7 @@ def resolve(config: pytest.Config) -> Settings:
                 f"--libero-max-{name} is for the libero substrate, but the substrate is "
                 f"{values['substrate']}. Add --libero-max-substrate=libero."
             )
+    _check_ray(config, values)
     values["study"] = _study(config, values)
     horizon, interval = values["horizon"], values["query_interval"]
     if horizon is not None and interval is not None and interval > horizon:
@@ -427,6 +464,25 @@ def resolve(config: pytest.Config) -> Settings:
         config.option.libero_max_shard = "{}/{}".format(*values["shard"])
     settings = Settings(**values)
     return replace(settings, track=_track(settings, values["track"]))
+
+
+def _check_ray(config: pytest.Config, values: dict[str, Any]) -> None:
+    """Check what is said about actors.
+
+    Raises:
+        pytest.UsageError: There is no cluster for them, or nothing says how many have room.
+    """
+    given = [
+        option.flag
+        for option in OPTIONS
+        if option.name.startswith("ray-") and config.getoption(option.key) is not None
+    ]
+    if given and values["ray"] is None:
+        raise pytest.UsageError(f"{given[0]} is for a Ray cluster. Add --libero-max-ray=ADDRESS.")
+    if values["ray_actors"] is None and not values["ray_cpus"] and not values["ray_gpus"]:
+        raise pytest.UsageError(
+            "--libero-max-ray-cpus=0: nothing says how many actors have room. Give --libero-max-ray-actors=N."
+        )
 
 
 def _track(settings: Settings, name: str | None) -> str:

@@ -80,6 +80,10 @@ class RunProgress:
 
         session.worker_logstart = worker_logstart
 
+    def began(self, item_id: str, worker: str) -> None:
+        """A worker that is not one of xdist's begins a pair."""
+        self._workers[item_id] = worker
+
     def _choose_form(self, reporter: Any) -> None:
         form = self._form
         if form == "auto":

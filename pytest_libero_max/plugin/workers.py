@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -15,17 +14,13 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of
-from pytest_libero_max.plugin.deaths import keep_text, pair_error
 from pytest_libero_max.plugin.guard import WORDS_INPUT
 from pytest_libero_max.plugin.last_words import Death, read_death
 from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.retries import Retries, retried_status
 
 DISTS = ("worksteal", "load")
 """Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
-
-RETRIED = "retried"
-"""Outcome of the report of a pair that is played again, or was measured before its worker died."""
 
 _INTERRUPTED = "keyboard-interrupt"
 """What xdist says of a worker that was told to stop; it also stops the session."""
@@ -58,14 +53,10 @@ class Workers:
                 f"--dist={' or '.join(DISTS)}, or leave it away."
             )
         self._config = config
-        self._settings = settings
         self._cases = cases
         self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
         self._deaths: dict[Any, Death] = {}
-        self._plays: Counter[str] = Counter()
-        self._measured: set[str] = set()
-        self._in_a_row = 0
-        self._most_in_a_row = 4 * (config.option.numprocesses or 1) * (settings.retries + 1)
+        self._retries = Retries(settings, config.option.numprocesses or 1, "workers")
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_setupnodes(self) -> None:
@@ -86,12 +77,8 @@ class Workers:
             return
         death = read_death(self._words_of(node), _status(node), f"worker {node.gateway.id}")
         self._deaths[node] = death
-        self._in_a_row += 1
-        if self._in_a_row >= self._most_in_a_row:
-            self._stop(
-                f"{self._in_a_row} workers died one after another, and none of them measured a pair; the "
-                f"last one: {death.error}"
-            )
+        if (reason := self._retries.died(death)) is not None:
+            self._stop(reason)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_handlecrashitem(self, crashitem: str, report: Any, sched: Any) -> None:
@@ -101,34 +88,24 @@ class Workers:
         death = self._deaths.get(report.node)
         if case is None or death is None:
             return
-        if case.item_id in self._measured:  # it died between this pair and the next
-            report.outcome, report.longrepr = RETRIED, f"{death.error} The pair was measured before."
-            return
-        self._plays[case.item_id] += 1
-        plays = self._plays[case.item_id]
-        keep_text(self._settings.output, case.item_id, plays, death.text)
-        if plays <= self._settings.retries:
+
+        def play_again() -> bool:
             with suppress(NotImplementedError):  # of a scheduler of another plugin
                 sched.mark_test_pending(crashitem)
-                report.outcome, report.longrepr = RETRIED, f"{death.error} It is played again."
-                return
-        error = pair_error(case, death, plays)
-        setattr(report, RESULT_ATTRIBUTE, error.to_dict())
-        report.longrepr = f"{error.kind}: {error.message}"
-        if error.phase == POLICY_PHASE:
-            self._stop("the policy cannot be played: it ends each process that loads it")
+                return True
+            return False
+
+        if (reason := self._retries.tell(report, case, death, play_again)) is not None:
+            self._stop(reason)
 
     def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
         """Something else than deaths happens."""
         if isinstance(pair, PairRecord):
-            self._measured.add(pair.item_id)
-            self._in_a_row = 0
+            self._retries.measured(pair.item_id)
 
     def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
         """How a pair is shown that is played again."""
-        if report.outcome != RETRIED:
-            return None
-        return RETRIED, "r", f"RETRIED ({report.longrepr})"
+        return retried_status(report)
 
     def pytest_unconfigure(self) -> None:
         """Remove the last words."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
+from types import ModuleType
 
-from pytest_libero_max.plugin import hooks, hookspec
+from pytest_libero_max.plugin import cluster, hooks, hookspec
 from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.reference.docstrings import constants, description
 from pytest_libero_max.reference.markdown import code, one_line, prose, table
@@ -80,12 +81,20 @@ Each pair is one letter on the progress line and one sentence with `-v`.
 
 {letters}
 
+## On a Ray cluster
+
+{_without_summary(cluster)}
+
 ## Exit statuses
 
 Those of pytest, and two of our own.
 
 {statuses}
 """
+
+
+def _without_summary(module: ModuleType) -> str:
+    return prose(description(module).split("\n\n", maxsplit=1)[1])
 
 
 def _usage(option: Option) -> str:
