@@ -25,7 +25,11 @@ def add_commands(commands: Commands) -> None:
     catalogue = commands.add_parser("catalogue", help="Count the source variations of the embedded scenes")
     catalogue.set_defaults(run=_catalogue)
 
-    gallery = commands.add_parser("gallery", help="Draw the embedded scenes, their variations and the events")
+    gallery = commands.add_parser(
+        "gallery",
+        help="Draw the embedded scenes, their variations and the events",
+        description="With --substrate libero: only the events, on the cases of that substrate's smoke track.",
+    )
     gallery.add_argument("folder", type=Path, metavar="FOLDER", help="Where the pictures are written")
     gallery.add_argument(
         "--page-pictures",
@@ -33,6 +37,7 @@ def add_commands(commands: Commands) -> None:
         metavar="FOLDER",
         help="Also write the small pictures of events that pages of reports show, as this package has them",
     )
+    add_substrate(gallery)
     gallery.set_defaults(run=_gallery)
 
     eligibility = commands.add_parser(
@@ -152,6 +157,9 @@ def _gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.worlds.embedded.sheets import write_contact_sheet
     from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
 
+    if options.substrate != "embedded":
+        _genuine_gallery(options)
+        return
     with Work() as work:
         work.show("scenes.png")
         write_contact_sheet(options.folder / "scenes.png")
@@ -167,6 +175,22 @@ def _gallery(options: argparse.Namespace) -> None:
             for number, (path, write) in enumerate(sheets.items(), start=2):
                 work.show(f"{path.name}, {number} of {len(sheets) + 1}")
                 write(path, substrate)
+        finally:
+            substrate.close()
+
+
+def _genuine_gallery(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.tracks import genuine_name
+    from pytest_libero_max.construction.sheets import write_event_sheet
+    from pytest_libero_max.sources import open_substrate
+
+    if options.page_pictures is not None:
+        raise OptionError("--page-pictures are those of the embedded scenes. Leave out --substrate.")
+    substrate = open_substrate(options.substrate, substrate_options(options))
+    with Work() as work:
+        work.show("events.webp")
+        try:
+            write_event_sheet(options.folder / "events.webp", substrate, genuine_name("smoke"))
         finally:
             substrate.close()
 

@@ -20,6 +20,7 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_to
 from pytest_libero_max.construction.certificates import Certificate, certify
 from pytest_libero_max.construction.preflight import Preflight, Problem, preflight
 from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError
+from pytest_libero_max.machine import return_large_blocks
 from pytest_libero_max.policies.code import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
@@ -264,6 +265,7 @@ def _begin(substrate: str, options: SubstrateOptions | None) -> None:
     """Set up a process."""
     global _substrate
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    return_large_blocks()
     _substrate = open_substrate(substrate, options)
 
 

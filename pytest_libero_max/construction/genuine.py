@@ -8,7 +8,7 @@ tasks that LIBERO's and LIBERO-PRO's models are enough for, so that whoever inst
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import product
 
@@ -123,7 +123,8 @@ def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
     """Choose one case of each event, variant and source, and choose again without those that fail.
 
     Each is the first configuration that was not rejected, in this order: the suite that the source has used
-    least, then the source category it has used least, then a hash.
+    least, then the source category it has used least, then a hash. What was rejected for a place counts as
+    used in it: where one suite has no room for an event, the next ones are tried in turn.
 
     Args:
         examine: Asked in rounds, never twice about the same case.
@@ -154,34 +155,40 @@ def propose_smoke(candidates: Candidates, failed: Iterable[str] = ()) -> tuple[C
     for source in SOURCES:
         used: Counter[str] = Counter()
         for event, draw in product(sorted(BENCHMARK_EVENTS), (0, 1)):
-
-            def preference(one: Configuration, cell: tuple[str, int] = (event, draw)) -> tuple[int, int, int]:
-                variation = one.variation
-                rank = seed_of(SMOKE_SAMPLER, one.identity.case_id(*cell))
-                return used[variation.suite], used[variation.category], rank  # noqa: B023 - used at once
-
-            ordered = sorted(candidates.by_source[source], key=preference)
-            chosen = next(
-                (
-                    one
-                    for one in ordered
-                    if one.identity.case_id(event, draw) not in excluded
-                    and eligible(event, candidates.catalogue.metadata(one.variation))
-                ),
-                None,
-            )
-            if chosen is None:
-                raise ManifestError(f"{event}, variant {draw}: every configuration of {source} was rejected.")
-            used[chosen.variation.suite] += 1
-            used[chosen.variation.category] += 1
+            chosen = _first(candidates, source, event, draw, excluded, used)
+            used.update((chosen.variation.suite, chosen.variation.category))
             cases.append(chosen.case(Cell(chosen.variation.category, event, draw)))
     return tuple(sorted(cases, key=lambda case: case.case_id))
+
+
+def _first(
+    candidates: Candidates, source: str, event: str, draw: int, excluded: Set[str], used: Counter[str]
+) -> Configuration:
+    """The first configuration for a place, in the order of :func:`select_smoke`.
+
+    Raises:
+        ManifestError: There is none left.
+    """
+    ids = {one.identity.case_id(event, draw): one for one in candidates.by_source[source]}
+    tried = used.copy()
+    for name in excluded & ids.keys():
+        tried.update((ids[name].variation.suite, ids[name].variation.category))
+
+    def preference(name: str) -> tuple[int, int, int]:
+        variation = ids[name].variation
+        return tried[variation.suite], tried[variation.category], seed_of(SMOKE_SAMPLER, name)
+
+    for name in sorted(ids.keys() - excluded, key=preference):
+        if eligible(event, candidates.catalogue.metadata(ids[name].variation)):
+            return ids[name]
+    raise ManifestError(f"{event}, variant {draw}: every configuration of {source} was rejected.")
 
 
 def _smoke(cases: tuple[Case, ...]) -> Manifest:
     contract = (
         f"{SMOKE_SAMPLER}; one case of each event, variant and source, of the tasks that LIBERO's and "
         "LIBERO-PRO's models are enough for; least used suite of the source, least used source category, "
-        "then SHA-256 rank; physical preflight; independent of policy outcomes"
+        "then SHA-256 rank, what was rejected for a place counting as used in it; physical preflight; "
+        "independent of policy outcomes"
     )
     return Manifest(f"{BENCHMARK}-{SMOKE}", VERSION, protocol(SMOKE, contract, SUBSTRATE), cases)

@@ -12,13 +12,16 @@ from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate
 from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
 
+ORIGINAL = "original"
+"""The track on LIBERO's own tasks."""
+
 _PAIRS_A_ROW = 2
 _PAGE_PX = 128
 """Side of a picture on a page of a report."""
 
 
-def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None:
-    """Render a case of the original track for each event variant before and after it, and write one file.
+def write_event_sheet(path: Path, substrate: Substrate, track: str = ORIGINAL, size: int = 160) -> None:
+    """Render a case of a track for each event variant before and after it, and write one file.
 
     Each variant has four pictures side by side: the agent's view before and after, the wrist's before and
     after.
@@ -26,10 +29,12 @@ def write_event_sheet(path: Path, substrate: Substrate, size: int = 160) -> None
     Args:
         path: The file to write.
         substrate: What builds the worlds.
+        track: Where the cases come from, with every event and variant. Of two sources, the first variant
+            shows the first one, and the second variant the other.
         size: Side of one picture in pixels.
     """
     pictures: list[Image] = []
-    for name, seen in _seen(substrate, size):
+    for name, seen in _seen(substrate, size, track):
         pictures += [
             captioned(picture, name.replace("-", " ") if camera == CAMERAS[0] else "", f"{label}, {camera}")
             for camera, both in seen.items()
@@ -50,12 +55,15 @@ def write_page_pictures(folder: Path, substrate: Substrate) -> None:
         write_sheet(folder / f"{name}.webp", pictures, columns=len(pictures), colour_step=1)
 
 
-def _seen(substrate: Substrate, size: int) -> Iterator[tuple[str, dict[str, tuple[Image, Image]]]]:
+def _seen(
+    substrate: Substrate, size: int, track: str = ORIGINAL
+) -> Iterator[tuple[str, dict[str, tuple[Image, Image]]]]:
     """What each camera sees before and after each event variant, which is named first."""
-    cases = {(case.event.name, case.event.variant): case for case in load_track("original")}
+    cases = {(case.source, case.event.name, case.event.variant): case for case in load_track(track)}
+    sources = sorted({source for source, _, _ in cases})
     for name in BENCHMARK_EVENTS:
         for variant in (0, 1):
-            case = cases[name, variant]
+            case = cases[sources[-variant], name, variant]
             world = substrate.world(case)
             approach(world, case)
             yield f"{name}-v{variant}", event_pictures(world, case, size)

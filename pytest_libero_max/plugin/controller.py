@@ -138,7 +138,8 @@ class RunController:
         details += [] if manifest.recognition is None else [str(manifest.recognition)]
         details += [f"selection: {', '.join(asked)}"] if asked else []
         details += [f"{len(self.measured)} measured before"] if self.measured else []
-        note = memory_note(self.config.getoption("numprocesses", None) or 1)
+        workers = self.config.getoption("numprocesses", None) or 1
+        note = memory_note(workers, genuine=settings.substrate == "libero")
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
             f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}",

@@ -46,5 +46,6 @@ def test_too_little_memory_for_the_workers_is_said_with_a_cure(monkeypatch: pyte
     assert note is not None
     assert "2.5 GiB of memory are free, and 8 workers take about 6.4 GiB" in note
     assert "Play with -n 3," in note
+    assert "8 workers take about 25.6 GiB with the genuine scenes" in str(memory_note(8, genuine=True))
     monkeypatch.setattr(room, "available_bytes", lambda: None)
     assert memory_note(1000) is None

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
 
 NAME = "libero"
-KEPT_WORLDS = 8
-"""Scenes kept for reuse in a process; each holds some 150 MB of meshes and textures."""
+KEPT_WORLDS = 2
+"""Scenes kept for reuse in a process; each holds 0.5 to 0.8 GB of meshes and textures, drawn and undrawn."""
 
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless", "bddl")
 

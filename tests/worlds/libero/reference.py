@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -27,17 +28,19 @@ PROPRIOCEPTION = (
 class Reference:
     """``OffScreenRenderEnv``, or without images the ``ControlEnv`` that it is made of."""
 
-    def __init__(self, installation: Installation, task: Task, seed: int, images: bool = False) -> None:
-        with imported(installation) as environments:
-            from libero.libero.envs.env_wrapper import ControlEnv
-
+    def __init__(
+        self, installation: Installation, task: Task, seed: int, images: bool = False, pixels: int = 128
+    ) -> None:
+        with imported(installation):
+            wrappers = importlib.import_module(f"{installation.inner}.envs.env_wrapper")
+            name = str(task.bddl)
             if images:
-                self.env: Any = environments.OffScreenRenderEnv(
-                    bddl_file_name=str(task.bddl), camera_heights=128, camera_widths=128
+                self.env: Any = wrappers.OffScreenRenderEnv(
+                    bddl_file_name=name, camera_heights=pixels, camera_widths=pixels
                 )
             else:
-                self.env = ControlEnv(
-                    bddl_file_name=str(task.bddl), use_camera_obs=False, has_offscreen_renderer=False
+                self.env = wrappers.ControlEnv(
+                    bddl_file_name=name, use_camera_obs=False, has_offscreen_renderer=False
                 )
             self.env.env.hard_reset = False
             self.env.seed(seed)

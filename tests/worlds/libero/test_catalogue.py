@@ -211,6 +211,22 @@ def test_rejected_cases_are_replaced_in_their_slot_alone(catalogue: InstalledCat
     assert not release.unexamined
 
 
+def test_where_a_suite_has_no_room_for_an_event_the_next_one_is_tried(catalogue: InstalledCatalogue) -> None:
+    def examine(cases: Sequence[Case]) -> dict[str, Preflight]:
+        problem = Preflight((Problem("settling", "falls off the table"),))
+        return {
+            case.case_id: problem
+            if (case.event.name, case.suite) == ("distractor_burst", "libero_10")
+            else PASSED
+            for case in cases
+        }
+
+    release = build_genuine(examine, catalogue, ["smoke"])
+    bursts = [case for case in release.tracks["smoke"] if case.event.name == "distractor_burst"]
+    assert {case.suite for case in bursts} == {"libero_object"}
+    assert len(release.rejected) <= 4 * len(SUITES)
+
+
 def test_max_keeps_what_cannot_be_examined_here_and_says_so(
     catalogue: InstalledCatalogue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
