@@ -100,8 +100,13 @@ def write_figures(report: Json, folder: Path) -> list[Path]:
     Raises:
         ReportError: They cannot be written.
     """
+    return write_drawings(all_figures(report), folder)
+
+
+def all_figures(report: Json) -> dict[str, str]:
+    """The SVG documents of a report by the stem of their file name, those of its study included."""
     figures = {stem: draw(report) for stem, draw in FIGURES.items()}
-    return write_drawings(figures | study_figures(report.get("study")), folder)
+    return figures | study_figures(report.get("study"))
 
 
 def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:

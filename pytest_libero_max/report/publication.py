@@ -8,10 +8,10 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.figures import FIGURES
 from pytest_libero_max.report.files import (
     MARKDOWN_NAME,
     REPORT_NAME,
+    all_figures,
     make_folder,
     report_json,
     report_of,
@@ -52,7 +52,7 @@ def publish(run: Path, folder: Path) -> list[Path]:
 
 def published_files(report: Json) -> dict[str, bytes]:
     """What is published beside the pairs, by file name: the report and its figures."""
-    figures = {f"{stem}.svg": draw(report) for stem, draw in FIGURES.items()}
+    figures = {f"{stem}.svg": drawn for stem, drawn in all_figures(report).items()}
     files = {
         REPORT_NAME: report_json(report),
         MARKDOWN_NAME: markdown(report) + _shown(figures),

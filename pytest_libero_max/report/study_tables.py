@@ -183,7 +183,7 @@ def _joint(study: Json) -> StudyTable:
         "Outcomes together",
         (*study["conditions"].values(), "Cases"),
         rows[:_LISTED],
-        "1 for a success. " + (f"{left} rarer combinations are in report.json." if left > 0 else ""),
+        "1 for a success." + (f" {left} rarer combinations are in report.json." if left > 0 else ""),
     )
 
 
