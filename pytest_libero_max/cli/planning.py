@@ -57,7 +57,7 @@ def add_commands(commands: Commands) -> None:
     plan.add_argument(
         "--record-ms",
         type=float,
-        default=20.0,
+        default=7.0,
         metavar="MS",
         help="What the process that owns the run needs for a record; most of it is the disk (default: "
         "%(default)s)",
