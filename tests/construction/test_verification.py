@@ -14,7 +14,9 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import (
     CHECKSUMS,
     FOLDER,
+    GENUINE,
     content_of,
+    genuine_name,
     load_track,
     write_checksums,
     write_frozen,
@@ -31,6 +33,15 @@ Edit = Callable[[Json], None]
 @pytest.fixture(scope="module")
 def whole() -> Manifest:
     return load_track("max")
+
+
+def test_the_track_on_genuine_scenes_comes_with_the_package() -> None:
+    assert "smoke: one case of each event, variant and source" in verify(FOLDER / GENUINE)
+    smoke = load_track(genuine_name("smoke"))
+    assert smoke.benchmark_id == "libero-max-genuine-smoke"
+    assert smoke.protocol["substrate"] == "LIBERO-Plus and LIBERO-PRO"
+    needing_models = {"Background Textures", "Light Conditions"}
+    assert not {case.source_category for case in smoke} & needing_models
 
 
 @pytest.fixture

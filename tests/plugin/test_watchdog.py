@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import CrashError, MemoryLimitError, TimeLimitError
-from pytest_libero_max.plugin.guard import LEAST_GIB, memory_gib
+from pytest_libero_max.plugin.guard import GENUINE_LEAST_GIB, LEAST_GIB, memory_gib
 from pytest_libero_max.plugin.last_words import MEMORY, read_death
 
 HEAD = """
@@ -181,6 +181,7 @@ def test_the_memory_of_the_machine_is_shared() -> None:
     whole = memory_gib(None, 1)
     assert whole is not None
     assert memory_gib(None, 10_000) == LEAST_GIB
+    assert memory_gib(None, 10_000, genuine=True) == GENUINE_LEAST_GIB
     assert memory_gib(None, 2) == max(LEAST_GIB, whole / 2)
     assert memory_gib(0.0, 2) is None
     assert memory_gib(3.5, 2) == 3.5

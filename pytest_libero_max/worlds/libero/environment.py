@@ -24,6 +24,9 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.libero.installation import Installation
 from pytest_libero_max.worlds.libero.loading import imported
 
+_NO_MEMORY = "Could not allocate memory"
+"""What MuJoCo says where the memory of the process is at its limit."""
+
 MAX_RESETS = 10
 """Attempts to lay out a scene; the authors' runners allow as many."""
 
@@ -57,6 +60,7 @@ def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: b
 
     Raises:
         SubstrateError: The scene cannot be built or laid out.
+        MemoryError: There is no memory for it.
     """
     with imported(installation), own_randomness(), _no_debugger():
         wrappers = importlib.import_module(f"{installation.inner}.envs.env_wrapper")
@@ -80,6 +84,8 @@ def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: b
                 f"The scene of {Path(bddl).name} could not be laid out in {MAX_RESETS} attempts: {error}"
             ) from error
         except Exception as error:  # the package raises whatever it likes
+            if _NO_MEMORY in str(error):
+                raise MemoryError(str(error)) from error
             raise SubstrateError(_explained(error, installation, Path(bddl).name)) from error
     return Built(wrapper, env)
 

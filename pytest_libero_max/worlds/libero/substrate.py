@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
@@ -153,6 +154,7 @@ class LiberoSubstrate:
         if scene in self._worlds:
             self._worlds[scene] = self._worlds.pop(scene)  # the last one used is the last one to go
             return self._worlds[scene]
+        self._make_room()
         with task.description() as description:
             built = build(installation, description, seed, rebuild=self.semantics != "published")
         world = LiberoWorld(
@@ -164,9 +166,18 @@ class LiberoSubstrate:
             noise=noise_of(built, scene),
         )
         self._worlds[scene] = world
-        while len(self._worlds) > KEPT_WORLDS:
-            self._worlds.pop(next(iter(self._worlds))).close()
         return world
+
+    def _make_room(self) -> None:
+        """Let the oldest worlds go before another one is built.
+
+        An environment refers to itself, so that it stays until cycles are collected; and Python, which does not
+        see its gigabytes, would do that much later.
+        """
+        if len(self._worlds) >= KEPT_WORLDS:
+            while len(self._worlds) >= KEPT_WORLDS:
+                self._worlds.pop(next(iter(self._worlds))).close()
+            gc.collect()
 
     def fingerprint(self) -> Mapping[str, str]:
         """Versions of what computes a result, the GL backend, and what the installation is made of."""

@@ -4,9 +4,16 @@ from collections.abc import Iterator
 
 import pytest
 
+from pytest_libero_max.worlds.libero import substrate as libero_substrate
 from pytest_libero_max.worlds.libero.installation import Installation, find_installation
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from tests.worlds.libero.data import DATA, HOW, installed
+
+
+@pytest.fixture(autouse=True)
+def many_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests compare several worlds of one substrate; a run plays one after the other."""
+    monkeypatch.setattr(libero_substrate, "KEPT_WORLDS", 8)
 
 
 @pytest.fixture(scope="session")

@@ -63,7 +63,7 @@ def test_names_are_taken_apart(registry: Installation, index: int, suffix: str) 
     assert task.states.name == f"{BASE}{suffix if own_states else ''}.pruned_init"
     words = " ".join(BASE.split("_"))
     if "language" in suffix:
-        assert task.language == task.clean_language == "Fetch the milk"
+        assert task.language == task.clean_language == "fetch the milk"
     else:
         assert task.language == words + suffix.replace("_", " ")
         assert task.clean_language == words
