@@ -54,7 +54,7 @@ class PlusTask(Task):
 
     @property
     def rewritten(self) -> str | None:
-        """The words of a variation of the instruction, in lower case, as LIBERO-Plus's benchmark reads them."""
+        """The words of a variation of the instruction, in lower case as LIBERO-Plus reads them."""
         if not _LANGUAGE.search(self.name):
             return None
         return words_of(self.bddl.with_name(f"{self.name.partition('_view_')[0]}.bddl")).lower()

@@ -171,8 +171,8 @@ class LiberoSubstrate:
     def _make_room(self) -> None:
         """Let the oldest worlds go before another one is built.
 
-        An environment refers to itself, so that it stays until cycles are collected; and Python, which does not
-        see its gigabytes, would do that much later.
+        An environment refers to itself, so that it stays until cycles are collected, which Python would do
+        much later: it does not see the gigabytes.
         """
         if len(self._worlds) >= KEPT_WORLDS:
             while len(self._worlds) >= KEPT_WORLDS:
