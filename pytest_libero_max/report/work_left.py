@@ -23,14 +23,17 @@ class WorkLeft:
         self._left = Counter(self._kinds.values())
         self._suites: frozenset[str] | None = None
         self._took_s: list[float] = []
+        self._left_s: float | None = None  # what all that is left takes, as long as nothing new is known
 
     def remove(self, item_id: str) -> None:
         """A pair is done: measured, or an error."""
+        self._left_s = None
         if item_id in self._kinds:
             self._left[self._kinds[item_id]] -= 1
 
     def learn(self, record: PairRecord) -> None:
         """Learn from a measured pair what others take."""
+        self._left_s = None
         kind = self._kinds.get(record.item_id)
         if kind is not None:
             self._model.add(kind, record)
@@ -55,7 +58,9 @@ class WorkLeft:
         at_once = (sum(self._took_s[before:]) + sum(playing.values())) / seconds if seconds > 0 else 0.0
         if not self._model.pairs or at_once <= 0:
             return None
-        left = sum(count * self._expected_s(kind) for kind, count in self._left.items() if count)
+        if self._left_s is None:
+            self._left_s = sum(count * self._expected_s(kind) for kind, count in self._left.items() if count)
+        left = self._left_s
         rests = [0.0]
         for item_id, played in playing.items():
             if item_id in self._kinds:
