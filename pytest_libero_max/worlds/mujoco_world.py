@@ -10,6 +10,7 @@ camera frames belong to it. A control step may therefore start with actuation an
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from hashlib import blake2b
@@ -155,10 +156,14 @@ class MujocoWorld(ABC):
         """Write back what :meth:`_controller_state` returned."""
 
     @abstractmethod
-    def _control_step(self, action: Array) -> None:
+    def _control_step(self, action: Array) -> bool:
         """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent.
 
         ``_control`` says what the action is.
+
+        Returns:
+            Whether it has seen itself that MuJoCo warns of nothing and no joint is faster than
+            :data:`FASTEST`; False where it has not looked.
         """
 
     @abstractmethod
@@ -234,8 +239,14 @@ class MujocoWorld(ABC):
             self._guard = ModelGuard(self._model, ALTERABLE)
 
     def step(self, action: Sequence[float] | Array) -> None:
-        self._control_step(self._checked_action(action))
+        sound = self._control_step(self._checked_action(action))
         self._steps += 1
+        if not sound:
+            self._require_sound()
+        self._after_step()
+
+    def _require_sound(self) -> None:
+        """Check that MuJoCo has not met with numerical trouble, and that nothing is impossibly fast."""
         counts = self._data.warning.number
         for what, warning in _WARNINGS.items():
             if counts[warning]:
@@ -243,7 +254,6 @@ class MujocoWorld(ABC):
         fastest = np.abs(self._data.qvel).max(initial=0.0)
         if not fastest <= FASTEST:
             raise self._numerical_trouble(f"a joint moves at {fastest:.3g} m/s or rad/s")
-        self._after_step()
 
     def _numerical_trouble(self, what: str) -> SimulatorError:
         return SimulatorError(
@@ -510,7 +520,7 @@ class MujocoWorld(ABC):
         values = np.array(action, dtype=np.float64)
         if values.shape != (ACTION_DIM,):
             raise ActionError(f"action.shape={values.shape}, but a control step takes ({ACTION_DIM},).")
-        if not np.isfinite(values).all():
+        if not all(map(math.isfinite, values.tolist())):
             raise ActionError(f"action={values.tolist()} has a component that is not finite.")
         return values
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
-from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+from pytest_libero_max.worlds.mujoco_world import FASTEST, MujocoWorld
 from pytest_libero_max.worlds.stepping import Stepper
 
 
@@ -63,8 +63,8 @@ class RobosuiteWorld(MujocoWorld):
     def _set_controller_state(self, state: Array) -> None:
         self._stepper.restore(state)
 
-    def _control_step(self, action: Array) -> None:
-        self._stepper.step(action, self._control)
+    def _control_step(self, action: Array) -> bool:
+        return self._stepper.step(action, self._control) <= FASTEST
 
     def _proprioception(self) -> dict[str, Array]:
         stepper, data = self._stepper, self._data

@@ -40,7 +40,6 @@ from robosuite.utils.control_utils import (  # noqa: E402
     nullspace_torques,
     opspace_matrices,
     orientation_error,
-    set_goal_orientation,
 )
 from robosuite.utils.transform_utils import axisangle2quat, quat2mat  # noqa: E402
 
@@ -69,7 +68,17 @@ class Stepper:
         self._model: mujoco.MjModel = env.sim.model._model
         self._data: mujoco.MjData = env.sim.data._data
         model, data = self._model, self._data
-        self._controller = controller
+        controller.scale_action(np.zeros(ACTION_DIM - 1))  # it computes its factors the first time
+        parts = (
+            controller.input_min,
+            controller.input_max,
+            controller.action_input_transform,
+            controller.action_scale,
+            controller.action_output_transform,
+        )
+        self._scaling = tuple(
+            zip(*(np.broadcast_to(part, ACTION_DIM - 1).tolist() for part in parts), strict=True)
+        )
         self.substeps = int(env.control_timestep / env.model_timestep)
         self._site = int(robot.eef_site_id)
         self.arm_qpos = np.array(robot._ref_joint_pos_indexes, dtype=np.int64)
@@ -81,6 +90,8 @@ class Stepper:
         low, high = robot.torque_limits
         span = model.actuator_ctrlrange[finger_ctrl]
         self._speed = float(gripper.speed)
+        self._site_pos = data.site_xpos[self._site]
+        self._site_mat = data.site_xmat[self._site].reshape(3, 3)
         self._grip = np.zeros(2)
         self._goal_ori = np.zeros((3, 3))
         self._fixed = (
@@ -90,8 +101,8 @@ class Stepper:
             self._site,
             data.qpos,
             data.qvel,
-            data.site_xpos[self._site],
-            data.site_xmat[self._site].reshape(3, 3),
+            self._site_pos,
+            self._site_mat,
             data.qM,
             data.qfrc_bias,
             data.ctrl,
@@ -109,6 +120,7 @@ class Stepper:
             0.5 * (span[:, 1] - span[:, 0]),
             np.zeros((3, model.nv)),
             np.zeros((3, model.nv)),
+            data.warning.number,
         )
 
     def start(self) -> None:
@@ -116,7 +128,7 @@ class Stepper:
 
         Derived data must be up to date.
         """
-        self._goal_ori[:] = self._data.site_xmat[self._site].reshape(3, 3)
+        self._goal_ori[:] = self._site_mat
         self._grip[:] = 0.0
 
     def state(self) -> Array:
@@ -128,9 +140,13 @@ class Stepper:
         self._goal_ori[:] = state[:9].reshape(3, 3)
         self._grip[:] = state[9:]
 
-    def step(self, action: Array, control: Control = "delta") -> None:
-        """Play one control step of a (7,) float64 action; derived data are up to date before and after."""
-        self.play(self.aim(action, control), action, self.substeps)
+    def step(self, action: Array, control: Control = "delta") -> float:
+        """Play one control step of a (7,) float64 action; derived data are up to date before and after.
+
+        Returns:
+            The largest speed of a joint, m/s or rad/s; infinite where MuJoCo has counted a warning.
+        """
+        return self.play(self.aim(action, control), action, self.substeps)
 
     def aim(self, action: Array, control: Control = "delta") -> Array:
         """Set the goal, of a movement from the present kinematics; the goal position (3,), m, world.
@@ -142,14 +158,23 @@ class Stepper:
         if control == "absolute":
             self._goal_ori[:] = quat2mat(axisangle2quat(action[3 : ACTION_DIM - 1]))
             return action[:3].copy()
-        delta = self._controller.scale_action(action[: ACTION_DIM - 1])
-        if not all(math.isclose(part, 0.0) for part in delta[3:]):
-            now = self._data.site_xmat[self._site].reshape(3, 3)
-            self._goal_ori[:] = set_goal_orientation(delta[3:], now)
-        goal: Array = self._data.site_xpos[self._site] + delta[:3]
-        return goal
+        delta = self._scaled(action)
+        if any(delta[3:]):
+            np.dot(_rotation(delta[3:]), self._site_mat, out=self._goal_ori)
+        return np.array([place + part for place, part in zip(self._site_pos.tolist(), delta, strict=False)])
 
-    def play(self, goal_pos: Array, action: Array, substeps: int, settle: bool = True) -> None:
+    def _scaled(self, action: Array) -> list[float]:
+        """The movement that an action asks for, m and rad: the operations of ``Controller.scale_action``.
+
+        In Python's numbers, one by one: between two passes of physics the processor has forgotten the code
+        of NumPy's functions, and they take ten times as long as when they are called in a row.
+        """
+        return [
+            (min(max(part, low), high) - middle) * scale + offset
+            for part, (low, high, middle, scale, offset) in zip(action.tolist(), self._scaling, strict=False)
+        ]
+
+    def play(self, goal_pos: Array, action: Array, substeps: int, settle: bool = True) -> float:
         """Play a part of a control step; derived data must be up to date before.
 
         Args:
@@ -158,9 +183,29 @@ class Stepper:
             substeps: How many, at least 1.
             settle: Whether derived data are brought up to date at the end. If not, they belong to the
                 beginning of the last substep, as they do after robosuite's own step.
+
+        Returns:
+            The largest speed of a joint, m/s or rad/s; infinite where MuJoCo has counted a warning.
         """
-        push = self._speed * np.sign(action[ACTION_DIM - 1])
-        _control_step(goal_pos, self._goal_ori, self._grip, push, substeps, settle, *self._fixed)
+        closing = float(action[ACTION_DIM - 1])
+        push = self._speed * ((closing > 0.0) - (closing < 0.0))
+        fastest: float = _control_step(
+            goal_pos, self._goal_ori, self._grip, push, substeps, settle, *self._fixed
+        )
+        return fastest
+
+
+def _rotation(vector: list[float]) -> Array:
+    """The matrix of an axis times its angle: ``axisangle2quat`` and ``quat2mat`` of robosuite.
+
+    The length is BLAS's, and sine and cosine are NumPy's, as there: other ones may differ in the last bit.
+    """
+    array = np.array(vector)
+    angle = math.sqrt(np.dot(array, array))
+    half = angle / 2.0
+    sine = float(np.sin(half))
+    matrix: Array = quat2mat(np.array([*(part / angle * sine for part in vector), np.cos(half)]))
+    return matrix
 
 
 def _check(env: Any, robot: Any, controller: Any) -> None:
@@ -254,8 +299,9 @@ def _control_step(
     grip_half: Any,
     jac_pos: Any,
     jac_ori: Any,
-) -> None:
-    """The substeps of one control step: torques, ``mj_step2``, ``mj_step1``."""
+    warned: Any,
+) -> float:
+    """The substeps of one control step: torques, ``mj_step2``, ``mj_step1``. Returns what ``play`` does."""
     dofs = arm_dofs.size
     mass = np.zeros((dofs, dofs)).T
     j_full = np.empty((dofs, 6)).T
@@ -295,3 +341,13 @@ def _control_step(
         _call(functions[1], (model, data))
         if settle or substep + 1 < substeps:
             _call(functions[0], (model, data))
+    fastest = 0.0
+    for count in warned:
+        if count:
+            return np.inf
+    for speed in qvel:
+        if not abs(speed) <= fastest:
+            fastest = abs(speed)
+            if math.isnan(fastest):
+                return fastest
+    return fastest

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SimulatorError, SubstrateError
 from pytest_libero_max.policies.pieces.states import grip_site_quaternion, rotation_matrix
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Array, Control
 from pytest_libero_max.worlds.embedded.scene import build_scene
@@ -82,6 +82,48 @@ def test_under_absolute_control_the_hand_goes_where_it_is_told() -> None:
     assert seen["robot0_eef_pos"] == pytest.approx(goal, abs=5e-3)
     matrix = rotation_matrix(grip_site_quaternion(seen["robot0_eef_quat"]))
     assert matrix == pytest.approx(Rotation.from_rotvec(turn).as_matrix(), abs=0.05)
+
+
+def test_the_goal_of_any_action_has_the_bits_of_robosuites_own() -> None:
+    from robosuite.utils.control_utils import set_goal_orientation  # imported quietly by the world's modules
+
+    world = EmbeddedWorld(build_scene("libero_object", 1))
+    world.reset(0)
+    stepper, controller = world._stepper, world._env.robots[0].controller
+    draw = np.random.default_rng(0)
+    for number in range(400):
+        action = draw.uniform(-1.5, 1.5, 7)
+        match number % 5:
+            case 0:
+                action[3:6] = (0.0, -0.0, 0.0)
+            case 1:
+                action[3:6] *= 1e-9
+            case 2:
+                action = np.sign(action)
+            case 3:
+                action[draw.integers(7)] = 0.0
+        now = np.linalg.qr(draw.normal(size=(3, 3)))[0]
+        world.data.site_xmat[world._grip_site] = now.ravel()
+        delta = controller.scale_action(action[:6])
+        orientation = stepper.state()[:9].reshape(3, 3)
+        if any(delta[3:]):
+            orientation = set_goal_orientation(delta[3:], now)
+        goal = stepper.aim(action)
+        assert goal.tobytes() == (world.data.site_xpos[world._grip_site] + delta[:3]).tobytes()
+        assert stepper.state()[:9].tobytes() == np.ascontiguousarray(orientation).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [(np.nan, "no longer finite"), (1e12, "no longer finite|moves at"), (2e4, "no longer finite|moves at")],
+)
+def test_numerical_trouble_is_seen_in_the_step_in_which_it_comes(value: float, message: str) -> None:
+    world = EmbeddedWorld(build_scene("libero_object", 1))
+    world.reset(0)
+    world.step(NOOP_ACTION)
+    world.data.qvel[-4] = value  # of the last object, upwards
+    with pytest.raises(SimulatorError, match=message):
+        world.step(NOOP_ACTION)
 
 
 def test_derived_data_belong_to_the_end_of_the_step() -> None:

@@ -267,7 +267,7 @@ class LiberoWorld(RobosuiteWorld):
 
     # One control step.
 
-    def _control_step(self, action: Array) -> None:
+    def _control_step(self, action: Array) -> bool:
         stepper = self._stepper
         if self._steps:  # the look after the setup is one of those that every episode begins with
             self._sample_earlier()
@@ -289,6 +289,7 @@ class LiberoWorld(RobosuiteWorld):
         self._settle()
         if self._pinned[0]:
             self._put_back()
+        return False
 
     def _put_back(self) -> None:
         """Return the pinned object to its place, and see the world as it is then: the runtime looks again."""

@@ -173,7 +173,7 @@ class TinyWorld(MujocoWorld):
     def _set_controller_state(self, state: Array) -> None:
         self._opening = float(state[0])
 
-    def _control_step(self, action: Array) -> None:
+    def _control_step(self, action: Array) -> bool:
         self._opening = float(np.clip(self._opening - 0.25 * np.sign(action[6]), -1.0, 1.0))
         if self._control == "absolute":
             target = action[:3] - _HAND_START_M
@@ -183,6 +183,7 @@ class TinyWorld(MujocoWorld):
         self._data.ctrl[3:] = (0.02 * (1.0 + self._opening), -0.02 * (1.0 + self._opening))
         mujoco.mj_step(self._model, self._data, _SUBSTEPS)
         self._settle()
+        return False
 
     def _proprioception(self) -> dict[str, Array]:
         joints, velocities = np.zeros(7), np.zeros(7)
