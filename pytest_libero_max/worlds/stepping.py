@@ -300,7 +300,7 @@ def _control_step(
     jac_pos: Any,
     jac_ori: Any,
     warned: Any,
-) -> float:
+) -> Any:
     """The substeps of one control step: torques, ``mj_step2``, ``mj_step1``. Returns what ``play`` does."""
     dofs = arm_dofs.size
     mass = np.zeros((dofs, dofs)).T
