@@ -35,9 +35,7 @@ def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str,
             if sum(item.file_size for item in members) > MOST_BYTES:
                 raise ValueError(f"it unpacks to more than {MOST_BYTES} bytes")
             return {item.filename: archive.read(item) for item in members}
-    except (
-        Exception
-    ) as error:  # zipfile raises its own errors, those of zlib, and others for what it cannot read
+    except Exception as error:  # its own errors, those of zlib, and others for what it cannot read
         raise ValueError(f"it is no sound archive ({type(error).__name__}: {error})") from error
 
 

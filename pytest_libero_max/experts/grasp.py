@@ -20,10 +20,8 @@ FINGERTIP_M = 0.0095  # how far the fingers reach below the point between them
 _PALM_M = 0.031  # how far the palm is above that point
 _WIDEST_M = 0.072  # of the 0.08 between open fingers
 _HOLD_M = 0.008  # how much of a finger must be on the object
-_RIM_DEPTH_M, _WALL_M = (
-    0.015,
-    0.0035,
-)  # how far the fingers go down over a rim; half the thickness of its wall
+_RIM_DEPTH_M = 0.015  # how far the fingers go down over a rim
+_WALL_M = 0.0035  # half the thickness of its wall
 _ROOM_M = 0.015  # a point of the hand that is nearer than that to something counts as crowded
 _RIM_POINTS = 12
 _EASY_REACH_M = 0.7  # horizontal distance from the base beyond which the arm is outstretched

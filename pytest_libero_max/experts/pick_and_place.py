@@ -18,10 +18,8 @@ CLEARANCE_M = 0.025  # between the lowest point of what is carried and the highe
 BERTH_M = 0.09  # half the width of the hand with what it carries
 CLOSING_STEPS, OPENING_STEPS = 13, 8
 _NEARBY_M = 0.04  # horizontal distance below which the hand goes straight to its target
-_SHUT_M, _OPEN_M = (
-    0.002,
-    0.07,
-)  # openings below which the fingers hold nothing, and above which they fit around something
+_SHUT_M = 0.002  # the opening below which the fingers hold nothing
+_OPEN_M = 0.07  # the opening above which they fit around something
 _WIDTH_M = 0.06  # half the width of what enters a receptacle from the front
 _RUN_UP_M = 0.2  # distance in front of such a receptacle from which it is entered
 _LIFT_M = 0.04

@@ -38,9 +38,8 @@ def test_a_scene_says_where_everything_is(played: Played) -> None:
                 assert np.array_equal(scene.hand, trace.end_effector[tick.step - 1])
                 moved = arm == "dynamic" and tick.step == played.record.trigger_step
                 box = scene.entities["box_1"][0]
-                assert (
-                    np.array_equal(box, trace.entity[tick.step - 1]) != moved
-                )  # by the event, after the step
+                # By the event, after the step.
+                assert np.array_equal(box, trace.entity[tick.step - 1]) != moved
 
 
 def test_a_camera_sees_an_object_where_its_pose_says(played: Played) -> None:

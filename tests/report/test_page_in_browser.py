@@ -150,9 +150,8 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
     shown = Shown(browser, page, f"#cases?case={FIRST.item_id}")
     detail = shown.page.locator(".detail")
     assert detail.locator("video").get_attribute("src") == f"films/{FIRST.item_id}--base-dynamic.mp4"
-    shown.page.wait_for_function(
-        "document.querySelector('.detail video').readyState >= 2"
-    )  # it can be played
+    can_be_played = "document.querySelector('.detail video').readyState >= 2"
+    shown.page.wait_for_function(can_be_played)
     assert "-k " + FIRST.item_id in detail.locator("code").first.inner_text()
     assert detail.locator("img").get_attribute("alt").startswith(FIRST.event_variant)
     assert HOSTILE in detail.inner_text()  # as text, and nothing of it ran

@@ -96,9 +96,8 @@ class RemoteSession:
     def pytest_warning_recorded(
         self, warning_message: warnings.WarningMessage, when: str, nodeid: str, location: Any
     ) -> None:
-        from xdist.remote import (
-            serialize_warning_message,
-        )  # pytest minds an earlier import
+        # Here, because pytest warns of a plugin's module that is imported before it is registered.
+        from xdist.remote import serialize_warning_message
 
         told = serialize_warning_message(warning_message)
         self._warnings.append({"told": told, "when": when, "nodeid": nodeid, "location": location})

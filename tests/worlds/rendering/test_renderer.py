@@ -145,9 +145,8 @@ def test_filters_follow_one_another_and_count_from_their_start() -> None:
     world.add_filter(Stamp())
     world.add_filter(Negative())
     for image in images(world).values():
-        assert (
-            image[0, 0].tolist() == [155] * 3
-        )  # the second stamp is new, and only the last filter follows it
+        # The second stamp is new, and only the last filter follows it.
+        assert image[0, 0].tolist() == [155] * 3
         assert image.flags.writeable
     world.reset(0)
     world.step(NOOP_ACTION)
