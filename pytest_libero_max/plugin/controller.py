@@ -87,7 +87,8 @@ class RunController:
         self._broken_policy: str | None = None
         try:
             check_reference(self.settings.reference, self.settings.profile)
-            gl.check()
+            if self.settings.ray is None:  # otherwise its nodes draw
+                gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
             self._require_fit()
         except LiberoMaxError as error:

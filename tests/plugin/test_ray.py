@@ -51,10 +51,12 @@ def parent(process):
 class Killing(Reacher):
     def predict(self, observation, query):
         name = os.environ["PYTEST_CURRENT_TEST"].split("i00-")[1].split("]")[0]
-        victim = {"camera_shift-v0": os.getppid(), "camera_shift-v1": parent(os.getppid())}.get(name)
-        if victim and not os.path.exists(name):
+        actor = os.getppid()
+        victims = {"camera_shift-v0": [actor], "camera_shift-v1": [parent(actor), actor]}.get(name)
+        if victims and not os.path.exists(name):
             open(name, "w").close()
-            os.kill(victim, signal.SIGKILL)  # the actor, or the raylet of its node
+            for victim in victims:  # the actor, or its whole node with the raylet, which started it
+                os.kill(victim, signal.SIGKILL)
             time.sleep(60)
         if name == "illumination_switch-v0" and not os.path.exists("repaired"):
             os.write(2, b"I leave\\n")
@@ -94,6 +96,9 @@ def test_a_run_outlives_its_actors_and_nodes_and_equals_one_on_one_worker(
     run: Run, results: Results, address: str, pytester: pytest.Pytester
 ) -> None:
     pytester.makepyfile(killing=KILLING)
+    nobody = run("--libero-max-ray=127.0.0.1:1", subprocess=True)
+    assert nobody.ret == pytest.ExitCode.USAGE_ERROR
+    nobody.stderr.fnmatch_lines(["*ray=127.0.0.1:1: no cluster can be used (*refused*). Start one with*"])
     too_large = run(f"--libero-max-ray={address}", "--libero-max-ray-cpus=64", subprocess=True)
     assert too_large.ret == pytest.ExitCode.USAGE_ERROR
     too_large.stderr.fnmatch_lines(["*no actor has room in the cluster (3 nodes, 2 CPUs, 0 GPUs)*64 CPUs*"])

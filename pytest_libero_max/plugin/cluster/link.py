@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import socket
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
@@ -16,6 +17,7 @@ from pytest_libero_max.plugin.cluster.seats import seats
 from pytest_libero_max.plugin.last_words import Death
 
 _EXTRA = "pip install 'pytest-libero-max[ray]'"
+_REACH_S = 20.0
 _FINISH_S = 12.0
 """So long the actors have to end their sessions in order."""
 
@@ -44,18 +46,16 @@ class Link:
         self._ray: Any = ray
         self._cpus, self._gpus = cpus, gpus
         self._options: dict[str, Any] = {"num_cpus": cpus, "num_gpus": gpus}
-        if ship is not None:
-            self._options["runtime_env"] = {"working_dir": ship, "excludes": [*kept_back]}
-        self._connected = not ray.is_initialized()
-        if self._connected:
-            try:
-                ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
-            except Exception as error:  # of Ray, of gRPC, of the system: whatever it is, there is no cluster
-                raise OptionError(
-                    f"--libero-max-ray={address}: no cluster answers ({_first_line(error)}). Start one with "
-                    "`ray start --head`, or give the address of yours. Its Ray and its Python have to be the "
-                    f"same as here: Ray {ray.__version__}."
-                ) from None
+        sent = {} if ship is None else {"working_dir": ship, "excludes": [*kept_back]}
+        try:
+            _require_answer(address)
+            ray.init(address=address, runtime_env=sent, log_to_driver=False, logging_level=logging.ERROR)
+        except Exception as error:  # of Ray, of gRPC, of the system: whatever it is, there is no cluster
+            raise OptionError(
+                f"--libero-max-ray={address}: no cluster can be used ({_first_line(error)}). Start one with "
+                "`ray start --head`, or give the address of yours. Its Ray and its Python have to be the "
+                f"same as here: Ray {ray.__version__}."
+            ) from None
 
     def seats(self) -> int:
         """How many actors have room in the cluster as it is now."""
@@ -110,8 +110,18 @@ class Link:
 
     def close(self) -> None:
         """Leave the cluster, which goes on."""
-        if self._connected:
-            self._ray.shutdown()
+        self._ray.shutdown()
+
+
+def _require_answer(address: str) -> None:
+    """Find at once that nothing listens, for which Ray itself takes minutes.
+
+    Raises:
+        OSError: Nothing does.
+    """
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon and port.isdigit():
+        socket.create_connection((host.strip("[]"), int(port)), _REACH_S).close()
 
 
 def _first_line(error: BaseException) -> str:

@@ -359,6 +359,10 @@ def _require_alone(config: pytest.Config) -> None:
             "--libero-max-ray and -n both hand out the pairs. Leave -n away; where the ini file has it, add "
             "-n 0."
         )
+    if config.getoption("cov_source", None):
+        raise pytest.UsageError(
+            "--cov measures nothing in the actors of --libero-max-ray. Leave --cov away, or play with -n."
+        )
     if config.getoption("usepdb", False):
         raise pytest.UsageError(
             "--pdb cannot stop in a pair that another machine plays. Leave --libero-max-ray away to debug it."
