@@ -27,7 +27,7 @@ LEAST_GIB = 4.0
 """No process gets less by default: the embedded scenes with images need well below that."""
 
 GENUINE_LEAST_GIB = 10.0
-"""The same with LIBERO's own models. Each scene asks for 1.2 GiB for contacts and uses little of it."""
+"""The same with LIBERO's own models. Each scene asks three times for 1.2 GiB and uses little of it."""
 
 SHARE = 0.9
 """Of the memory of the machine, what its processes may use together by default."""
