@@ -86,14 +86,22 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
     *lines, torn = path.read_bytes().split(b"\n")
     aside = [line + b"\n" for number, line in enumerate(lines, start=1) if number in numbers]
     aside += [torn + b"\n"] if torn else []
-    with path.with_name(DAMAGED_NAME).open("ab") as file:
-        _write(file, aside)
+    with path.with_name(DAMAGED_NAME).open("a+b") as file:
+        file.seek(0)
+        if not file.read().endswith(b"".join(aside)):  # as after an attempt for which there was no room
+            _write(file, aside)
     if not numbers:
         os.truncate(path, path.stat().st_size - len(torn))
         return
     repaired = path.with_name(f"{path.name}.repaired")
-    with repaired.open("wb") as file:
-        _write(file, [line + b"\n" for number, line in enumerate(lines, start=1) if number not in numbers])
+    try:
+        with repaired.open("wb") as file:
+            _write(
+                file, [line + b"\n" for number, line in enumerate(lines, start=1) if number not in numbers]
+            )
+    except OSError:
+        repaired.unlink()
+        raise
     repaired.replace(path)
 
 

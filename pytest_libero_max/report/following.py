@@ -194,7 +194,7 @@ class Follower:
             workers = {str(name): str(worker) for name, worker in noted.get("workers", {}).items()}
         except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
             return Progress(planned, self._counts)
-        if not all(abs(seconds) < _LONGEST_S for seconds in (now - began, *since.values())):
+        if not all(abs(number) < _LONGEST_S for number in (now - began, before, *since.values())):
             return Progress(planned, self._counts)  # no clock says that, NaN included
         age_s = mark.age_s if mark is not None else 0.0
         playing = {name: seconds + age_s for name, seconds in since.items()}

@@ -47,7 +47,13 @@ class Mark:
         self.path = folder / MARK_NAME
         try:
             self._descriptor = self._locked()
-            self._write("")
+            try:
+                self._write("")
+            except OSError:
+                if not os.fstat(self._descriptor).st_size:  # no earlier run has left it
+                    self.path.unlink()
+                os.close(self._descriptor)
+                raise
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 

@@ -129,7 +129,10 @@ def read_outcomes(path: Path) -> RunOutcomes:
             kept = json.loads(text)
             if kept["schema_version"] == OUTCOMES_VERSION and kept["pairs_digest"] == file_digest(pairs_path):
                 return _from_file(kept, _run_of(pairs_path))
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, ReportError):
+    except (
+        *(OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError),
+        ReportError,
+    ):
         pass  # the records say all of it, and what is wrong with them
     return RunOutcomes.of(read_pairs(pairs_path))
 

@@ -140,7 +140,9 @@ class PairStore:
                     (self.path.parent / name).unlink(missing_ok=True)
             self._file = self.path.open("w+b", buffering=0)
         except OSError as error:
-            raise DiskError(f"Cannot write {self.path}: {error}. Give a folder you can write to.") from error
+            raise DiskError(
+                f"Cannot write {self.path}: {error}. Make room, or give a folder you can write to."
+            ) from error
         self._write_line(_line("run", self._run.to_dict()))
 
     def _repair(self) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
+from pytest_libero_max.errors import DiskError, LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.report.damaged_lines import DAMAGED_NAME, damage_said
 from pytest_libero_max.report.run import Run
 from pytest_libero_max.report.store import PairStore, StoredRun, read_pairs
@@ -136,6 +136,32 @@ def test_whatever_is_damaged_the_run_goes_on_or_says_why_not(tmp_path: Path, lin
             continue
         assert len(read_pairs(tmp_path).records) == len(RUN.planned)
     assert refused < 80, "most damage is not of the first line"
+
+
+def test_a_disk_without_room_for_the_repair_leaves_everything_as_it_is(
+    tmp_path: Path, lines: list[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "pairs.jsonl"
+    content = b"".join([*lines[:2], b"damaged\n", *lines[3:]])
+    path.write_bytes(content)
+    fsync = os.fsync
+
+    def full(descriptor: int) -> None:
+        if os.readlink(f"/proc/self/fd/{descriptor}").endswith(".repaired"):
+            raise OSError("No space left on device")
+        fsync(descriptor)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        for _ in range(2):
+            with pytest.raises(DiskError, match="Make room"):
+                PairStore.resume(tmp_path, RUN)[0].append(record_of(RUN.planned[1], True, False))
+            assert path.read_bytes() == content
+            (tmp_path / "in-progress").unlink(missing_ok=True)
+    assert sorted(os.listdir(tmp_path)) == [DAMAGED_NAME, "pairs.jsonl"]
+    _resume(tmp_path)
+    assert (tmp_path / DAMAGED_NAME).read_bytes() == b"damaged\n"
+    assert len(read_pairs(tmp_path).records) == len(RUN.planned)
 
 
 def test_a_folder_that_vanishes_is_written_and_marked_again(tmp_path: Path) -> None:

@@ -205,6 +205,7 @@ def test_what_watch_cannot_use_is_refused(tmp_path: Path, capsys: pytest.Capture
         "[" * 9999,
         '{"began": 1e999, "now": 0, "before": 0, "playing": {}}',
         '{"began": 0, "now": 1e308, "before": 0, "playing": {}}',
+        '{"began": 0, "now": 9, "before": -1' + "0" * 400 + ', "playing": {}}',
         '{"began": 0, "now": NaN, "before": Infinity, "playing": {"x": 1}}',
         '{"began": 0, "now": ' + "9" * 400 + ', "before": 0, "playing": {}}',
     ],

@@ -121,3 +121,21 @@ def test_a_folder_that_cannot_come_back_is_an_error(tmp_path: Path) -> None:
         store.append(record_of(RUN.planned[1], True, False))
     with pytest.raises(DiskError, match="Cannot write"):
         store.close()
+
+
+def test_a_disk_that_is_full_leaves_neither_mark_nor_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = _played(tmp_path)
+    store.close()
+
+    def full(descriptor: int, content: bytes, place: int) -> int:
+        raise OSError("No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "pwrite", full)
+        resumed, _ = PairStore.resume(tmp_path, RUN)
+        with pytest.raises(DiskError, match="Is the disk full"):
+            resumed.begin()
+    assert len(read_pairs(tmp_path).records) == 4
+    PairStore.resume(tmp_path, RUN)[0].close()

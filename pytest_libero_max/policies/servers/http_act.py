@@ -99,7 +99,7 @@ def _reply(content: bytes) -> Any:
         # OpenVLA-OFT answers a failure with the word "error" and status 200, and encodes some replies twice.
         if reply.strip()[:1] not in ("[", "{"):
             raise ServerError(f"the server answered {shortened(reply)}")
-        reply = from_json(reply.encode())
+        reply = from_json(reply.encode(errors="surrogatepass"))
     if isinstance(reply, dict) and "error" in reply:
         raise ServerError(f"the server reports an error: {shortened(str(reply['error']))}")
     return reply

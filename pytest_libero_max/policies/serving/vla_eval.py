@@ -201,8 +201,15 @@ def talk(connection: ServerConnection, host: Host) -> None:
 
 
 def quaternion(axis_angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(4,) x, y, z, w of an axis times its angle in rad; w < 0 where the angle exceeds pi."""
-    angle = float(np.linalg.norm(axis_angle))
+    """(4,) x, y, z, w of an axis times its angle in rad; w < 0 where the angle exceeds pi.
+
+    Raises:
+        ServerError: The angle is too large to be a number.
+    """
+    with np.errstate(over="ignore"):
+        angle = float(np.linalg.norm(axis_angle))
+    if not math.isfinite(angle):
+        raise ServerError(f"'states' hold an axis angle of {axis_angle.tolist()}, whose length is no number")
     if angle == 0.0:
         return np.array([0.0, 0.0, 0.0, 1.0])
     return np.append(axis_angle / angle * math.sin(angle / 2.0), math.cos(angle / 2.0))

@@ -11,8 +11,10 @@ from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.servers import link
 from pytest_libero_max.policies.servers.address import parse_address
 from pytest_libero_max.policies.servers.codecs import VLA_EVAL, pack
+from pytest_libero_max.policies.servers.http_act import _reply
 from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
 from pytest_libero_max.policies.servers.vla_eval import VlaEvalLink, returns_poses, wanted
+from pytest_libero_max.policies.serving.vla_eval import quaternion
 from tests.policies.servers import fakes
 from tests.policies.servers.test_profiles_on_the_wire import AXIS_ANGLE, SHORT, is_state
 
@@ -193,3 +195,13 @@ def test_an_array_in_the_envelope_is_an_error_of_the_server(name: str) -> None:
     linked._socket = SimpleNamespace(receive=lambda: pack(message, VLA_EVAL))  # type: ignore[assignment]
     with pytest.raises(ServerError, match="was expected"):
         linked._read("hello", 1)
+
+
+def test_an_axis_angle_that_is_too_large_is_an_error_of_the_client() -> None:
+    with pytest.raises(ServerError, match="whose length is no number"):
+        quaternion(np.array([1e300, 1e300, 0.0]))
+
+
+def test_half_a_character_in_a_reply_in_a_reply_is_an_error_of_the_server() -> None:
+    with pytest.raises(ServerError, match="no JSON document"):
+        _reply(b'"[\\ud800"')

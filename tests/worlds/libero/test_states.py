@@ -120,7 +120,7 @@ def test_numpys_own_archives_are_read_without_unpickling(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     "content",
     [
-        b"r\xff\xff\xff\x7f.",  # a place in the memo that would take 34 GB
+        b"r\xff\xff\xff\x7f.",  # a place in the memo that takes gigabytes
         b"\x80\x02K\x01K\x02R.",
         b"(0.",
         b"\x8d" + b"\xff" * 8,
