@@ -41,7 +41,7 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
         AdapterError: The reference leads nowhere, or a file cannot be read.
     """
     if is_address(text):
-        from pytest_libero_max.policies.servers.served import require_profile
+        from pytest_libero_max.policies.servers.opening import require_profile
 
         return require_profile(text, profile).digest
     reference = parse_reference(text)

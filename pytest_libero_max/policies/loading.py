@@ -62,7 +62,7 @@ def load_policy(
         ServerError: The server cannot be reached, or does not speak its protocol.
     """
     if is_address(text):
-        from pytest_libero_max.policies.servers.served import load_served
+        from pytest_libero_max.policies.servers.opening import load_served
 
         return load_served(text, profile, horizon, query_interval)
     _refuse_profile(text, profile)
@@ -87,7 +87,7 @@ def check_reference(text: str, profile: str | None = None) -> None:
             the address or its profile cannot be used.
     """
     if is_address(text):
-        from pytest_libero_max.policies.servers.served import require_profile
+        from pytest_libero_max.policies.servers.opening import require_profile
 
         require_profile(text, profile)
         return

@@ -15,7 +15,7 @@ from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.check import check_policy, memory_of
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.policies.serving.sockets import serving
 from pytest_libero_max.policies.wrapping import WrappedPolicy

@@ -8,7 +8,7 @@ import numpy as np
 
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.policies.serving.sockets import serving
 from pytest_libero_max.worlds.tiny.world import TinyWorld

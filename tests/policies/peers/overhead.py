@@ -24,7 +24,8 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
+from pytest_libero_max.policies.servers.opening import load_served
+from pytest_libero_max.policies.servers.served import ServedPolicy
 from pytest_libero_max.sources import open_substrate
 from tests.pairing.actors import shorten
 from tests.policies.peers.conftest import HERE, peer

@@ -12,7 +12,7 @@ import pytest
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.policies.servers import link
-from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.policies.serving.sockets import serving
 from tests.policies.peers import clients

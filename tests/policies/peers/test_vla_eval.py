@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.policies.serving.sockets import serving
 from tests.policies.peers.conftest import HERE, PYTHON, nested, peer, require, shown

@@ -19,9 +19,9 @@ from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import load_profile, profile_names
 from pytest_libero_max.policies.servers.codecs import JSON_NUMPY, MSGPACK_NUMPY, OPENPI, pack, unpack
+from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.policies.servers.reply import Reply
 from pytest_libero_max.policies.servers.request import Request
-from pytest_libero_max.policies.servers.served import load_served
 from pytest_libero_max.policies.serving import openpi
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.worlds.tiny.world import TinyWorld

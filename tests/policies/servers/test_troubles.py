@@ -15,7 +15,8 @@ import pytest
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.servers import codecs, link
 from pytest_libero_max.policies.servers.codecs import MSGPACK_NUMPY, NPY, OPENPI, pack
-from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
+from pytest_libero_max.policies.servers.opening import load_served
+from pytest_libero_max.policies.servers.served import ServedPolicy
 from tests.policies.servers import fakes
 
 GOOD = {"actions": np.zeros((10, 7))}

@@ -12,7 +12,8 @@ from pytest_libero_max.policies.servers import link
 from pytest_libero_max.policies.servers.address import parse_address
 from pytest_libero_max.policies.servers.codecs import VLA_EVAL, pack
 from pytest_libero_max.policies.servers.http_act import _reply
-from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
+from pytest_libero_max.policies.servers.opening import load_served
+from pytest_libero_max.policies.servers.served import ServedPolicy
 from pytest_libero_max.policies.servers.vla_eval import VlaEvalLink, returns_poses, wanted
 from pytest_libero_max.policies.serving.vla_eval import quaternion
 from tests.policies.servers import fakes

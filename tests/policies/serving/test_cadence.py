@@ -10,8 +10,8 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.profile import load_profile
+from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.policies.servers.request import Request
-from pytest_libero_max.policies.servers.served import load_served
 from pytest_libero_max.policies.serving import openpi
 from pytest_libero_max.policies.serving.batching import Batching
 from pytest_libero_max.policies.serving.host import Host

@@ -14,7 +14,7 @@ from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.pieces.images import rotate_180
-from pytest_libero_max.policies.servers.served import load_served
+from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.policies.serving.host import Host
 from pytest_libero_max.policies.serving.sockets import serving
 from tests.films.short_run import leave_out_shadows

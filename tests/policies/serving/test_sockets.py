@@ -19,7 +19,8 @@ from pytest_libero_max.policies.examination import examine, made_up
 from pytest_libero_max.policies.loading import forget_adapter
 from pytest_libero_max.policies.servers import link
 from pytest_libero_max.policies.servers.declared import RememberingPolicy
-from pytest_libero_max.policies.servers.served import ServedPolicy, load_served
+from pytest_libero_max.policies.servers.opening import load_served
+from pytest_libero_max.policies.servers.served import ServedPolicy
 from pytest_libero_max.policies.serving import sockets
 from pytest_libero_max.policies.serving.batching import Batching
 from pytest_libero_max.policies.serving.host import Host
