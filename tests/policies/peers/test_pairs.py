@@ -11,27 +11,11 @@ import pytest
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import measure_pair
-from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.servers.opening import load_served
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.pairing.actors import make_case
 from tests.policies.peers.conftest import peer, require
-
-
-class Reach:
-    """The policy of the servers of this folder. vla-eval rounds actions to float32."""
-
-    def __init__(self, spec: PolicySpec, dtype: type[np.floating[Any]]) -> None:
-        self.spec = spec
-        self._dtype = dtype
-
-    def reset(self, episode: Any) -> None:
-        pass
-
-    def predict(self, observation: Any, query: Any) -> Any:
-        move = np.clip((np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]) / 0.05, -1, 1)
-        actions = np.tile([*move, 0, 0, 0, 1], (10, 1))[: self.spec.horizon]
-        return actions.astype(self._dtype).astype(np.float64)
+from tests.policies.peers.reach import Reach
 
 
 @pytest.fixture
