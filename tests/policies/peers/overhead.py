@@ -43,10 +43,14 @@ def own_server() -> Iterator[int]:
         [command, "serve", str(HERE / "reach.py"), "--port=0"], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        yield next(
-            int(found[1]) for line in process.stdout if (found := re.search(r"openpi://[\d.]+:(\d+)", line))
-        )
-        process.terminate()
+        try:
+            yield next(
+                int(found[1])
+                for line in process.stdout
+                if (found := re.search(r"openpi://[\d.]+:(\d+)", line))
+            )
+        finally:
+            process.terminate()
 
 
 def timed(policy: ServedPolicy, index: int) -> tuple[float, float]:
