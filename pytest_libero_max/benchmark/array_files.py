@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_BYTES = 2**31
-"""What a file may unpack to."""
+from pytest_libero_max.benchmark.documents import MOST_BYTES
 
 
 def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str, bytes]:
@@ -24,7 +23,7 @@ def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str,
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is no archive, is damaged, or unpacks to more than :data:`MOST_BYTES`.
+        ValueError: It is no archive, is damaged, or unpacks to more than :data:`.documents.MOST_BYTES`.
     """
     content = path.read_bytes()
     try:

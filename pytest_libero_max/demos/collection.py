@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from pytest_libero_max.benchmark.array_files import read_arrays
 from pytest_libero_max.demos.episodes import Demonstration, Planned, record
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.policies.loading import load_policy
@@ -133,10 +134,10 @@ def find(plan: Planned, folder: Path) -> Found | None:
 
 def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
     """The episode of a file, and what else is known of it: suite, task, initial state, event."""
-    with path.open("rb") as content, np.load(content, allow_pickle=False) as file:
-        about = json.loads(str(file["about"]))
-        observations = {key: file[key] for key in file.files if key not in _NOT_SHOWN}
-        actions, executed = file["actions"], file.get("executed")
+    arrays = read_arrays(path)
+    about = json.loads(str(arrays["about"]))
+    observations = {key: value for key, value in arrays.items() if key not in _NOT_SHOWN}
+    actions, executed = arrays["actions"], arrays.get("executed")
     return (
         Demonstration(True, about["instruction"], about["event_step"], observations, actions, executed),
         about,

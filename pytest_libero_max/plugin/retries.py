@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.deaths import keep_text, pair_error
 from pytest_libero_max.plugin.last_words import Death
 from pytest_libero_max.plugin.options import Settings
@@ -20,7 +21,7 @@ FRUITLESS = 4
 
 
 class Retries:
-    """Counts the deaths of the processes that play pairs for a controller.
+    """Counts the deaths of the processes that play pairs: a plugin beside the one that starts them.
 
     Args:
         settings: Of the run.
@@ -46,10 +47,17 @@ class Retries:
             f"last one: {death.error}"
         )
 
-    def measured(self, item_id: str) -> None:
-        """A pair is measured: something else than deaths happens."""
-        self._measured.add(item_id)
-        self._in_a_row = 0
+    def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
+        """Something else than deaths happens."""
+        if isinstance(pair, PairRecord):
+            self._measured.add(pair.item_id)
+            self._in_a_row = 0
+
+    def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
+        """How a pair is shown that is played again."""
+        if report.outcome != RETRIED:
+            return None
+        return RETRIED, "r", f"RETRIED ({report.longrepr})"
 
     def tell(self, report: Any, case: Case, death: Death, play_again: Callable[[], bool]) -> str | None:
         """Say in a report what becomes of the pair that a process was to play when it died.
@@ -78,10 +86,3 @@ class Retries:
         if error.phase == POLICY_PHASE:
             return "the policy cannot be played: it ends each process that loads it"
         return None
-
-
-def retried_status(report: Any) -> tuple[str, str, str] | None:
-    """How a pair is shown that is played again; None for any other report."""
-    if report.outcome != RETRIED:
-        return None
-    return RETRIED, "r", f"RETRIED ({report.longrepr})"

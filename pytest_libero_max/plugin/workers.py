@@ -12,12 +12,11 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of
 from pytest_libero_max.plugin.guard import WORDS_INPUT
 from pytest_libero_max.plugin.last_words import Death, read_death
 from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.retries import Retries, retried_status
+from pytest_libero_max.plugin.retries import Retries
 
 DISTS = ("worksteal", "load")
 """Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
@@ -57,6 +56,7 @@ class Workers:
         self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
         self._deaths: dict[Any, Death] = {}
         self._retries = Retries(settings, config.option.numprocesses or 1, "workers")
+        config.pluginmanager.register(self._retries)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_setupnodes(self) -> None:
@@ -97,15 +97,6 @@ class Workers:
 
         if (reason := self._retries.tell(report, case, death, play_again)) is not None:
             self._stop(reason)
-
-    def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
-        """Something else than deaths happens."""
-        if isinstance(pair, PairRecord):
-            self._retries.measured(pair.item_id)
-
-    def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
-        """How a pair is shown that is played again."""
-        return retried_status(report)
 
     def pytest_unconfigure(self) -> None:
         """Remove the last words."""

@@ -111,6 +111,19 @@ def _coded(labels: Labels) -> Json:
     return {"names": names.tolist(), "places": places.tolist()}
 
 
+_DAMAGE = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    RecursionError,
+    ReportError,
+)
+"""What a file that is missing or damaged can bring about."""
+
+
 def read_outcomes(path: Path) -> RunOutcomes:
     """Read the outcomes of a run.
 
@@ -129,10 +142,7 @@ def read_outcomes(path: Path) -> RunOutcomes:
             kept = json.loads(text)
             if kept["schema_version"] == OUTCOMES_VERSION and kept["pairs_digest"] == file_digest(pairs_path):
                 return _from_file(kept, _run_of(pairs_path))
-    except (
-        *(OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError),
-        ReportError,
-    ):
+    except _DAMAGE:
         pass  # the records say all of it, and what is wrong with them
     return RunOutcomes.of(read_pairs(pairs_path))
 

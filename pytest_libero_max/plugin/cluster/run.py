@@ -17,7 +17,6 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.cluster.link import Link
 from pytest_libero_max.plugin.cluster.remote import identity
 from pytest_libero_max.plugin.cluster.shares import Shares
@@ -25,7 +24,7 @@ from pytest_libero_max.plugin.collection import PairItem, only_lists
 from pytest_libero_max.plugin.last_words import Death
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.progress import RunProgress
-from pytest_libero_max.plugin.retries import Retries, retried_status
+from pytest_libero_max.plugin.retries import Retries
 from pytest_libero_max.policies.servers.address import TOKEN_VARIABLE
 
 CARRIED = (
@@ -83,6 +82,7 @@ class RayRun:
         self._config, self._settings, self._cases, self._progress = config, settings, cases, progress
         self._link: Link | None = None
         self._retries = Retries(settings, settings.ray_actors or 1, "actors")
+        config.pluginmanager.register(self._retries)
         self._players: dict[Any, _Player] = {}  # by what they answer next
         self._idle: list[_Player] = []
         self._count = 0
@@ -326,15 +326,6 @@ class RayRun:
         told = {"warning_message": unserialize_warning_message(warning["told"])}
         told |= {name: warning[name] for name in ("when", "nodeid", "location")}
         self._config.hook.pytest_warning_recorded.call_historic(kwargs=told)
-
-    def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
-        """Something else than deaths happens."""
-        if isinstance(pair, PairRecord):
-            self._retries.measured(pair.item_id)
-
-    def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
-        """How a pair is shown that is played again."""
-        return retried_status(report)
 
     def pytest_unconfigure(self) -> None:
         """Leave the cluster."""
