@@ -105,7 +105,13 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     if not valid:
         return ""
     few = len(valid) <= MOST_NAMED
-    close = difflib.get_close_matches(str(name), valid, n=1 if few else CLOSEST, cutoff=0.5)
+    name = str(name)
+    # 2 * (characters in common) / (characters in all) of at least 0.5 cannot be reached by a longer one.
+    close = (
+        []
+        if len(name) > 3 * max(map(len, valid))
+        else difflib.get_close_matches(name, valid, n=1 if few else CLOSEST, cutoff=0.5)
+    )
     hint = f"Did you mean {close[0]!r}? " if close else ""
     if few:
         return f"{hint}Known: {', '.join(valid)}."
