@@ -41,8 +41,9 @@ def add_commands(commands: Commands) -> None:
         "--view",
         default="world",
         choices=VIEWS,
-        help="world, or what the policy saw: the images of its queries, after the world's noise and, where a "
-        "profile or --adapter tells, after preprocessing (default: %(default)s)",
+        help="world, or what the policy saw: the images of its queries, or of every step if it sees those, "
+        "after the world's noise and, where a profile or --adapter tells, after preprocessing (default: "
+        "%(default)s)",
     )
     film.add_argument(
         "--adapter",

@@ -47,12 +47,14 @@ class Shown:
         images: The images by name, (H, W, 3) uint8 each, from an observation and its query.
         instruction: What the model is told, from what the policy is told.
         policy: The policy where one was loaded; it is told of the episode.
+        every_step: The policy was shown every step, and not queries alone.
     """
 
     words: str
     images: Callable[[Observation, Query], Mapping[str, Image]]
     instruction: Callable[[str], str] = str
     policy: Policy | None = None
+    every_step: bool = False
 
 
 def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) -> Shown:
@@ -79,11 +81,12 @@ def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) 
         return Shown(f"{_AS_DELIVERED}; the profile is not known, give it with --profile", _delivered)
     if found.get("policy", "declared_by_server", False):
         return Shown(f"{_AS_DELIVERED}, which are sent to the server unchanged", _delivered)
-    request = Request(found)
+    request, every_step = Request(found), found.get("policy", "every_step", False)
     return Shown(
-        f"the images as profile {found.name} sends them",
+        f"the images {'of every step ' if every_step else ''}as profile {found.name} sends them",
         lambda observation, query: _images_among(request.visible(observation)),
         request.instruction,
+        every_step=every_step,
     )
 
 
@@ -91,6 +94,8 @@ def saw(
     case: Case, record: PairRecord, traces: Mapping[str, ArmTrace], shown: Shown, size: int
 ) -> tuple[Look, frozenset[int]]:
     """Looks at a world as the policy did: at its queries; in between it still has the last images.
+
+    A policy that was shown every step is followed step by step.
 
     Args:
         case: The case.
@@ -118,12 +123,16 @@ def saw(
         for name, trace in traces.items()
     }
 
+    # An adapter that was loaded tells what it hands to its model, which is asked at queries alone.
+    is_seeing = shown.every_step or (record.policy.get("memory") == "frames" and shown.policy is None)
+
     def look(name: str, step: int, world: World, before: View | None) -> View:
-        index = number[name].get(step)
-        if index is None or step >= (record.arms[name].steps or 0):
+        is_over, is_query = step >= (record.arms[name].steps or 0), step in number[name]
+        if is_over or not (is_query or is_seeing):
             opening = opening_m(world.observe((), 1))
             return View(before.images, opening, before.words) if before else View({}, opening)
         told = world.language if case.instruction is None else case.instruction
+        index = max(index for asked, index in number[name].items() if asked <= step)
         query = Query(index, step, told, query_seed(case.policy_seed, index))
         observation: Observation = world.observe(cameras, _size(record))
         for wrapper in wrappers:
@@ -131,7 +140,7 @@ def saw(
         images = shown.images(observation, query)
         if not images:
             raise ReportError(f"{record.item_id}: there is no image among what the policy was shown.")
-        words = [f"query {index} at step {step}"]
+        words = [f"query {index} at step {step}" if is_query else f"step {step}"]
         if shown.instruction(told) != record.instruction:
             words.append(shown.instruction(told))
         pictures = {

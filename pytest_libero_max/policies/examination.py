@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -30,6 +31,7 @@ from pytest_libero_max.policies.check import (
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy
 from pytest_libero_max.policies.finding import Finding, Shown
 from pytest_libero_max.policies.model_inputs import compare_inputs, marked_observation, model_inputs
+from pytest_libero_max.policies.servers.link import LOG as SERVER_LOG
 
 Actions = NDArray[np.float64]
 FAR_BEYOND = 3.0
@@ -423,7 +425,8 @@ def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
         return
     try:
         start(policy, shown.episode)
-        part = _ask(policy, shown, 0)
+        with _unheard():
+            part = _ask(policy, shown, 0)
     except LiberoMaxError:
         yield Finding(
             "note",
@@ -445,6 +448,16 @@ def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
             "the first ones",
             "A deque with maxlen keeps its last entries: cut the chunk with [:n] before.",
         )
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """A server that refuses what it is asked here is no trouble to warn of: the finding says it."""
+    SERVER_LOG.disabled = True
+    try:
+        yield
+    finally:
+        SERVER_LOG.disabled = False
 
 
 def _inputs(policy: Policy, shown: Shown) -> Iterator[Finding]:

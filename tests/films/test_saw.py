@@ -185,3 +185,23 @@ def test_wide_images_are_shown_as_the_policy_got_them(short: None, tmp_path: Pat
     }
     shown = next(iter(ticks[0].views["base"].images.values()))
     assert np.array_equal(shown[4:28], policy.views[0][::-1]) or np.array_equal(shown[4:28], policy.views[0])
+
+
+def test_a_policy_that_was_shown_every_step_is_followed_step_by_step(
+    seeing: tuple[Played, Approaching],
+) -> None:
+    played, _ = seeing
+    ran = {"reference": "openpi://gpu:8000", "code": load_profile("mimic_video").digest}
+    assert shown_by(ran).words == "the images of every step as profile mimic_video sends them"
+    ticks = _ticks(played, ran)
+    assert [tick.views["base"].words[0] for tick in ticks[:5]] == [
+        "query 0 at step 0",
+        "step 1",
+        "step 2",
+        "query 1 at step 3",
+        "step 4",
+    ]
+    assert not np.array_equal(_image(ticks[1], "base"), _image(ticks[2], "base"))
+    frames = replace(played.record, policy=played.record.policy | {"memory": "frames"})
+    delivered = _ticks(replace(played, pair=replace(played.pair, record=frames)), ADAPTER)
+    assert delivered[1].views["base"].words == ("step 1",)

@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.policies.examination import examine, made_up
 from pytest_libero_max.policies.finding import Finding, Shown
 from pytest_libero_max.policies.model_inputs import as_image, picture_sheet
 from pytest_libero_max.policies.pieces.images import resize_area, rotate_180
 from pytest_libero_max.policies.pieces.states import axis_angle, axis_angle_antipodal
+from pytest_libero_max.policies.servers.link import LOG as SERVER_LOG
 from pytest_libero_max.worlds.contract import Observation
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
@@ -342,6 +344,26 @@ def test_a_policy_without_seeds_is_not_blamed_for_what_it_declares(shown: Shown)
     found = bad(examine(policy, shown))
     assert [finding.level for finding in found] == ["note"]
     assert "repeatable=False says so" in found[0].observed
+
+
+class Refusing(Sound):
+    """Behind a server that retries what its adapter refuses, and warns of it."""
+
+    def predict(self, observation: Observation, query: Query) -> Any:
+        if self.spec.horizon < 8:
+            SERVER_LOG.warning("the server reports an error; trying again")
+            raise ServerError("it was given up")
+        return self.chunk(observation, query)
+
+
+def test_a_server_that_refuses_another_h_is_a_finding_and_no_warning(
+    shown: Shown, caplog: pytest.LogCaptureFixture
+) -> None:
+    findings = bad(examine(Refusing(), shown))
+    assert [finding.observed for finding in findings] == ["--libero-max-horizon=4 is not followed"]
+    assert not caplog.records
+    SERVER_LOG.warning("heard again")
+    assert len(caplog.records) == 1
 
 
 class Posing(Sound):
