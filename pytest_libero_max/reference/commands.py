@@ -16,14 +16,22 @@ def page() -> str:
 
 
 def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser, str]]:
+    """Every command, and after it the commands that it has itself."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
-            yield from ((name, command, helps[name]) for name, command in action.choices.items())
+            for name, command in action.choices.items():
+                yield name, command, helps[name]
+                for part, its_parser, its_help in _commands(command):
+                    yield f"{name} {part}", its_parser, its_help
 
 
 def _command(name: str, parser: argparse.ArgumentParser, help: str) -> str:
-    rows = [(code(_spelling(action)), _help(action)) for action in parser._actions if action.dest != "help"]
+    rows = [
+        (code(_spelling(action)), _help(action))
+        for action in parser._actions
+        if action.dest != "help" and not isinstance(action, argparse._SubParsersAction)
+    ]
     usage = table(("Argument", "Meaning"), rows) if rows else ""
     text = f"{help}. {parser.description or ''}".strip()
     return f"## `libero-max {name}`\n\n{text}\n\n{usage}".strip()

@@ -46,7 +46,7 @@ def clip(actions: Array) -> Array:
 
 def gripper_from_opening(actions: Array) -> Array:
     """The gripper from 0 (close) to 1 (open) as LIBERO's sign: ``-sign(2 g - 1)``, 0 for exactly a half."""
-    return _with_gripper(actions, -np.sign(2.0 * actions[:, -1] - 1.0) + 0.0)
+    return _with_gripper(actions, -np.sign(actions[:, -1] - 0.5) + 0.0)
 
 
 def gripper_from_open_flag(actions: Array) -> Array:

@@ -123,8 +123,7 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
         AdapterError: The server's gripper is another one.
     """
     parameters, formats = _declared(greeting)
-    capabilities = greeting.get("capabilities")
-    if isinstance(capabilities, dict) and capabilities.get("memory"):
+    if _flags(greeting, "capabilities").get("memory"):
         raise AdapterError(
             "The policy behind this server has a memory, which would be emptied before every query of this "
             "protocol. Ask the server of `libero-max serve` with openpi:// and --libero-max-profile=served."
@@ -163,13 +162,24 @@ def returns_poses(greeting: Any) -> bool:
 
 def _declared(greeting: Any) -> tuple[dict[Any, Any], dict[Any, Any]]:
     """What a server asks for, and what it says about its actions."""
-    parameters = greeting.get("observation_params") or {}
-    formats = greeting.get("action_spec") or {}
-    if not isinstance(parameters, dict) or not isinstance(formats, dict):
-        raise ServerError("the greeting's 'observation_params' and 'action_spec' must be maps")
-    if any(isinstance(value, np.ndarray) for value in parameters.values()):
-        raise ServerError("the greeting's 'observation_params' hold an array, but must be flags")
-    return parameters, formats
+    return _flags(greeting, "observation_params"), _map(greeting, "action_spec")
+
+
+def _flags(greeting: Any, name: str) -> dict[Any, Any]:
+    flags = _map(greeting, name)
+    if any(isinstance(value, np.ndarray) for value in flags.values()):
+        raise ServerError(f"the greeting's {name!r} hold an array, but must be flags")
+    return flags
+
+
+def _map(greeting: Any, name: str) -> dict[Any, Any]:
+    """A part of a greeting; empty where there is none."""
+    part = greeting.get(name)
+    if part is None:
+        return {}
+    if not isinstance(part, dict):
+        raise ServerError(f"the greeting's {name!r} are a {type(part).__name__}, but must be a map")
+    return part
 
 
 def _format(formats: dict[Any, Any], name: str) -> str | None:

@@ -149,7 +149,7 @@ def test_actions_that_cannot_be_played_are_refused_when_the_server_greets(
     ("greeting", "message"),
     [
         ({"protocol_version": 2}, "speaks version 2"),
-        ({"observation_params": [1]}, "must be maps"),
+        ({"observation_params": [1]}, "'observation_params' are a list, but must be a map"),
     ],
 )
 def test_a_greeting_that_is_not_understood_is_an_error_of_the_server(
@@ -172,6 +172,9 @@ def test_an_error_of_the_model_is_told_as_it_is(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     "greeting",
     [
+        {"observation_params": np.zeros(2)},
+        {"action_spec": np.zeros(0)},
+        {"capabilities": {"memory": np.zeros(2)}},
         {"observation_params": {"send_state": np.zeros(2)}},
         {"observation_params": {"absolute_action": np.ones(2)}},
         {"action_spec": {"gripper": {"format": np.zeros(2)}}},
