@@ -26,6 +26,7 @@ from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.sources import catalogue, digest_of, open_substrate, variation_of
 from pytest_libero_max.worlds.contract import Substrate
+from pytest_libero_max.worlds.libero.plus import base_name
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 if TYPE_CHECKING:
@@ -255,7 +256,10 @@ def _scene(case: Case) -> tuple[Any, ...]:
 
 
 def _installed_scene(case: Case) -> tuple[Any, ...]:
-    return case.suite, case.source, case.task_index, case.source_category or "", case.case_id
+    """Textures and meshes are those of the task that is varied, unless the variation brings others."""
+    name = case.record.get("task_name") if case.source == "plus" else None
+    task = f"{case.task_index:02d}" if name is None else base_name(name)
+    return case.suite, case.source, task, case.source_category or "", case.case_id
 
 
 _substrate: Substrate

@@ -160,7 +160,7 @@ def test_what_the_substrate_lacks_is_said_of_each_case(tmp_path: Path) -> None:
     assert "teapot_1" in problem.detail
 
 
-def test_genuine_cases_are_sorted_without_the_packages_own_catalogues(tmp_path: Path) -> None:
+def test_genuine_cases_are_sorted_without_the_packages_own_catalogues() -> None:
     """No catalogue of this package knows the names of the installed LIBERO-Plus."""
     raw = {**case_of("target_relocation", MoveObject("mug_1", (0.06, 0.0, 0.0))).record}
     records = [
@@ -175,6 +175,18 @@ def test_genuine_cases_are_sorted_without_the_packages_own_catalogues(tmp_path: 
     assert [case.task_index for case in sorted(cases, key=order)] == [3, 7]
     with pytest.raises(SubstrateError):
         sorted(cases, key=scene_order("libero", SubstrateOptions(variations="own")))
+
+
+def test_variations_of_one_task_are_neighbours() -> None:
+    raw = {**case_of("target_relocation", MoveObject("mug_1", (0.06, 0.0, 0.0))).record}
+    names = ("open_the_door_view_1_initstate_2", "close_the_door_tb_1", "open_the_door_add_3")
+    records = [
+        {**raw, "case_id": f"plus-{number}", "task_index": number, "task_name": name}
+        | {"substrate_category": "Robot Initial States", "substrate_difficulty": 1}
+        for number, name in enumerate(names)
+    ]
+    found = sorted(map(parse_case, records), key=scene_order("libero", None))
+    assert [case.task_index for case in found] == [1, 0, 2]
 
 
 @pytest.mark.parametrize(

@@ -40,10 +40,11 @@ class Renderer:
     """Draws one model from its cameras.
 
     All renderers of a process share one GL context, made with the first image and current whenever one
-    of them draws, so that any number of worlds can be looked at in turns.
+    of them draws, so that any number of worlds can be looked at in turns. Those whose models have the same
+    textures and meshes share these as well: to upload those of a genuine scene takes about a second.
 
     Args:
-        model: Its textures are uploaded with the first image and not again.
+        model: Its textures and meshes are uploaded with the first image and not again.
         data: Its derived values must be up to date whenever :meth:`render` is called.
         reflections: Whether reflective surfaces reflect; each of them draws the whole scene once more.
     """
@@ -52,10 +53,8 @@ class Renderer:
         self._model = model
         self._data = data
         self._reflections = reflections
-        self._context: Any = None
+        self._uploaded: _Uploaded | None = None
         self._scene: Any = None
-        self._side = 0
-        self._shadows = False
 
     def render(self, camera: str, size: ImageSize) -> Image:
         """One image, (H, W, 3) uint8, freshly allocated, bottom row first.
@@ -105,52 +104,132 @@ class Renderer:
 
     def _draw(self, height: int, width: int) -> Image:
         viewport = mujoco.MjrRect(0, 0, width, height)
-        mujoco.mjr_render(viewport, self._scene, self._context)
+        assert self._uploaded is not None
+        mujoco.mjr_render(viewport, self._scene, self._uploaded.context)
         image: Image = np.empty((height, width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(image, None, viewport, self._context)
+        mujoco.mjr_readPixels(image, None, viewport, self._uploaded.context)
         return image
 
     def close(self) -> None:
         """Free buffers, meshes and textures. The renderer makes them again if it is used again."""
-        if self._context is not None:
-            _shared_context().make_current()
-            self._context.free()
-            self._context = self._scene = None
+        if self._uploaded is not None:
+            self._uploaded.release()
+            self._uploaded = self._scene = None
 
     def _prepare(self, size: int) -> None:
         _shared_context().make_current()
         shadows = bool(self._model.light_castshadow.any())
-        if self._context is not None and (size > self._side or shadows != self._shadows):
+        if self._uploaded is not None and not self._uploaded.suits(size, shadows):
             self.close()
-        self._shadows = shadows
-        if self._context is None:
-            self._open(max(size, 256))
-        # The framebuffer in use belongs to the GL context, and another renderer may have drawn last.
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
-        # The context keeps its own copy of which texture a material shows.
-        self._context.mat_texid[: self._model.mat_texid.size] = self._model.mat_texid.ravel()
-        self._context.mat_texrepeat[: self._model.mat_texrepeat.size] = self._model.mat_texrepeat.ravel()
+        if self._uploaded is None:
+            self._open(max(size, 256), shadows)
+        assert self._uploaded is not None
+        self._uploaded.use_for(self._model)
 
-    def _open(self, side: int) -> None:
-        self._side = side
-        self._model.vis.global_.offwidth = side
-        self._model.vis.global_.offheight = side
-        self._model.vis.quality.offsamples = OFFSAMPLES
-        self._model.vis.quality.shadowsize = SHADOW_MAP if self._shadows else 0
-        self._model.vis.map.shadowclip = SHADOW_REACH
-        try:
-            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        except mujoco.FatalError as error:
-            raise SimulatorError(
-                f"MuJoCo cannot draw with {gl.VARIABLE}={gl.require()!r}: {error}."
-            ) from error
+    def _open(self, side: int, shadows: bool) -> None:
+        self._uploaded = _uploaded_for(self._model, side, shadows)
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = self._shadows
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = self._reflections
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+
+
+class _Uploaded:
+    """Buffers to draw into, and the textures and meshes of a model, in the memory of what draws.
+
+    Attributes:
+        context: MuJoCo's handle of them.
+        model: One that has them; the last of those that asked, so that the others need not stay.
+        users: Renderers that draw with it; without any it is freed.
+
+    Args:
+        model: Whose textures and meshes.
+        side: Of the largest image, pixels.
+        shadows: Whether some light casts them.
+
+    Raises:
+        SimulatorError: The driver refuses.
+    """
+
+    def __init__(self, model: mujoco.MjModel, side: int, shadows: bool) -> None:
+        self.model, self._side, self._shadows = model, side, shadows
+        self._shapes = _shapes(model)
+        self.users = 0
+        try:
+            self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        except mujoco.FatalError as error:
+            raise SimulatorError(
+                f"MuJoCo cannot draw with {gl.VARIABLE}={gl.require()!r}: {error}."
+            ) from error
+
+    def suits(self, size: int, shadows: bool) -> bool:
+        """Whether images of this size can be drawn, with shadows or without."""
+        return size <= self._side and shadows == self._shadows
+
+    def holds(self, model: mujoco.MjModel) -> bool:
+        """Whether a model has these very textures, meshes and other shapes."""
+        return self._shapes == _shapes(model) and all(
+            np.array_equal(_bytes(self.model, name), _bytes(model, name)) for name in _UPLOADS
+        )
+
+    def use_for(self, model: mujoco.MjModel) -> None:
+        """Draw a model next."""
+        # The framebuffer in use belongs to the GL context, and another renderer may have drawn last.
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
+        # The context keeps its own copy of which texture a material shows, and how.
+        for name in ("mat_texid", "mat_texrepeat", "mat_texuniform"):
+            values = getattr(model, name)
+            getattr(self.context, name)[: values.size] = values.ravel()
+
+    def release(self) -> None:
+        """One renderer less."""
+        self.users -= 1
+        if self.users == 0:
+            _in_use.remove(self)
+            _shared_context().make_current()
+            self.context.free()
+
+
+_UPLOADS = tuple(
+    name for name in dir(mujoco.MjModel) if name.startswith(("tex_", "mesh_", "hfield_", "skin_"))
+)
+
+
+def _bytes(model: mujoco.MjModel, name: str) -> NDArray[np.uint8]:
+    """An array of a model as its bytes: some hold NaN, which is not equal to itself."""
+    values: NDArray[np.uint8] = getattr(model, name).reshape(-1).view(np.uint8)
+    return values
+
+
+def _shapes(model: mujoco.MjModel) -> tuple[object, ...]:
+    """What the context keeps of a model beside textures and meshes: planes, round shapes, fog, shadows."""
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    materials = model.geom_matid[planes]
+    arrays = (model.geom_size[planes], materials >= 0, model.mat_texrepeat[materials[materials >= 0]])
+    settings = (model.vis.global_.linewidth, model.vis.map, model.vis.quality, model.vis.rgba)
+    return (*(array.tobytes() for array in arrays), *map(repr, settings), model.stat.extent)
+
+
+_in_use: list[_Uploaded] = []
+
+
+def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
+    """What another renderer has uploaded if it serves this model as well, else a new upload."""
+    model.vis.global_.offwidth = model.vis.global_.offheight = side
+    model.vis.quality.offsamples = OFFSAMPLES
+    model.vis.quality.shadowsize = SHADOW_MAP if shadows else 0
+    model.vis.map.shadowclip = SHADOW_REACH
+    known = (one for one in _in_use if one.suits(side, shadows) and one.holds(model))
+    found = next(known, None)
+    if found is None:
+        found = _Uploaded(model, side, shadows)
+        _in_use.append(found)
+    found.model = model
+    found.users += 1
+    return found
 
 
 def require_images() -> None:

@@ -11,6 +11,7 @@ from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
 from pytest_libero_max.worlds.embedded.scene import build_scene
 from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+from pytest_libero_max.worlds.rendering import renderer
 from pytest_libero_max.worlds.rendering.renderer import Renderer, require_images
 from pytest_libero_max.worlds.tiny.world import TinyWorld
 
@@ -79,6 +80,74 @@ def test_worlds_of_one_process_are_drawn_apart() -> None:
     assert not np.array_equal(alone[0]["agentview_image"], alone[1]["agentview_image"])
     worlds[1].close()
     assert all(np.array_equal(alone[0][key], value) for key, value in images(worlds[0]).items())
+
+
+CHEQUERED = """<mujoco><asset>
+  <texture name="chequered" type="2d" builtin="checker" width="64" height="64" rgb1="{red} 0 0" rgb2="0 0 1"/>
+  <texture name="plain" type="2d" builtin="flat" width="64" height="64" rgb1="0 1 0"/>
+  <material name="first" texture="chequered"/><material name="second" texture="plain"/>
+  <mesh name="corner" vertex="0 0 0 1 0 0 0 1 0 0 0 {high}"/>
+</asset><worldbody>
+  <light pos="0 0 3"/><camera name="eye" pos="0 0 3"/>
+  <geom name="floor" type="plane" size="{floor} 1 0.1" material="first" group="1"/>
+  <geom type="mesh" mesh="corner" pos="{place} 0 0.1" group="1"/>
+</worldbody></mujoco>"""
+
+
+def drawer(**values: float) -> tuple[Renderer, mujoco.MjModel]:
+    """A small scene: how red and how wide its floor is, how high its one object, and where that stands."""
+    model = mujoco.MjModel.from_xml_string(
+        CHEQUERED.format(**{"red": 1, "high": 1, "floor": 1, "place": 0, **values})
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return Renderer(model, data), model
+
+
+def uploads() -> int:
+    return len(renderer._in_use)
+
+
+def alone(**values: float) -> Image:
+    """What a scene looks like that shares nothing."""
+    known, renderer._in_use[:] = renderer._in_use[:], []
+    drawn, _ = drawer(**values)
+    image = drawn.render("eye", 64)
+    drawn.close()
+    renderer._in_use[:] = known
+    return image
+
+
+def test_scenes_with_the_same_textures_and_meshes_share_them() -> None:
+    before = uploads()
+    one, model = drawer()
+    other, _ = drawer(place=0.5)
+    assert np.array_equal(one.render("eye", 64), alone())
+    assert np.array_equal(other.render("eye", 64), alone(place=0.5))
+    assert uploads() == before + 1
+    shown = one.render("eye", 64)
+    model.mat_texid[:] = model.mat_texid[::-1].copy()
+    assert not np.array_equal(one.render("eye", 64), shown)
+    assert np.array_equal(other.render("eye", 64), alone(place=0.5)), "another scene's materials show"
+    one.close()
+    assert np.array_equal(other.render("eye", 64), alone(place=0.5))
+    assert other.render("eye", 300).shape == (300, 300, 3)
+    assert uploads() == before + 1
+    other.close()
+    assert uploads() == before
+
+
+@pytest.mark.parametrize("difference", [{"red": 0.5}, {"high": 2}, {"floor": 2}])
+def test_scenes_with_other_textures_meshes_or_planes_share_nothing(difference: dict[str, float]) -> None:
+    before = uploads()
+    one, _ = drawer()
+    other, _ = drawer(**difference)
+    shown = one.render("eye", 64)
+    assert np.array_equal(other.render("eye", 64), alone(**difference))
+    assert not np.array_equal(shown, other.render("eye", 64))
+    assert uploads() == before + 2
+    one.close()
+    other.close()
 
 
 def test_looking_changes_nothing() -> None:
