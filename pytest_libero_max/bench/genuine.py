@@ -8,6 +8,7 @@ reset for each rollout, both cameras rendered at every step, the executed prefix
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
@@ -20,7 +21,7 @@ from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.pairing.runner import Pair, measure_pair
-from pytest_libero_max.worlds.contract import ACTION_DIM, NOOP_ACTION
+from pytest_libero_max.worlds.contract import ACTION_DIM, NOOP_ACTION, Array
 from pytest_libero_max.worlds.libero.loading import imported
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.libero.tasks import task_of
@@ -91,7 +92,7 @@ def measure_genuine(
     cases = (case for case in load_track("original") if case.suite == suite)
     case = next(case for case in cases if case.event.name == "camera_shift")
     world = substrate.world(case)
-    plain, seeing = (_package_env(substrate, case, images) for images in (False, True))
+    plain, seeing = (package_env(substrate, case, images) for images in (False, True))
     origin = str(substrate.installation_for("libero"))
     times = GenuineTimes(origin, case.item_id, *_steps(world, plain, seeing, case, steps))
     if repeats:
@@ -112,18 +113,23 @@ def _with_pairs(
     pair = measure_pair(case, world, policy)
     if pair.dynamic is None:
         raise SimulatorError(f"{case.item_id}: the event never fired, so there is no pair to measure.")
-    final = world.data.qpos.copy()
+    rollouts = _rollouts(pair)
+    ends = play_here(world, case, rollouts)
     paired, plains = [], []
     for _ in range(repeats):
         paired.append(processor_seconds(lambda: measure_pair(case, world, policy)))
-        plains.append(processor_seconds(lambda: _play(seeing, world, case, pair)))
-        if not np.array_equal(seeing.sim.data.qpos, final):
+        arrived: list[Array] = []
+        plains.append(
+            processor_seconds(lambda to=arrived: to.extend(play_there(seeing, world, case, rollouts)))
+        )
+        if not np.array_equal(arrived, ends):
             raise SimulatorError(f"{case.item_id}: the package's loop arrived elsewhere.")
-    steps = sum(len(actions) for actions in _rollouts(pair))
+    steps = sum(map(len, rollouts))
     return replace(times, fork_s=median(paired), plain_s=median(plains), steps=steps)
 
 
-def _package_env(substrate: LiberoSubstrate, case: Case, images: bool) -> Any:
+def package_env(substrate: LiberoSubstrate, case: Case, images: bool) -> Any:
+    """The package's wrapper of a case's task, with both cameras or without any."""
     installation = substrate.installation_for("libero")
     bddl = str(task_of(installation, case.suite, case.task_index).bddl)
     with imported(installation) as environments:
@@ -166,15 +172,37 @@ def _steps(world: LiberoWorld, plain: Any, seeing: Any, case: Case, steps: int) 
     return lean, package, images
 
 
-def _play(env: Any, world: LiberoWorld, case: Case, pair: Pair) -> None:
-    """Both rollouts, as the package plays them: its camera event alters no state, so none is needed."""
-    for actions in _rollouts(pair):
+def play_there(env: Any, world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list[Array]:
+    """The joint positions in which rollouts end in the package's environment, without the event.
+
+    Args:
+        env: The package's wrapper.
+        world: Ours, for the initial state.
+        case: Where they begin.
+        rollouts: (n, 7) actions of each.
+    """
+    ends = []
+    for actions in rollouts:
         _start(env, world, case)
         for action in actions:
             env.step(action)
+        ends.append(env.sim.data.qpos.copy())
+    return ends
 
 
-def _rollouts(pair: Pair) -> list[np.ndarray[Any, Any]]:
+def play_here(world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list[Array]:
+    """The same in our loop."""
+    ends = []
+    for actions in rollouts:
+        world.reset(case.init_state_index)
+        for action in actions:
+            world.step(action)
+        ends.append(world.data.qpos.copy())
+    return ends
+
+
+def _rollouts(pair: Pair) -> list[Array]:
+    """The actions of both rollouts, the waiting at their beginning included."""
     settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
     arms = (pair.base, pair.dynamic)
     return [np.concatenate([settle, arm.actions]) for arm in arms if arm is not None]

@@ -10,6 +10,8 @@ from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import SubstrateError
 
 if TYPE_CHECKING:
+    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
@@ -27,10 +29,19 @@ def add_commands(commands: Commands) -> None:
     bench.add_argument("--repeats", type=int, default=3, metavar="N", help="Pairs (default: %(default)s)")
     bench.set_defaults(run=_bench)
 
-    scenes = commands.add_parser("bench-scenes", help="Measure what each of the forty embedded scenes costs")
+    scenes = commands.add_parser("bench-scenes", help="Measure what each of the forty scenes costs")
+    scenes.add_argument(
+        "--substrate",
+        default="embedded",
+        choices=("embedded", "libero"),
+        help="Whose scenes (default: %(default)s)",
+    )
+    add_libero(scenes)
     scenes.set_defaults(run=_bench_scenes)
 
-    genuine = commands.add_parser("bench-genuine", help="The same with an installed LIBERO's own environment")
+    genuine = commands.add_parser(
+        "bench-genuine", help="Measure steps and a pair side by side with an installed LIBERO's environment"
+    )
     genuine.add_argument("--suite", default="libero_spatial", metavar="SUITE", help="Default: %(default)s")
     genuine.add_argument(
         "--steps", type=int, default=60, metavar="N", help="Control steps (default: %(default)s)"
@@ -46,22 +57,28 @@ def add_commands(commands: Commands) -> None:
 
 def _bench_genuine(options: argparse.Namespace) -> None:
     from pytest_libero_max.bench.genuine import measure_genuine
-    from pytest_libero_max.worlds.libero.installation import find_installations
-    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 
-    substrate = LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))
+    substrate = _genuine(options)
     times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
     substrate.close()
     print("\n".join(times.lines()))
 
 
-def _bench_scenes(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.scenes import SCENES, cost_lines, measure_scenes
+def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
+    from pytest_libero_max.worlds.libero.installation import find_installations
+    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 
+    return LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))
+
+
+def _bench_scenes(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.scenes import SCENES, cost_lines, embedded_scene, measure_scenes
+
+    open_scene = embedded_scene if options.substrate == "embedded" else _genuine(options).task_world
     costs = []
     with Work() as work:
         work.show(f"0 of {SCENES} scenes measured")
-        for cost in measure_scenes():
+        for cost in measure_scenes(open_scene):
             costs.append(cost)
             work.show(f"{len(costs)} of {SCENES} scenes measured{work.left(len(costs), SCENES)}")
     print("\n".join(cost_lines(costs)))

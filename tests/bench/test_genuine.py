@@ -1,6 +1,16 @@
 from __future__ import annotations
 
-from pytest_libero_max.bench.genuine import GenuineTimes, measure_genuine
+import numpy as np
+
+from pytest_libero_max.bench.genuine import (
+    GenuineTimes,
+    measure_genuine,
+    package_env,
+    play_here,
+    play_there,
+)
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.worlds.contract import ACTION_DIM
 from pytest_libero_max.worlds.libero.installation import find_installation
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
 from tests.worlds.libero.data import DATA, needs_package
@@ -21,3 +31,16 @@ def test_steps_are_compared_with_the_packages_own() -> None:
     times = measure_genuine(substrate, "libero_object", steps=6, repeats=0)
     assert times.package_ms > 1.5 * times.lean_ms
     assert times.images_ms > times.package_ms
+
+
+@needs_package
+def test_whole_rollouts_end_where_the_packages_own_end() -> None:
+    substrate = LiberoSubstrate([find_installation(assets=DATA / "assets")])
+    case = next(case for case in load_track("original") if case.suite == "libero_object")
+    world, env = substrate.world(case), package_env(substrate, case, images=False)
+    draw = np.random.default_rng(0)
+    rollouts = [draw.uniform(-1.0, 1.0, (steps, ACTION_DIM)) for steps in (12, 9)]
+    ends = play_here(world, case, rollouts)
+    assert np.array_equal(play_there(env, world, case, rollouts), ends)
+    assert not np.array_equal(ends[0], ends[1])
+    env.close()

@@ -1,15 +1,19 @@
-from pytest_libero_max.bench.scenes import SceneCost, cost_lines, measure_scene
+from pytest_libero_max.bench.scenes import SceneCost, cost_lines, embedded_scene, measure_scene
 
 
 def test_a_scene_is_measured() -> None:
-    cost = measure_scene("libero_object", 0, steps=2, images=2, size=64)
+    cost = measure_scene(embedded_scene, "libero_object", 0, steps=2, images=2, size=64)
     assert cost.scene == "libero_object/0"
-    assert min(cost.build_s, cost.step_ms, cost.image_ms) > 0
+    assert min(cost.build_s, cost.step_ms, cost.first_image_s, cost.image_ms) > 0
 
 
 def test_the_dearest_scene_is_named() -> None:
     lines = cost_lines(
-        [SceneCost("a/0", 0.1, 2.0, 5.0), SceneCost("a/1", 0.1, 2.0, 5.0), SceneCost("b/0", 0.3, 4.0, 9.0)]
+        [
+            SceneCost("a/0", 0.1, 2.0, 0.01, 5.0),
+            SceneCost("a/1", 0.1, 2.0, 0.01, 5.0),
+            SceneCost("b/0", 0.3, 4.0, 1.02, 9.0),
+        ]
     )
-    assert "| b/0 | 0.30 | 4.00 | 250 | 9.0 |" in lines
+    assert "| b/0 | 0.30 | 4.00 | 250 | 1.02 | 9.0 |" in lines
     assert "Median image 5.0 ms; b/0 takes longest, 1.80 times that." in lines[-1]
