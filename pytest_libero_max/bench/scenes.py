@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from statistics import median
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,8 +20,11 @@ from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.embedded.tasks import tasks
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 
-OpenScene = Callable[[str, int], MujocoWorld]
-"""Makes the world of a task, by suite and number."""
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+
+OpenScene = Callable[[str, int], AbstractContextManager[MujocoWorld]]
+"""Makes the world of a task, by suite and number, and closes it."""
 
 SCENES = sum(len(tasks(suite)) for suite in SUITE_BUDGETS)
 """How many :func:`measure_scenes` measures."""
@@ -45,9 +51,23 @@ class SceneCost:
     image_ms: float
 
 
-def embedded_scene(suite: str, index: int) -> MujocoWorld:
+def embedded_scene(suite: str, index: int) -> AbstractContextManager[MujocoWorld]:
     """The world of an embedded task."""
-    return EmbeddedWorld(build_scene(suite, index))
+    return closing(EmbeddedWorld(build_scene(suite, index)))
+
+
+def genuine_scenes(substrate: LiberoSubstrate) -> OpenScene:
+    """The worlds of LIBERO's own tasks, one at a time."""
+
+    @contextmanager
+    def open_scene(suite: str, index: int) -> Iterator[MujocoWorld]:
+        try:
+            yield substrate.task_world(suite, index, seed=0)
+        finally:
+            substrate.close()
+            gc.collect()  # an environment refers to itself, and holds most of a gigabyte
+
+    return open_scene
 
 
 def measure_scenes(
@@ -74,17 +94,17 @@ def measure_scene(
     open_scene: OpenScene, suite: str, index: int, steps: int, images: int, size: int
 ) -> SceneCost:
     """Measure one; see :func:`measure_scenes`."""
-    begin = time.process_time()
-    world = open_scene(suite, index)
-    build_s = time.process_time() - begin
-    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (_WARM_UP + steps, ACTION_DIM))
-    step_s = [processor_seconds(world.step, action) for action in actions]
-    first_s = processor_seconds(world.observe, CAMERAS[:1], size)
-    image_s = [
-        processor_seconds(world.observe, CAMERAS[number % 2 :][:1], size)
-        for number in range(_WARM_UP + images)
-    ]
-    world.close()
+    with ExitStack() as opened:
+        begin = time.process_time()
+        world = opened.enter_context(open_scene(suite, index))
+        build_s = time.process_time() - begin
+        actions = np.random.default_rng(0).uniform(-1.0, 1.0, (_WARM_UP + steps, ACTION_DIM))
+        step_s = [processor_seconds(world.step, action) for action in actions]
+        first_s = processor_seconds(world.observe, CAMERAS[:1], size)
+        image_s = [
+            processor_seconds(world.observe, CAMERAS[number % 2 :][:1], size)
+            for number in range(_WARM_UP + images)
+        ]
     return SceneCost(
         scene=f"{suite}/{index}",
         build_s=build_s,

@@ -72,9 +72,15 @@ def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
 
 
 def _bench_scenes(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.scenes import SCENES, cost_lines, embedded_scene, measure_scenes
+    from pytest_libero_max.bench.scenes import (
+        SCENES,
+        cost_lines,
+        embedded_scene,
+        genuine_scenes,
+        measure_scenes,
+    )
 
-    open_scene = embedded_scene if options.substrate == "embedded" else _genuine(options).task_world
+    open_scene = embedded_scene if options.substrate == "embedded" else genuine_scenes(_genuine(options))
     costs = []
     with Work() as work:
         work.show(f"0 of {SCENES} scenes measured")

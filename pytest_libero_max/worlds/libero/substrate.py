@@ -101,7 +101,7 @@ class LiberoSubstrate:
             return self.pro_world(case)
         return self.task_world(case.suite, case.task_index, case.policy_seed).varied(None)
 
-    def task_world(self, suite: str, index: int, seed: int = 0) -> LiberoWorld:
+    def task_world(self, suite: str, index: int, seed: int) -> LiberoWorld:
         """The world of an unmodified task, its fixtures placed as ``seed`` places them.
 
         Raises:
