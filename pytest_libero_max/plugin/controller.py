@@ -46,7 +46,7 @@ from pytest_libero_max.report.in_progress import require_free
 from pytest_libero_max.report.junit import suite_properties
 from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.sections import with_sections
-from pytest_libero_max.report.store import PAIRS_NAME, PairStore, read_to_resume, require_writable
+from pytest_libero_max.report.store import PAIRS_NAME, PairStore, StoredRun, read_to_resume, require_writable
 from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.worlds.registry import describe_substrate
 from pytest_libero_max.worlds.rendering import gl
@@ -79,6 +79,7 @@ class RunController:
         self.store: PairStore | None = None
         self.report: Json | None = None
         self.measured: tuple[str, ...] = ()
+        self._before: StoredRun | None = None
         self._lines: list[str] = []
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
         self._notes: list[str] = []
@@ -112,7 +113,7 @@ class RunController:
             require_free(self.settings.output)
             require_room(self.settings.output, len(self.cases))
             self._require_usable_gates()
-            self.measured = self._measured_before()
+            self._read_to_resume()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
 
@@ -123,12 +124,11 @@ class RunController:
             pairs = map(PlannedPair.of, manifest_of(self.config))
             require_usable(self.settings.gate, pairs, self.settings.output, self.config.invocation_params.dir)
 
-    def _measured_before(self) -> tuple[str, ...]:
-        stored = read_to_resume(self.settings.output) if self.settings.resume else None
-        if stored is None:
-            return ()
-        self._lines += damage_said(stored.damaged)
-        return tuple(record.item_id for record in stored.records)
+    def _read_to_resume(self) -> None:
+        self._before = read_to_resume(self.settings.output) if self.settings.resume else None
+        if self._before is not None:
+            self._lines += damage_said(self._before.damaged)
+            self.measured = tuple(record.item_id for record in self._before.records)
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, manifest_of(self.config)
@@ -194,7 +194,8 @@ class RunController:
         resume, stored = self.settings.resume, None
         try:
             if resume:
-                store, stored = PairStore.resume(self.settings.output, run)
+                store, stored = PairStore.resume(self.settings.output, run, self._before)
+                self._before = None  # the records of a long run take memory
             else:
                 store = PairStore(self.settings.output, run)
             store.begin()

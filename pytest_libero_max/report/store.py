@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import FileIO
 from pathlib import Path
 
@@ -49,6 +49,7 @@ class StoredRun:
         torn: Whether the last line was cut off by a kill and has been left out.
         damaged: Lines that cannot be what a run has written, left out as well. Only a run that is to go on
             is read like this; to any other reader such a line is an error.
+        state: Of the file when it was read, where the run is to go on.
     """
 
     run: Run
@@ -56,6 +57,7 @@ class StoredRun:
     errors: tuple[PairError, ...]
     torn: bool
     damaged: tuple[DamagedLine, ...] = ()
+    state: FileState | None = None
 
     @property
     def measured(self) -> frozenset[str]:
@@ -87,17 +89,24 @@ class PairStore:
         self._mark: Mark | None = None
         self._agreement = Agreement(run)
         self._append_to_existing = False
-        self._resumed: tuple[FileState, StoredRun] | None = None
+        self._resumed: StoredRun | None = None
         self._broken = False
         require_writable(folder)
         require_free(folder)
 
     @classmethod
-    def resume(cls, folder: Path, run: Run) -> tuple[PairStore, StoredRun | None]:
+    def resume(
+        cls, folder: Path, run: Run, stored: StoredRun | None = None
+    ) -> tuple[PairStore, StoredRun | None]:
         """Continue the run in ``folder``, or begin it where there is none.
 
         Damaged lines are taken out of the file when the run begins, and kept beside it; see
         :func:`.damaged_lines.set_lines_aside`.
+
+        Args:
+            folder: Output folder.
+            run: What is to go on.
+            stored: What :func:`read_to_resume` has read there; None to read it now.
 
         Returns:
             The store and what it already holds, None for a new run.
@@ -109,15 +118,14 @@ class PairStore:
             OptionError: The folder cannot be written to, or another run is in progress in it.
         """
         store = cls(folder, run)
-        state = FileState.of(store.path)
-        stored = read_to_resume(folder)
-        if stored is None or state is None:
+        stored = stored or read_to_resume(folder)
+        if stored is None:
             return store, None
         _require_same_run(stored.run, run, store.path)
         for record in stored.records:
             store._agreement.add(record, str(store.path))
         store._append_to_existing = True
-        store._resumed = state, stored
+        store._resumed = stored
         return store, stored
 
     def begin(self) -> None:
@@ -147,10 +155,10 @@ class PairStore:
 
     def _repair(self) -> None:
         """Take damaged lines out of the file, which nobody else can have altered behind the lock."""
-        if self._resumed is None:
+        stored = self._resumed
+        if stored is None:
             return
-        state, stored = self._resumed
-        if FileState.of(self.path) != state:
+        if FileState.of(self.path) != stored.state:
             raise OptionError(
                 f"{self.path} was written by another run since this one looked. Give the command again."
             )
@@ -356,11 +364,12 @@ def read_to_resume(folder: Path) -> StoredRun | None:
         ReportError: The first line is damaged, or another line is of another run; names the line.
     """
     path = folder / PAIRS_NAME
-    if not path.exists():
+    state = FileState.of(path)
+    if state is None:
         return None
     with path.open("rb") as file:
         begun = file.readline().endswith(b"\n")
-    return _read(path) if begun else None
+    return replace(_read(path), state=state) if begun else None
 
 
 def decode_line(line: bytes) -> tuple[str, Json]:

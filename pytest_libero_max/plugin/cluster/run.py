@@ -157,14 +157,14 @@ class RayRun:
 
     def _play_all(self, session: pytest.Session, link: Link) -> None:
         while True:
-            if session.shouldfail or session.shouldstop or self._stop:
+            stops = session.shouldfail or session.shouldstop or self._stop
+            if stops:
                 self._end_those_that_start(link)
             else:
                 self._hire(link)
                 self._hand_out()
-            if not any(player.playing for player in self._players.values()) and (
-                not self._shares or session.shouldfail or session.shouldstop or self._stop
-            ):
+            plays = any(player.playing for player in self._players.values())
+            if not plays and (stops or not self._shares):
                 break
             if not self._players:
                 time.sleep(_LOOK_S)  # no node has room: wait until one has
