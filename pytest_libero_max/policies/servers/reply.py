@@ -127,7 +127,8 @@ def _numbers(value: Any) -> Actions:
         raise ServerError(f"the actions of the reply are no array ({error})") from None
     if array.dtype.kind not in "fiu":
         raise ServerError(f"the actions of the reply are {array.dtype} {array.shape}, but must be numbers")
-    return array.astype(np.float64)
+    with np.errstate(all="ignore"):  # what is not finite is refused later
+        return array.astype(np.float64)
 
 
 def _two_axes(value: Any) -> Actions:

@@ -40,3 +40,9 @@ def test_any_reply_gives_actions_or_a_server_error(name: str, value: Any) -> Non
             assert actions.shape[1] == 7
             assert 1 <= len(actions) <= 8
             assert np.isfinite(actions).all()
+
+
+def test_a_signalling_nan_is_an_error_without_a_warning() -> None:
+    number = np.frombuffer(b"\x01\x00\x80\x7f", "<f4")
+    with pytest.raises(ServerError, match="finite"):
+        Reply(load_profile("vla_eval")).read({"actions": np.tile(number, (8, 7))}, 1, 8)
