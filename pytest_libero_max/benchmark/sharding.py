@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import OptionError
 
 
 def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
@@ -20,12 +21,17 @@ def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
         cases: All cases.
         index: Which part, from 1.
         count: How many parts.
+
+    Raises:
+        OptionError: A part would be empty; whichever is asked for, so that no part is played in vain.
     """
     ordered = sorted(cases, key=lambda case: case.item_id)
     before = [0, *accumulate(case.budget for case in ordered)]
-    middles = (2 * start + case.budget for start, case in zip(before, ordered, strict=False))
-    return tuple(
-        case
-        for middle, case in zip(middles, ordered, strict=True)
-        if middle * count // (2 * before[-1]) == index - 1
-    )
+    middles = [2 * start + case.budget for start, case in zip(before, ordered, strict=False)]
+    parts = [middle * count // (2 * before[-1]) for middle in middles]
+    if len(set(parts)) < count:
+        raise OptionError(
+            f"{len(ordered)} pairs do not make {count} shards of about the same cost with a pair each. Make "
+            "fewer."
+        )
+    return tuple(case for part, case in zip(parts, ordered, strict=True) if part == index - 1)

@@ -98,7 +98,11 @@ def manifest_of(config: pytest.Config) -> Manifest:
 
 
 def cases_of(config: pytest.Config) -> tuple[Case, ...]:
-    """The cases of the run before ``-k`` and ``-m``, sorted by item id."""
+    """The cases of the run before ``-k`` and ``-m``, sorted by item id.
+
+    Raises:
+        pytest.UsageError: The track or manifest is unusable, or there are more shards than it can make.
+    """
     from pytest_libero_max.benchmark.sampling import stratified
     from pytest_libero_max.benchmark.sharding import shard
 
@@ -108,7 +112,11 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
         cases = stratified(cases, settings.limit)
     cases = tuple(sorted(cases, key=lambda case: case.item_id))
     if settings.shard is not None:
-        return shard(cases, *settings.shard)
+        try:
+            return shard(cases, *settings.shard)
+        except LiberoMaxError as error:
+            number, count = settings.shard
+            raise pytest.UsageError(f"--libero-max-shard={number}/{count}: {error}") from None
     return cases
 
 

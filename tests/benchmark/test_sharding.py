@@ -4,6 +4,7 @@ import pytest
 
 from pytest_libero_max.benchmark.sharding import shard
 from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.errors import OptionError
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 64])
@@ -24,7 +25,7 @@ def test_a_part_is_a_block_with_every_event_and_variant() -> None:
     assert [case for part in parts for case in part] == sorted(cases, key=lambda case: case.item_id)
 
 
-def test_more_parts_than_cases_leave_some_empty() -> None:
-    cases = load_track("smoke").cases[:2]
-    parts = [shard(cases, index, 5) for index in range(1, 6)]
-    assert sorted(map(len, parts)) == [0, 0, 0, 1, 1]
+@pytest.mark.parametrize("index", range(1, 6))
+def test_more_parts_than_cases_are_refused_whichever_is_asked_for(index: int) -> None:
+    with pytest.raises(OptionError, match="2 pairs do not make 5 shards"):
+        shard(load_track("smoke").cases[:2], index, 5)
