@@ -24,6 +24,9 @@ from pytest_libero_max.errors import ServerError
 MOST_BYTES = 64 * 2**20
 """The largest message that is read. A chunk of actions has some kilobytes."""
 
+MOST_PARTS = 2**18
+"""The most lists and maps of a msgpack message. Python needs seconds and gigabytes for millions."""
+
 _KINDS = "biuf"
 _MOST_DIMENSIONS = 8
 _DTYPE = re.compile(r"[<>|=]?[a-z?]{1,10}[0-9]{0,3}")
@@ -63,11 +66,26 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
     """
     import msgpack
 
+    parts = 0
+
+    def counted(part: Any) -> Any:
+        nonlocal parts
+        parts += 1
+        if parts > MOST_PARTS:
+            raise ServerError(f"a message of more than {MOST_PARTS} lists and maps")
+        return part
+
     if isinstance(content, str):
         raise ServerError(f"expected a binary message, but got text: {shortened(content)}")
     _check_size(len(content))
     try:
-        return msgpack.unpackb(content, object_hook=dialect.decode, raw=False, strict_map_key=True)
+        return msgpack.unpackb(
+            content,
+            object_hook=lambda value: dialect.decode(counted(value)),
+            list_hook=counted,
+            raw=False,
+            strict_map_key=True,
+        )
     except ServerError:
         raise
     except Exception as error:  # msgpack has a dozen of its own, some of them no ValueError

@@ -200,3 +200,14 @@ def test_json_numpy_is_the_published_form() -> None:
         "dtype": "<f4",
         "shape": [1],
     }
+
+
+@pytest.mark.parametrize("part", [[], {}])
+def test_a_message_of_too_many_parts_is_refused_before_all_are_made(
+    part: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(codecs, "MOST_PARTS", 10)
+    content = msgpack.packb([part] * 9)
+    assert codecs.unpack(content, OPENPI) == [part] * 9
+    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+        codecs.unpack(msgpack.packb([part] * 11), OPENPI)
