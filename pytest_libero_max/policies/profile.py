@@ -151,7 +151,11 @@ def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
     path = beside / text if text.endswith(".toml") else FOLDER / f"{text}.toml"
-    if not path.is_file():
+    try:
+        found = path.is_file()
+    except OSError:  # the name is too long to be one
+        found = False
+    if not found:
         hint = (
             "Check the path."
             if text.endswith(".toml")

@@ -142,3 +142,15 @@ def test_the_page_lists_every_profile_with_its_protocol() -> None:
     page = (profiles.FOLDER.parent / "README.md").read_text(encoding="utf-8")
     listed = {name: scheme for scheme, name in re.findall(r"\| `([a-z0-9-]+)://` \| `(\w+)` \|", page)}
     assert listed == {name: load_profile(name).protocol for name in profile_names()}
+
+
+def test_a_name_that_is_too_long_for_a_file_is_refused() -> None:
+    with pytest.raises(AdapterError, match="there is no such profile"):
+        load_profile("9" * 5000)
+
+
+def test_a_profile_whose_server_declares_itself_needs_a_request_as_well(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text('[policy]\nname = "x"\nprotocol = "openpi"\ndeclared_by_server = true\n')
+    with pytest.raises(AdapterError, match=r"lacks a \[request\]"):
+        load_policy("openpi://127.0.0.1:1", profile=str(own))

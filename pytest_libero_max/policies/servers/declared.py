@@ -35,7 +35,9 @@ def declared_spec(greeting: Any) -> PolicySpec:
 
 def as_declared(profile: Profile, request: Request, horizon: int | None, query_interval: int | None) -> Adapt:
     """Takes the spec from the server, and sends the images that it asks for."""
-    layout = profile.tables["request"]
+    layout = profile.tables.get("request")
+    if not isinstance(layout, Mapping) or not isinstance(layout.get("observation"), Mapping):
+        raise AdapterError("The profile lacks a [request] whose 'observation' is a table.")
 
     def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
         declared = declared_spec(greeting)
