@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 from functools import cache
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -188,7 +189,7 @@ class _Uploaded:
         """One renderer less."""
         self.users -= 1
         if self.users == 0:
-            _in_use.remove(self)
+            _in_use.discard(self)
             _shared_context().make_current()
             self.context.free()
 
@@ -213,7 +214,7 @@ def _shapes(model: mujoco.MjModel) -> tuple[object, ...]:
     return (*(array.tobytes() for array in arrays), *map(repr, settings), model.stat.extent)
 
 
-_in_use: list[_Uploaded] = []
+_in_use: WeakSet[_Uploaded] = WeakSet()  # a world that nobody closes takes what it has uploaded with it
 
 
 def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
@@ -226,7 +227,7 @@ def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
     found = next(known, None)
     if found is None:
         found = _Uploaded(model, side, shadows)
-        _in_use.append(found)
+        _in_use.add(found)
     found.model = model
     found.users += 1
     return found

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 from dataclasses import dataclass
 
 import mujoco
@@ -110,11 +111,12 @@ def uploads() -> int:
 
 def alone(**values: float) -> Image:
     """What a scene looks like that shares nothing."""
-    known, renderer._in_use[:] = renderer._in_use[:], []
+    known = list(renderer._in_use)
+    renderer._in_use.clear()
     drawn, _ = drawer(**values)
     image = drawn.render("eye", 64)
     drawn.close()
-    renderer._in_use[:] = known
+    renderer._in_use.update(known)
     return image
 
 
@@ -134,6 +136,17 @@ def test_scenes_with_the_same_textures_and_meshes_share_them() -> None:
     assert other.render("eye", 300).shape == (300, 300, 3)
     assert uploads() == before + 1
     other.close()
+    assert uploads() == before
+
+
+def test_a_scene_that_nobody_closes_leaves_nothing_behind() -> None:
+    gc.collect()
+    before = uploads()
+    drawn, _ = drawer(red=0.25)
+    drawn.render("eye", 64)
+    assert uploads() == before + 1
+    del drawn
+    gc.collect()
     assert uploads() == before
 
 
