@@ -115,15 +115,15 @@ def _with_pairs(
         raise SimulatorError(f"{case.item_id}: the event never fired, so there is no pair to measure.")
     rollouts = _rollouts(pair)
     ends = play_here(world, case, rollouts)
+
+    def play_plainly() -> None:
+        if not np.array_equal(play_there(seeing, world, case, rollouts), ends):
+            raise SimulatorError(f"{case.item_id}: the package's loop arrived elsewhere.")
+
     paired, plains = [], []
     for _ in range(repeats):
         paired.append(processor_seconds(lambda: measure_pair(case, world, policy)))
-        arrived: list[Array] = []
-        plains.append(
-            processor_seconds(lambda to=arrived: to.extend(play_there(seeing, world, case, rollouts)))
-        )
-        if not np.array_equal(arrived, ends):
-            raise SimulatorError(f"{case.item_id}: the package's loop arrived elsewhere.")
+        plains.append(processor_seconds(play_plainly))
     steps = sum(map(len, rollouts))
     return replace(times, fork_s=median(paired), plain_s=median(plains), steps=steps)
 

@@ -194,15 +194,15 @@ def add_command(schedulers: Commands) -> None:
 
 def _launch(options: argparse.Namespace) -> int:
     pods = Pods(
-        options.image,
-        options.claim,
-        options.mount,
-        options.name,
-        options.python,
-        options.workers if options.cpus is None else options.cpus,
-        options.memory,
-        options.gpus,
-        options.gpu_resource,
+        image=options.image,
+        claim=options.claim,
+        mount=options.mount,
+        name=options.name,
+        python=options.python,
+        cpus=options.workers if options.cpus is None else options.cpus,
+        memory=options.memory,
+        gpus=options.gpus,
+        gpu_resource=options.gpu_resource,
     )
     jobs = json.dumps(kubernetes_jobs(Shards.of(options), pods, options.output), indent=2)
     if options.submit:
