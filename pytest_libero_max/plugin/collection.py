@@ -21,8 +21,9 @@ from pytest_libero_max.events.registry import (
     family_of,
 )
 from pytest_libero_max.plugin import options
+from pytest_libero_max.plugin.fitting import fitting_cases
 from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.stash_keys import MANIFEST, NOISE_CASES, SETTINGS
+from pytest_libero_max.plugin.stash_keys import CASES, MANIFEST, NOISE_CASES, SETTINGS
 
 PSEUDO_PATH = "libero-max"
 """Stands for the pairs on the command line and begins their node ids, wherever the package is installed."""
@@ -101,13 +102,25 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
     """The cases of the run before ``-k`` and ``-m``, sorted by item id.
 
     Raises:
-        pytest.UsageError: The track or manifest is unusable, or there are more shards than it can make.
+        pytest.UsageError: The track or manifest is unusable, nothing that it needs is installed, or there are
+            more shards than it can make.
     """
+    if CASES not in config.stash:
+        config.stash[CASES] = _cases(config)
+    return config.stash[CASES]
+
+
+def _cases(config: pytest.Config) -> tuple[Case, ...]:
     from pytest_libero_max.benchmark.sampling import stratified
     from pytest_libero_max.benchmark.sharding import shard
 
     settings = settings_of(config)
     cases = manifest_of(config).cases
+    if settings.only_installed:
+        try:
+            cases = fitting_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
+        except LiberoMaxError as error:
+            raise pytest.UsageError(f"--libero-max-only-installed: {error}") from None
     if settings.limit is not None:
         cases = stratified(cases, settings.limit)
     cases = tuple(sorted(cases, key=lambda case: case.item_id))
@@ -123,7 +136,8 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
 def asked_for(config: pytest.Config) -> list[str]:
     """What was asked for that leaves cases out, apart from the shard, as the command line spells it."""
     settings, option = settings_of(config), config.option
-    asked = [] if settings.limit is None else [f"--libero-max-limit={settings.limit}"]
+    asked = ["--libero-max-only-installed"] if settings.only_installed else []
+    asked += [] if settings.limit is None else [f"--libero-max-limit={settings.limit}"]
     asked += [f"-k {option.keyword}"] if option.keyword else []
     asked += [f"-m {option.markexpr}"] if option.markexpr else []
     asked += [f"--deselect={prefix}" for prefix in option.deselect or ()]
@@ -210,7 +224,8 @@ def check_ids(config: pytest.Config) -> None:
         if id in whole:
             raise pytest.UsageError(
                 f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the {len(known)} "
-                "pairs that --libero-max-limit or --libero-max-shard leaves. Take the option away."
+                "pairs that --libero-max-only-installed, --libero-max-limit or --libero-max-shard leaves. Take "
+                "the option away."
             )
         raise pytest.UsageError(
             f"{PSEUDO_PATH}::test_pair[{id}] is not in {settings.case_set}. {did_you_mean(id, whole)}"

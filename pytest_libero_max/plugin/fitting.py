@@ -7,7 +7,7 @@ is not refused: what cannot play is then an error of its own pair.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import LiberoMaxError, OptionError
@@ -57,16 +57,49 @@ def require_fit(case_set: str, cases: Sequence[Case], substrate: str, options: S
     """
     from pytest_libero_max.sources import lacking
 
-    reasons = Counter(lacking(substrate, cases, options).values())
-    if not reasons:
+    found = lacking(substrate, cases, options)
+    if not found:
         return
-    several = [f"{number}: {reason}." for reason, number in reasons.most_common()]
-    fits = " or ".join(f"--libero-max-track={name}" for name in _fitting(substrate, options))
+    others = len(cases) - len(found)
+    leave_out = f"add --libero-max-only-installed to play the other {others}, or " if others else ""
     raise OptionError(
-        f"{reasons.total()} of {len(cases)} cases of {case_set} cannot be played on substrate {substrate}.\n"
+        f"{_refusal(case_set, cases, substrate, options, found)}; {leave_out}choose the pairs yourself with "
+        "-k or -m."
+    )
+
+
+def fitting_cases(
+    case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions
+) -> tuple[Case, ...]:
+    """The cases that can play on the substrate, in their order. The arguments are those of `require_fit`.
+
+    Raises:
+        OptionError: There is none.
+        SubstrateError: A genuine installation is missing.
+    """
+    from pytest_libero_max.sources import lacking
+
+    found = lacking(substrate, cases, options)
+    fit = tuple(case for case in cases if case.case_id not in found)
+    if not fit:
+        raise OptionError(f"{_refusal(case_set, cases, substrate, options, found)}.")
+    return fit
+
+
+def _refusal(
+    case_set: str,
+    cases: Sequence[Case],
+    substrate: str,
+    options: SubstrateOptions,
+    found: Mapping[str, str],
+) -> str:
+    """What cannot be played and why, and which tracks fit."""
+    several = [f"{number}: {reason}." for reason, number in Counter(found.values()).most_common()]
+    fits = " or ".join(f"--libero-max-track={name}" for name in _fitting(substrate, options))
+    return (
+        f"{len(found)} of {len(cases)} cases of {case_set} cannot be played on substrate {substrate}.\n"
         + "\n".join(several)
         + (f"\nPlay {fits}, which fits" if fits else "\nNo track fits")
-        + "; or choose the pairs yourself with -k or -m."
     )
 
 

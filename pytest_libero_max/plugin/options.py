@@ -94,6 +94,15 @@ OPTIONS = (
         read.text,
     ),
     Option("manifest", "PATH", "Play the cases of this manifest instead of a track", read.text),
+    Option(
+        "only-installed",
+        "",
+        "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
+        "otherwise nothing is played; before the limit",
+        bool,
+        False,
+        switch=True,
+    ),
     Option("limit", "N", "Play a stratified, deterministic subset of N cases", read.positive),
     Option(
         "shard",
@@ -334,6 +343,7 @@ class Settings:
     profile: str | None
     track: str
     manifest: Path | None
+    only_installed: bool
     limit: int | None
     substrate: str
     libero: tuple[Path, ...]

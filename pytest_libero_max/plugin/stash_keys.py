@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.plugin.options import Settings
@@ -13,6 +14,9 @@ SETTINGS = pytest.StashKey[Settings]()
 
 MANIFEST = pytest.StashKey[Manifest]()
 """On the config: the track or manifest of the run."""
+
+CASES = pytest.StashKey[tuple[Case, ...]]()
+"""On the config: the cases of the run before ``-k`` and ``-m``."""
 
 NOISE_CASES = pytest.StashKey[frozenset[str]]()
 """On the config: the item ids whose Base is played twice."""

@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import fitting
-from pytest_libero_max.plugin.fitting import fitting_track, require_fit
+from pytest_libero_max.plugin.fitting import fitting_cases, fitting_track, require_fit
 from pytest_libero_max.worlds.kind import SubstrateOptions
 
 ANY = SubstrateOptions()
@@ -85,6 +85,16 @@ def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_nam
     assert "560 of 800 cases of track lite cannot be played on substrate libero" in message
     assert "560: LIBERO-Plus is not installed." in message
     assert "--libero-max-track=smoke or --libero-max-track=original, which fits" in message
+    assert "add --libero-max-only-installed to play the other 240" in message
+
+
+def test_what_is_not_installed_can_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pytest_libero_max.sources.lacking", only_unmodified)
+    cases = load_track("lite").cases
+    fit = fitting_cases("track lite", cases, "libero", ANY)
+    assert fit == tuple(case for case in cases if case.source == "pro")
+    with pytest.raises(OptionError, match="560 of 560 cases of track lite cannot be played"):
+        fitting_cases("track lite", [case for case in cases if case.source == "plus"], "libero", ANY)
 
 
 def test_the_embedded_scenes_refuse_tasks_of_the_genuine_libero_plus(
@@ -103,9 +113,15 @@ def test_the_embedded_scenes_refuse_tasks_of_the_genuine_libero_plus(
         [
             "*16 of 32 cases of manifest theirs.json cannot be played on substrate embedded.",
             "16: they name tasks of the genuine LIBERO-Plus, which --libero-max-substrate=libero plays.",
-            "Play --libero-max-track=smoke, which fits; or choose the pairs yourself with -k or -m.",
+            "Play --libero-max-track=smoke, which fits; add --libero-max-only-installed to play the other 16, or "
+            "choose the pairs yourself with -k or -m.",
         ]
     )
+    rest = pytester.runpytest_subprocess(
+        *arguments, "--libero-max-only-installed", "--libero-max-limit=4", "-p", "no:cacheprovider"
+    )
+    assert rest.ret == pytest.ExitCode.OK
+    assert rest.stdout.str().count("::test_pair[pro-") == 4
     chosen = pytester.runpytest_subprocess(*arguments, "-m", "source_pro", "-p", "no:cacheprovider")
     assert chosen.ret == pytest.ExitCode.OK
     chosen.stdout.fnmatch_lines(["16/32 tests collected*"])
