@@ -328,13 +328,14 @@ def _show(options: argparse.Namespace) -> None:
 
 
 def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
-    from pytest_libero_max.benchmark.tracks import FOLDER, is_manifest_path
+    from pytest_libero_max.benchmark.tracks import is_manifest_path, track_path
     from pytest_libero_max.construction.case_text import case_lines, find_case, write_event_pictures
     from pytest_libero_max.construction.release import read_certificates
     from pytest_libero_max.sources import open_substrate
 
-    case = find_case(manifest, options.case)
-    print("\n".join(case_lines(case, {} if is_manifest_path(options.cases) else read_certificates(FOLDER))))
+    case, name = find_case(manifest, options.case), options.cases
+    certificates = {} if is_manifest_path(name) else read_certificates(track_path(name).parent)
+    print("\n".join(case_lines(case, certificates)))
     if options.pictures is None:
         return
     substrate = open_substrate(options.substrate, substrate_options(options))

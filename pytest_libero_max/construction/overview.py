@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
@@ -42,9 +42,8 @@ def overview_lines(folder: Path) -> list[str]:
     """
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
-    main = "max" if "max" in tracks else next(iter(tracks))
-    whole = tracks[main]
-    lines = [f"Version {whole.version}.", "", "## Tracks", ""]
+    cases = list({case.case_id: case for manifest in tracks.values() for case in manifest}.values())
+    lines = [f"Version {next(iter(tracks.values())).version}.", "", "## Tracks", ""]
     lines += ["| track | cases | Plus | PRO | unmodified | events | digest |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: | --- |")
     for name, manifest in tracks.items():
@@ -56,13 +55,15 @@ def overview_lines(folder: Path) -> list[str]:
     lines += _rejections({name: problems[0].check for name, problems in rejected.items()})
     unexamined = read_unexamined(folder)
     if unexamined:
-        lines += ["", *_unexamined_lines(tracks, unexamined)]
-    lines += ["", *_out_of_sight_lines(main, whole, read_sights(folder))]
-    return [*lines, "", *_certificate_lines(main, whole, certificates)]
+        lines += ["", *_unexamined_lines(tracks, cases, unexamined)]
+    lines += ["", *_out_of_sight_lines(cases, read_sights(folder))]
+    return [*lines, "", *_certificate_lines(cases, certificates)]
 
 
-def _unexamined_lines(tracks: Mapping[str, Manifest], unexamined: Mapping[str, str]) -> list[str]:
-    """How many cases of each track were not examined, and why."""
+def _unexamined_lines(
+    tracks: Mapping[str, Manifest], cases: Iterable[Case], unexamined: Mapping[str, str]
+) -> list[str]:
+    """How many cases of each track were not examined, and why; how many of each source category were."""
     lines = [
         "## Not examined",
         "",
@@ -75,63 +76,74 @@ def _unexamined_lines(tracks: Mapping[str, Manifest], unexamined: Mapping[str, s
     for missing, _ in Counter(unexamined.values()).most_common():
         counts = (sum(unexamined.get(case.case_id) == missing for case in track) for track in tracks.values())
         lines.append(f"| {missing} | {' | '.join(map(str, counts))} |")
+    lines += ["", _ONCE, "", "| category | examined | not examined |", "| --- | ---: | ---: |"]
+    count = Counter((case.source_category, case.case_id in unexamined) for case in cases)
+    for category in dict.fromkeys(category for category, _ in count):
+        lines.append(f"| {category} | {count[category, False]} | {count[category, True]} |")
     return lines
 
 
-def _certificate_lines(main: str, whole: Manifest, certificates: Mapping[str, Certificate]) -> list[str]:
+_ONCE = "Cases of all tracks, each counted once:"
+
+
+def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certificate]) -> list[str]:
     """How the expert did: by event with the ways in which it failed, then solved cases by cell."""
     lines = [
         "## Certificates",
         "",
-        f"Cases of `{main}` whose Dynamic episode the scripted expert completes. "
-        "In the others it never comes",
-        "near the trigger entity (*not triggered*), does not complete the task without the event either",
-        "(*Base unsolved*), or completes it without the event only (*unsolved*). None of this decides which",
-        "cases are used. Why a case is unsolved was not examined, unless `reports/construction.md` says it.",
+        "The scripted expert completes the Dynamic episode of a *solved* case. In the others it never comes near",
+        "the trigger entity (*not triggered*), does not complete the task without the event either (*Base",
+        "unsolved*), or completes it without the event only (*unsolved*). None of this decides which cases are",
+        "used. Why a case is unsolved was not examined, unless `reports/construction.md` says it.",
+        "",
+        _ONCE,
         "",
         "| event | cases | not played | solved | not triggered | Base unsolved | unsolved |",
         "| --- |" + " ---: |" * (2 + len(ENDINGS)),
     ]
-    played = {case.case_id: certificates.get(case.case_id) for case in whole}
+    played = {case.case_id: certificates.get(case.case_id) for case in cases}
     for event in (*BENCHMARK_EVENTS, ""):
-        found = [played[case.case_id] for case in whole if event in ("", case.event.name)]
+        found = [played[case.case_id] for case in cases if event in ("", case.event.name)]
         count = Counter("not_played" if one is None else one.ending for one in found)
         numbers = " | ".join(str(count[ending]) for ending in ("not_played", *ENDINGS))
         lines.append(f"| {event or 'all'} | {count.total()} | {numbers} |")
     solved, of = Counter[Cell](), Counter[Cell]()
-    for case in whole:
+    for case in cases:
         certificate = played[case.case_id]
         if certificate is not None:
             of[cell_of(case)] += 1
             solved[cell_of(case)] += certificate.solved
     lines += ["", "Solved cases of those played, by cell: variant 0 and variant 1 of each event.", ""]
     lines += [f"| category | {' | '.join(BENCHMARK_EVENTS)} |", "| --- |" + " ---: |" * len(BENCHMARK_EVENTS)]
-    for category in dict.fromkeys(case.source_category for case in whole):
+    for category in dict.fromkeys(case.source_category for case in cases):
         cells = [[Cell(category, event, variant) for variant in (0, 1)] for event in BENCHMARK_EVENTS]
         row = [" ".join(f"{solved[cell]}/{of[cell]}" for cell in pair) for pair in cells]
         lines.append(f"| {category} | {' | '.join(row)} |")
     return lines
 
 
-def _out_of_sight_lines(main: str, whole: Manifest, sights: Mapping[str, tuple[Sight, ...]]) -> list[str]:
+def _out_of_sight_lines(cases: Iterable[Case], sights: Mapping[str, tuple[Sight, ...]]) -> list[str]:
     """How many events take target or receptacle out of view, by event and by suite."""
     lines = [
         "## Out of sight after the event",
         "",
-        f"Cases of `{main}` in which the target or the receptacle is seen just before the event and not just",
-        f"after it: *seen* means {MIN_PIXELS} pixels or more of {IMAGE_SIZE} x {IMAGE_SIZE}. *Agent* counts",
-        "the agent's image, *both* the cases in which neither of a policy's two cameras sees it any more.",
-        "Only a camera shift may hide it from both: the authors keep every camera shift, and so do these",
-        "tracks.",
+        "Examined cases in which the target or the receptacle is seen just before the event and not just after",
+        f"it: *seen* means {MIN_PIXELS} pixels or more of {IMAGE_SIZE} x {IMAGE_SIZE}. *Agent* counts the",
+        "agent's image, *both* the cases in which neither of a policy's two cameras sees it any more. Only a",
+        "camera shift may hide it from both: the authors keep every camera shift, and so do these tracks.",
         "",
-        "| event | suite | cases | target, agent | target, both | receptacle, agent | receptacle, both |",
+        _ONCE,
+        "",
+        "| event | suite | examined | target, agent | target, both | receptacle, agent | receptacle, both |",
         "| --- | --- |" + " ---: |" * 5,
     ]
     rows: dict[tuple[str, str], Counter[str]] = {}
-    for case in whole:
+    for case in cases:
+        if case.case_id not in sights:
+            continue
         row = rows.setdefault((case.event.name, case.suite), Counter())
         row["cases"] += 1
-        for sight in sights.get(case.case_id, ()):
+        for sight in sights[case.case_id]:
             row[f"{sight.role}, agent"] += sight.before[0] >= MIN_PIXELS > sight.after[0]
             row[f"{sight.role}, both"] += sight.seen_before and not sight.seen_after
     for (event, suite), row in sorted(rows.items()):

@@ -118,7 +118,7 @@ def write_release(release: Release, folder: Path) -> None:
 def add_certificates(
     folder: Path, names: Iterable[str], certify: Callable[[Sequence[Case]], Mapping[str, Certificate]]
 ) -> None:
-    """Let an expert play the cases of some tracks of a folder that have no certificate yet.
+    """Let an expert play the cases of some tracks of a folder that were examined and have no certificate yet.
 
     Args:
         folder: Frozen tracks.
@@ -131,7 +131,8 @@ def add_certificates(
     """
     found = read_certificates(folder)
     cases = {case.case_id: case for name in names for case in load_track(name, folder)}
-    new = certify([case for case_id, case in sorted(cases.items()) if case_id not in found])
+    done = found.keys() | read_unexamined(folder).keys()
+    new = certify([case for case_id, case in sorted(cases.items()) if case_id not in done])
     _write_certificates(folder, {**found, **new})
     listed = read_checksums(folder)
     write_checksums(

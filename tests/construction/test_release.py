@@ -10,13 +10,15 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.tracks import CHECKSUMS, FOLDER, write_checksums, write_frozen
+from pytest_libero_max.benchmark.tracks import CHECKSUMS, FOLDER, load_track, write_checksums, write_frozen
 from pytest_libero_max.construction.certificates import Certificate, Ending
 from pytest_libero_max.construction.release import (
     CERTIFICATES,
     FILES,
+    UNEXAMINED,
     add_certificates,
     read_certificates,
+    read_unexamined,
 )
 
 HEAD = "case_id\tending\ttrigger_step\tsteps\n"
@@ -63,3 +65,12 @@ def test_cases_with_a_certificate_are_not_played_again(uncertified: Path) -> Non
     assert [len(one) for one in asked] == [32, 32]
     assert not set(asked[0]) & set(asked[1])
     assert read_certificates(uncertified).keys() == {*asked[0], *asked[1]}
+
+
+def test_cases_that_were_not_examined_are_not_played(uncertified: Path) -> None:
+    first, *others = [case.case_id for case in load_track("smoke", uncertified)]
+    write_frozen(uncertified / UNEXAMINED, f"case_id\tmissing\n{first}\tits models\n")
+    write_checksums(uncertified, [*FILES, UNEXAMINED])
+    add_certificates(uncertified, ["smoke"], partial(_certified, Certificate("solved")))
+    assert read_certificates(uncertified).keys() == set(others)
+    assert read_unexamined(uncertified) == {first: "its models"}
