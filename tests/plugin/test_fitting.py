@@ -113,8 +113,8 @@ def test_the_embedded_scenes_refuse_tasks_of_the_genuine_libero_plus(
         [
             "*16 of 32 cases of manifest theirs.json cannot be played on substrate embedded.",
             "16: they name tasks of the genuine LIBERO-Plus, which --libero-max-substrate=libero plays.",
-            "Play --libero-max-track=smoke, which fits; add --libero-max-only-installed to play the other 16, or "
-            "choose the pairs yourself with -k or -m.",
+            "Play --libero-max-track=smoke, which fits; add --libero-max-only-installed to play the other "
+            "16, or choose the pairs yourself with -k or -m.",
         ]
     )
     rest = pytester.runpytest_subprocess(
