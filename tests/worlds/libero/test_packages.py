@@ -5,17 +5,22 @@ from __future__ import annotations
 import pytest
 
 from pytest_libero_max.benchmark.manifests import load_manifest
+from pytest_libero_max.benchmark.sampling import stratified
+from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, load_track, track_names
 from pytest_libero_max.construction.configurations import Configuration, cell_of
+from pytest_libero_max.construction.genuine import SOURCES
+from pytest_libero_max.construction.release import read_unexamined
 from pytest_libero_max.sources.installed import InstalledCatalogue
 from pytest_libero_max.worlds.contract import NOOP_ACTION
 from pytest_libero_max.worlds.libero.coverage import coverage
 from pytest_libero_max.worlds.libero.installation import importable, installed_assets
 from pytest_libero_max.worlds.libero.lacking import lacking
 from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
-from tests.construction.test_official import MANIFEST
+from tests.construction.test_official import MANIFEST, OFFICIAL
 from tests.worlds.libero.made_up import pro_case
 
 SUITE = "libero_object"
+CLASSIFICATION = OFFICIAL.parent / "libero_plus" / "task_classification.json"
 
 pytestmark = pytest.mark.skipif(
     installed_assets() is None or not importable("liberoplus"),
@@ -67,3 +72,27 @@ def test_every_released_case_is_made_again_from_the_packages_and_may_play() -> N
         del theirs["substrate_variant"]["source_revision"]  # of the data set; a package has a version
         assert made == theirs
     assert lacking(installations, released) == {}
+
+
+@pytest.mark.skipif(not CLASSIFICATION.is_file(), reason="LIBERO-Plus's classification is not here")
+def test_the_frozen_genuine_cases_are_made_again_from_the_packages() -> None:
+    catalogue = InstalledCatalogue(LiberoSubstrate().installations, CLASSIFICATION)
+    tasks = {
+        (one.source, one.category, one.suite, one.index): one
+        for source in SOURCES
+        for one in catalogue.variations(source)
+    }
+    for name in track_names(FOLDER / GENUINE):
+        for case in stratified(load_track(f"{GENUINE}/{name}").cases, 320):
+            task = tasks[case.source, case.source_category, case.suite, case.task_index]
+            made = Configuration(task, case.init_state_index, catalogue).case(cell_of(case))
+            assert made.record == case.record
+
+
+def test_the_frozen_genuine_cases_play_but_for_those_that_were_not_examined() -> None:
+    unexamined = read_unexamined(FOLDER / GENUINE)
+    for name in track_names(FOLDER / GENUINE):
+        cases = load_track(f"{GENUINE}/{name}").cases
+        lacks = lacking(LiberoSubstrate().installations, cases)
+        without_wand = {case_id for case_id, reason in lacks.items() if "Wand" in reason}
+        assert lacks.keys() - without_wand == {case.case_id for case in cases} & unexamined.keys()
