@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.benchmark.tracks import track_path
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.sources import catalogue
 from pytest_libero_max.worlds.libero.installation import Installation
@@ -140,22 +141,31 @@ def test_a_folder_without_libero_is_refused_before_anything_is_played(pytester: 
 
 
 @needs_package
-def test_a_track_of_the_embedded_scenes_is_refused_on_genuine_ones(pytester: pytest.Pytester) -> None:
+@pytest.mark.parametrize(
+    ("case_set", "what", "lack", "of_object"),
+    [
+        ("--libero-max-track=lite", "track genuine/lite", 659, 16),
+        (f"--libero-max-manifest={track_path('lite')}", "manifest lite.json.gz", 660, 17),
+    ],
+)
+def test_libero_alone_refuses_a_case_set_with_its_variations(
+    pytester: pytest.Pytester, case_set: str, what: str, lack: int, of_object: int
+) -> None:
     result = pytester.runpytest_subprocess(
         "--libero-max-policy=noop",
         "--libero-max-substrate=libero",
         f"--libero-max-libero-assets={DATA / 'assets'}",
-        "--libero-max-track=lite",
+        case_set,
         "-p",
         "no:cacheprovider",
     )
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(
         [
-            "*660 of 800 cases of track lite cannot be played on substrate libero.",
+            f"*{lack} of 800 cases of {what} cannot be played on substrate libero.",
             "560: LIBERO-Plus is not installed: `pip install *`.",
-            "17: object. Its objects are in LIBERO-PRO alone: `pip install *`.",
-            "Play --libero-max-track=original, which fits*",
+            f"{of_object}: object. Its objects are in LIBERO-PRO alone: `pip install *`.",
+            f"Play --libero-max-track=original, which fits; * to play the other {800 - lack}, or choose *",
         ]
     )
 
