@@ -23,6 +23,8 @@ from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 
 OVERVIEW = "README.md"
 
+_ONCE = "Cases of all tracks, each counted once:"
+
 
 def write_overview(folder: Path) -> None:
     """Write the ``README.md`` of a folder of tracks.
@@ -81,9 +83,6 @@ def _unexamined_lines(
     for category in dict.fromkeys(category for category, _ in count):
         lines.append(f"| {category} | {count[category, False]} | {count[category, True]} |")
     return lines
-
-
-_ONCE = "Cases of all tracks, each counted once:"
 
 
 def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certificate]) -> list[str]:
