@@ -96,10 +96,10 @@ class RunController:
             raise pytest.UsageError(str(error)) from None
 
     def _require_fit(self) -> None:
-        """Refuse cases that the substrate cannot play, unless the user has chosen the pairs himself."""
+        """Refuse cases that cannot play here, unless they are left out or the user has chosen the pairs."""
         settings = self.settings
         frozen_here = settings.manifest is None and settings.substrate == "embedded"
-        if not frozen_here and not chosen_by_hand(self.config):
+        if not (frozen_here or settings.only_installed or chosen_by_hand(self.config)):
             cases = list(self.cases.values())
             require_fit(settings.case_set, cases, settings.substrate, settings.substrate_options)
 

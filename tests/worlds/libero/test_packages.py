@@ -90,9 +90,9 @@ def test_the_frozen_genuine_cases_are_made_again_from_the_packages() -> None:
 
 
 def test_the_frozen_genuine_cases_play_but_for_those_that_were_not_examined() -> None:
-    unexamined = read_unexamined(FOLDER / GENUINE)
+    installations, unexamined = LiberoSubstrate().installations, read_unexamined(FOLDER / GENUINE)
     for name in track_names(FOLDER / GENUINE):
         cases = load_track(f"{GENUINE}/{name}").cases
-        lacks = lacking(LiberoSubstrate().installations, cases)
+        lacks = lacking(installations, cases)
         without_wand = {case_id for case_id, reason in lacks.items() if "Wand" in reason}
         assert lacks.keys() - without_wand == {case.case_id for case in cases} & unexamined.keys()
