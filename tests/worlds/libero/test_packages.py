@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import pytest
 
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.sampling import stratified
 from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, load_track, track_names
@@ -63,30 +66,20 @@ def test_a_case_of_each_source_plays_on_its_own_data() -> None:
 @pytest.mark.skipif(not MANIFEST.is_file(), reason="the released manifests are not here")
 def test_every_released_case_is_made_again_from_the_packages_and_may_play() -> None:
     installations, released = LiberoSubstrate().installations, load_manifest(MANIFEST)
-    catalogue = InstalledCatalogue(installations)
-    tasks = {(one.category, one.suite, one.index): one for one in catalogue.variations("pro")}
-    for case in released:
-        task = tasks[case.source_category, case.suite, case.task_index]
-        made = Configuration(task, case.init_state_index, catalogue).case(cell_of(case)).record
+    for case, made in _made_again(released, InstalledCatalogue(installations), ["pro"]):
         theirs = {**case.record, "substrate_variant": dict(case.record["substrate_variant"])}
         del theirs["substrate_variant"]["source_revision"]  # of the data set; a package has a version
-        assert made == theirs
+        assert made.record == theirs
     assert lacking(installations, released) == {}
 
 
 @pytest.mark.skipif(not CLASSIFICATION.is_file(), reason="LIBERO-Plus's classification is not here")
 def test_the_frozen_genuine_cases_are_made_again_from_the_packages() -> None:
     catalogue = InstalledCatalogue(LiberoSubstrate().installations, CLASSIFICATION)
-    tasks = {
-        (one.source, one.category, one.suite, one.index): one
-        for source in SOURCES
-        for one in catalogue.variations(source)
-    }
-    for name in track_names(FOLDER / GENUINE):
-        for case in stratified(load_track(f"{GENUINE}/{name}").cases, 320):
-            task = tasks[case.source, case.source_category, case.suite, case.task_index]
-            made = Configuration(task, case.init_state_index, catalogue).case(cell_of(case))
-            assert made.record == case.record
+    tracks = (load_track(f"{GENUINE}/{name}") for name in track_names(FOLDER / GENUINE))
+    frozen = [case for track in tracks for case in stratified(track.cases, 320)]
+    for case, made in _made_again(frozen, catalogue, SOURCES):
+        assert made.record == case.record
 
 
 def test_the_frozen_genuine_cases_play_but_for_those_that_were_not_examined() -> None:
@@ -96,3 +89,17 @@ def test_the_frozen_genuine_cases_play_but_for_those_that_were_not_examined() ->
         lacks = lacking(installations, cases)
         without_wand = {case_id for case_id, reason in lacks.items() if "Wand" in reason}
         assert lacks.keys() - without_wand == {case.case_id for case in cases} & unexamined.keys()
+
+
+def _made_again(
+    cases: Iterable[Case], catalogue: InstalledCatalogue, sources: Iterable[str]
+) -> Iterator[tuple[Case, Case]]:
+    """Each case, and the one that is made from what is installed."""
+    tasks = {
+        (one.source, one.category, one.suite, one.index): one
+        for source in sources
+        for one in catalogue.variations(source)
+    }
+    for case in cases:
+        task = tasks[case.source, case.source_category, case.suite, case.task_index]
+        yield case, Configuration(task, case.init_state_index, catalogue).case(cell_of(case))
