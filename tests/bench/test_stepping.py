@@ -3,7 +3,13 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
+
 from pytest_libero_max.bench.stepping import StepTimes, measure_stepping
+from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.embedded.env import SceneEnv
+from pytest_libero_max.worlds.embedded.scene import build_scene
+from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 
 def times(**changed: float | None) -> StepTimes:
@@ -66,3 +72,15 @@ def test_a_short_measurement_of_the_real_thing() -> None:
     assert measured.bare > 0
     assert 0 < measured.lean < measured.robosuite
     assert measured.image is None or measured.image > 0
+
+
+def test_robosuite_takes_none_of_our_pictures_with_it() -> None:
+    world = TinyWorld()
+    world.observe(size=32)
+    env = SceneEnv(build_scene("libero_object", 0), CAMERAS, 32)
+    before = world.observe(size=32)
+    env.close()  # our context is current
+    after = world.observe(size=32)
+    world.close()
+    for camera in CAMERAS:
+        assert np.array_equal(after[f"{camera}_image"], before[f"{camera}_image"])

@@ -77,6 +77,9 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
         Only its own rendering needs that, or its GL context outlives the display.
         """
         if self.has_offscreen_renderer:
+            # What it frees are numbers of a GL context: in another one they are somebody else's pictures.
+            if self.sim is not None and self.sim._render_context_offscreen is not None:
+                self.sim._render_context_offscreen.gl_ctx.make_current()
             super()._destroy_sim()
         elif self.sim is not None:
             del self.sim.data, self.sim.model
