@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
 from pytest_libero_max.machine import GIB, WORKER_BYTES, available_bytes, free_disk_bytes, memory_bytes
-from pytest_libero_max.worlds.kind import SubstrateOptions
+from pytest_libero_max.substrates.kind import SubstrateOptions
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.libero.installation import Installation
+    from pytest_libero_max.substrates.libero.installation import Installation
 
 MAX_RUN_BYTES = 120 * 2**20
 """Records and reports of 8,000 pairs, without traces and films."""
@@ -98,8 +98,8 @@ def _resources() -> Iterator[Finding]:
 
 def _installations(options: SubstrateOptions) -> Iterator[Finding]:
     # Not at the top: a plain `libero-max` command has no use for it.
-    from pytest_libero_max.worlds.libero.coverage import coverage
-    from pytest_libero_max.worlds.libero.installation import find_installations
+    from pytest_libero_max.substrates.libero.coverage import coverage
+    from pytest_libero_max.substrates.libero.installation import find_installations
 
     found: tuple[Installation, ...] = ()
     try:
@@ -113,7 +113,7 @@ def _installations(options: SubstrateOptions) -> Iterator[Finding]:
 
 
 def _installation(found: Installation) -> Iterator[Finding]:
-    from pytest_libero_max.worlds.libero.installation import (
+    from pytest_libero_max.substrates.libero.installation import (
         BDDL_INSTALL,
         REQUIREMENTS_INSTALL,
         missing_requirements,

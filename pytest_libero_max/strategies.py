@@ -2,11 +2,11 @@
 
 For the tests of this project and for those of anybody who writes a change, an adapter or a world of
 their own. They need nothing but the names of a world's entities, so they fit every world; the cheap one is
-:class:`pytest_libero_max.worlds.tiny.world.TinyWorld`, whose entities are meant wherever none are given::
+:class:`pytest_libero_max.substrates.tiny.world.TinyWorld`, whose entities are meant wherever none are given::
 
     from hypothesis import given
     from pytest_libero_max import strategies
-    from pytest_libero_max.worlds.tiny.world import TinyWorld
+    from pytest_libero_max.substrates.tiny.world import TinyWorld
 
     world = TinyWorld()
 
@@ -38,7 +38,7 @@ from pytest_libero_max.benchmark.cases import parse_case as _parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import SCORING_TRACK, Manifest
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.changes.strategies import (
+from pytest_libero_max.events.change_strategies import (
     AT_ONCE,
     SEEDS,
     Entities,
@@ -53,7 +53,7 @@ from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
 
 if TYPE_CHECKING:
-    from pytest_libero_max.sources import Variation
+    from pytest_libero_max.substrates.variation import Variation
 
 __all__ = [
     "AT_ONCE",
@@ -144,7 +144,7 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
     """
     from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
     from pytest_libero_max.events.registry import eligible_events
-    from pytest_libero_max.sources import variation_metadata
+    from pytest_libero_max.substrates.lookup import variation_metadata
 
     variation = draw(source_variations(source))
     event = draw(st.sampled_from(eligible_events(variation_metadata(variation))))
@@ -276,7 +276,7 @@ def scripted_policies(
 
 
 def _catalogue(source: str) -> SearchStrategy[Variation]:
-    from pytest_libero_max.sources import catalogue
+    from pytest_libero_max.substrates.lookup import catalogue
 
     return st.sampled_from(catalogue(source))
 

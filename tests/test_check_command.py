@@ -11,7 +11,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.policies.loading import forget_adapter
-from tests.policies.servers import fakes
+from tests.policies.clients import fakes
 
 TEMPLATE = Path(__file__).parents[1] / "fixtures" / "policies" / "vla.py"
 

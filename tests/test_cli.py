@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main, parser
-from pytest_libero_max.report.run import Run
-from pytest_libero_max.report.store import PairStore
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import PROVENANCE, plan, records_of
 
 

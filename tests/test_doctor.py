@@ -6,10 +6,10 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.doctor import diagnose
-from pytest_libero_max.worlds.kind import SubstrateOptions
-from pytest_libero_max.worlds.libero import installation
+from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.libero import installation
 from pytest_libero_max.worlds.versions import version_notes
-from tests.worlds.libero.test_installation import checkout
+from tests.substrates.libero.test_installation import checkout
 
 
 def test_a_complete_installation_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

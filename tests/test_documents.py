@@ -10,7 +10,7 @@ import pytest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.pairing.actors import make_case, shorten
 
 ROOT = Path(__file__).parents[1]

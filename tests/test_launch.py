@@ -18,8 +18,8 @@ import pytest
 from pytest_libero_max.cli import main
 from pytest_libero_max.cli.launching.shards import Shards
 from pytest_libero_max.cli.launching.slurm import slurm_script
-from pytest_libero_max.report.merge import merge_folders
-from pytest_libero_max.report.store import read_pairs
+from pytest_libero_max.runs.merge import merge_folders
+from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import BUDGET, REACHER, tiny_manifest
 from tests.short_episodes import short_episodes
 

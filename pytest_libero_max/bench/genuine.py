@@ -21,11 +21,11 @@ from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.pairing.runner import Pair, measure_pair
+from pytest_libero_max.substrates.libero.loading import imported
+from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
+from pytest_libero_max.substrates.libero.tasks import task_of
+from pytest_libero_max.substrates.libero.world import LiberoWorld
 from pytest_libero_max.worlds.contract import ACTION_DIM, NOOP_ACTION, Array
-from pytest_libero_max.worlds.libero.loading import imported
-from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
-from pytest_libero_max.worlds.libero.tasks import task_of
-from pytest_libero_max.worlds.libero.world import LiberoWorld
 
 WARM_UP = 5
 

@@ -20,10 +20,10 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.substrates.embedded.env import SceneEnv
+from pytest_libero_max.substrates.embedded.scene import build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
-from pytest_libero_max.worlds.embedded.env import SceneEnv
-from pytest_libero_max.worlds.embedded.scene import build_scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 
 QUERY_INTERVAL = 10
 IMAGE_SIZE = 256

@@ -14,14 +14,14 @@ import numpy as np
 
 from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.substrates.embedded.scene import build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.tasks.libero_tasks import tasks
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS
-from pytest_libero_max.worlds.embedded.scene import build_scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
-from pytest_libero_max.worlds.embedded.tasks import tasks
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
 OpenScene = Callable[[str, int], AbstractContextManager[MujocoWorld]]
 """Makes the world of a task, by suite and number, and closes it."""

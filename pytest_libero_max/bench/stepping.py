@@ -16,16 +16,16 @@ import numpy as np
 
 from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.substrates.embedded.scene import build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, CONTROL_HZ
-from pytest_libero_max.worlds.embedded.scene import build_scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()
 
 import mujoco  # noqa: E402
 
-from pytest_libero_max.worlds.embedded.env import SceneEnv  # noqa: E402
+from pytest_libero_max.substrates.embedded.env import SceneEnv  # noqa: E402
 
 WARM_UP = 5
 """Steps before the clock counts: compilation, caches, the first images."""

@@ -15,7 +15,7 @@ from pytest_libero_max.errors import OptionError
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
     from pytest_libero_max.construction.examiner import Progress
-    from pytest_libero_max.sources.installed import InstalledCatalogue
+    from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -145,17 +145,20 @@ def _add_examination(command: argparse.ArgumentParser) -> None:
 
 
 def _catalogue(options: argparse.Namespace) -> None:
-    from pytest_libero_max.sources import count_lines
+    from pytest_libero_max.substrates.lookup import count_lines
 
     print("\n".join(count_lines()))
 
 
 def _gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.sheets import write_event_sheet, write_page_pictures
-    from pytest_libero_max.sources import variation_of
-    from pytest_libero_max.sources.sheets import write_plus_sheet, write_pro_sheet
-    from pytest_libero_max.worlds.embedded.sheets import write_contact_sheet
-    from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
+    from pytest_libero_max.substrates.embedded.catalogue.catalogue_sheets import (
+        write_plus_sheet,
+        write_pro_sheet,
+    )
+    from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet
+    from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+    from pytest_libero_max.substrates.lookup import variation_of
 
     if options.substrate != "embedded":
         _genuine_gallery(options)
@@ -182,7 +185,7 @@ def _gallery(options: argparse.Namespace) -> None:
 def _genuine_gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.tracks import genuine_name
     from pytest_libero_max.construction.sheets import write_event_sheet
-    from pytest_libero_max.sources import open_substrate
+    from pytest_libero_max.substrates.opening import open_substrate
 
     if options.page_pictures is not None:
         raise OptionError("--page-pictures are those of the embedded scenes. Leave out --substrate.")
@@ -203,8 +206,8 @@ def _eligibility(options: argparse.Namespace) -> None:
 
 
 def _installed_catalogue(options: argparse.Namespace) -> InstalledCatalogue:
-    from pytest_libero_max.sources.installed import InstalledCatalogue
-    from pytest_libero_max.worlds.libero.installation import find_installations
+    from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
+    from pytest_libero_max.substrates.libero.installation import find_installations
 
     if options.substrate != "libero" or options.source_variations == "own":
         raise OptionError(
@@ -331,7 +334,7 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
     from pytest_libero_max.benchmark.tracks import is_manifest_path, track_path
     from pytest_libero_max.construction.case_text import case_lines, find_case, write_event_pictures
     from pytest_libero_max.construction.release import read_certificates
-    from pytest_libero_max.sources import open_substrate
+    from pytest_libero_max.substrates.opening import open_substrate
 
     case, name = find_case(manifest, options.case), options.cases
     certificates = {} if is_manifest_path(name) else read_certificates(track_path(name).parent)

@@ -42,9 +42,9 @@ def _check(options: argparse.Namespace) -> int:
     from pytest_libero_max.policies.examination import examine, made_up
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.policies.model_inputs import model_inputs, picture_sheet
-    from pytest_libero_max.policies.pieces.images import png_file
-    from pytest_libero_max.sources import open_substrate
-    from pytest_libero_max.worlds.kind import SubstrateOptions
+    from pytest_libero_max.policies.transforms.images import png_file
+    from pytest_libero_max.substrates.kind import SubstrateOptions
+    from pytest_libero_max.substrates.opening import open_substrate
 
     policy = load_policy(
         options.policy,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from pytest_libero_max.cli.substrates import add_libero
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
-from pytest_libero_max.report.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
+from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -104,8 +104,8 @@ def _add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
 
 
 def _film(options: argparse.Namespace) -> int:
+    from pytest_libero_max.films.policy_view import shown_by
     from pytest_libero_max.films.recorded import film_pair, film_path
-    from pytest_libero_max.films.saw import shown_by
 
     saw = options.view == "saw"
     if not saw and (options.adapter or options.profile):
@@ -125,7 +125,7 @@ def _film(options: argparse.Namespace) -> int:
 
 def _rerun(options: argparse.Namespace) -> int:
     from pytest_libero_max.films.recorded import record_pair
-    from pytest_libero_max.report.media import RERUN_NAME
+    from pytest_libero_max.runs.media import RERUN_NAME
 
     made = _each(
         options,

@@ -10,7 +10,7 @@ from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import SubstrateError
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -65,8 +65,8 @@ def _bench_genuine(options: argparse.Namespace) -> None:
 
 
 def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
-    from pytest_libero_max.worlds.libero.installation import find_installations
-    from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
+    from pytest_libero_max.substrates.libero.installation import find_installations
+    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
     return LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))
 

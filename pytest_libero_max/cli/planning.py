@@ -70,9 +70,9 @@ def add_commands(commands: Commands) -> None:
 
 def _plan(options: argparse.Namespace) -> None:
     from pytest_libero_max.costs.fleet import Fleet
-    from pytest_libero_max.report.plan import plan_lines, shard_lines
-    from pytest_libero_max.report.run import PlannedPair
-    from pytest_libero_max.report.store import read_pairs
+    from pytest_libero_max.report.writers.plan_text import plan_lines, shard_lines
+    from pytest_libero_max.runs.plan import PlannedPair
+    from pytest_libero_max.runs.store import read_pairs
 
     _check(options)
     stored = read_pairs(options.run_folder, ended=False)

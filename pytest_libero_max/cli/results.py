@@ -131,12 +131,12 @@ def add_commands(commands: Commands) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report import raster
-    from pytest_libero_max.report.badge import BADGE_NAME, badge_json
-    from pytest_libero_max.report.files import write_figures, write_reports, write_text
-    from pytest_libero_max.report.study_tables import study_csv
-    from pytest_libero_max.report.summary import summary_lines
-    from pytest_libero_max.report.tables import csv_text, latex_text
+    from pytest_libero_max.report.studies.study_tables import study_csv
+    from pytest_libero_max.report.writers import raster
+    from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
+    from pytest_libero_max.report.writers.files import write_figures, write_reports, write_text
+    from pytest_libero_max.report.writers.summary import summary_lines
+    from pytest_libero_max.report.writers.tables import csv_text, latex_text
 
     report, paths = write_reports(options.folder)
     if options.figures:
@@ -157,10 +157,10 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.compare import common_cases, compare_runs, read_runs
-    from pytest_libero_max.report.compare_files import write_comparison
-    from pytest_libero_max.report.compare_text import comparison_lines
-    from pytest_libero_max.report.files import report_json, write_text
+    from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+    from pytest_libero_max.report.comparison.compare_files import write_comparison
+    from pytest_libero_max.report.comparison.compare_text import comparison_lines
+    from pytest_libero_max.report.writers.files import report_json, write_text
 
     runs = read_runs(options.folders)
     comparison = compare_runs(runs, options.restrict)
@@ -172,9 +172,9 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _recovery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.files import report_json, write_text
-    from pytest_libero_max.report.recovery import recovery_of
-    from pytest_libero_max.report.recovery_text import recovery_lines
+    from pytest_libero_max.report.studies.recovery import recovery_of
+    from pytest_libero_max.report.studies.recovery_text import recovery_lines
+    from pytest_libero_max.report.writers.files import report_json, write_text
 
     recovery = recovery_of(options.folders, options.restrict)
     if options.json:
@@ -196,9 +196,9 @@ def _published(options: argparse.Namespace) -> None:
 
 def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.exit_status import INCOMPLETE
-    from pytest_libero_max.report.files import write_reports
-    from pytest_libero_max.report.merge import finished, merge_folders
-    from pytest_libero_max.report.summary import summary_lines
+    from pytest_libero_max.report.writers.files import write_reports
+    from pytest_libero_max.report.writers.summary import summary_lines
+    from pytest_libero_max.runs.merge import finished, merge_folders
 
     folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
     merge_folders(folders, options.output)
@@ -210,11 +210,11 @@ def _merge(options: argparse.Namespace) -> int:
 def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.cli.ini_file import ini_lines
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
-    from pytest_libero_max.report.files import report_of
     from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
     from pytest_libero_max.report.gates import parse_gates
-    from pytest_libero_max.report.store import read_pairs
-    from pytest_libero_max.report.summary import incomplete_text
+    from pytest_libero_max.report.writers.files import report_of
+    from pytest_libero_max.report.writers.summary import incomplete_text
+    from pytest_libero_max.runs.store import read_pairs
 
     here = Path.cwd()
     gates = parse_gates(options.gate or ini_lines("libero_max_gate", here))
@@ -238,8 +238,8 @@ def _gate(options: argparse.Namespace) -> int:
 
 
 def _power(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.files import read_report
-    from pytest_libero_max.report.power_text import Expectation, expectations_of, power_lines
+    from pytest_libero_max.report.writers.files import read_report
+    from pytest_libero_max.report.writers.power_text import Expectation, expectations_of, power_lines
 
     if options.folder:
         expected = expectations_of(read_report(options.folder))

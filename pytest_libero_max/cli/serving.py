@@ -46,13 +46,13 @@ def add_commands(commands: Commands) -> None:
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from pytest_libero_max.policies.code import adapter_digest
+    from pytest_libero_max.policies.adapter_digest import adapter_digest
+    from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE, is_address, server_token
     from pytest_libero_max.policies.loading import load_policy
-    from pytest_libero_max.policies.servers.address import TOKEN_VARIABLE, is_address, server_token
-    from pytest_libero_max.policies.serving.batching import Batching
-    from pytest_libero_max.policies.serving.host import Host
-    from pytest_libero_max.policies.serving.metrics import Metrics
-    from pytest_libero_max.policies.serving.sockets import serving
+    from pytest_libero_max.policies.server.batching import Batching
+    from pytest_libero_max.policies.server.host import Host
+    from pytest_libero_max.policies.server.metrics import Metrics
+    from pytest_libero_max.policies.server.sockets import serving
 
     if is_address(options.adapter):
         raise AdapterError(f"policy={options.adapter!r} is a server already. Give its address to pytest.")

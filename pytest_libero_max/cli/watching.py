@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
-    from pytest_libero_max.report.following import Seen
+    from pytest_libero_max.runs.status import Seen
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -45,9 +45,9 @@ def add_commands(commands: Commands) -> None:
 
 
 def _watch(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.following import Follower
-    from pytest_libero_max.report.live_text import LiveText, understands_sequences
-    from pytest_libero_max.report.progress import Pace
+    from pytest_libero_max.runs.live_text import LiveText, understands_sequences
+    from pytest_libero_max.runs.progress import Pace
+    from pytest_libero_max.runs.status import Follower
 
     if options.interval <= 0:
         raise OptionError(f"--interval={options.interval}, but must be more than 0 seconds.")
@@ -78,13 +78,13 @@ def _goes_on(seen: Seen) -> bool:
 
 
 def _lines(runs: Sequence[Seen]) -> list[str]:
-    from pytest_libero_max.report.following import overview
+    from pytest_libero_max.runs.status import overview
 
     return runs[0].lines(time.time()) if len(runs) == 1 else overview(runs, time.time())
 
 
 def _line(seen: Seen) -> str:
-    from pytest_libero_max.report.progress import progress_text
+    from pytest_libero_max.runs.progress import progress_text
 
     return progress_text(seen.progress, time.time())
 

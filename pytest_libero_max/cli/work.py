@@ -6,8 +6,8 @@ import sys
 import time
 from types import TracebackType
 
-from pytest_libero_max.report.live_text import LiveText, understands_sequences
-from pytest_libero_max.report.progress import Pace, duration
+from pytest_libero_max.runs.live_text import LiveText, understands_sequences
+from pytest_libero_max.runs.progress import Pace, duration
 
 
 class Work:

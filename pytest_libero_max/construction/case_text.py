@@ -14,10 +14,10 @@ from pytest_libero_max.construction.certificates import Certificate, Ending
 from pytest_libero_max.construction.preflight import approach
 from pytest_libero_max.errors import LiberoMaxError, OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.policies.pieces.images import png_file
-from pytest_libero_max.report.files import make_folder, write_bytes
-from pytest_libero_max.sources import variation_metadata, variation_of
-from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.policies.transforms.images import png_file
+from pytest_libero_max.report.writers.files import make_folder, write_bytes
+from pytest_libero_max.substrates.lookup import variation_metadata, variation_of
+from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import CAMERAS, Image, World
 
 _ENDINGS: Mapping[Ending, str] = {

@@ -12,10 +12,11 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
-from pytest_libero_max.sources import Variation, catalogue, variation_metadata
-from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.sources.metadata import TaskMetadata
-from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.substrates.lookup import catalogue, variation_metadata
+from pytest_libero_max.substrates.variation import Variation
+from pytest_libero_max.tasks.contents import TaskMetadata
 
 PRO_STATES = 10
 """Initial states of a LIBERO-PRO task; LIBERO-Plus has one, number 0."""

@@ -15,22 +15,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.code import code_digest
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
+from pytest_libero_max.benchmark.source_digest import code_digest
 from pytest_libero_max.construction.certificates import Certificate, certify
 from pytest_libero_max.construction.preflight import Preflight, Problem, preflight
 from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError
 from pytest_libero_max.machine import return_large_blocks
-from pytest_libero_max.policies.code import adapter_digest
+from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.sources import catalogue, digest_of, open_substrate, variation_of
+from pytest_libero_max.substrates.libero.plus import base_name
+from pytest_libero_max.substrates.lookup import catalogue, variation_of
+from pytest_libero_max.substrates.opening import open_substrate
+from pytest_libero_max.substrates.variation import digest_of
 from pytest_libero_max.worlds.contract import Substrate
-from pytest_libero_max.worlds.libero.plus import base_name
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.kind import SubstrateOptions
+    from pytest_libero_max.substrates.kind import SubstrateOptions
 
 BATCH = 12
 """Cases that a process takes at a time: neighbours share scenes."""

@@ -22,8 +22,8 @@ from pytest_libero_max.construction.selection import Examine, Pool, select
 from pytest_libero_max.construction.splits import SPLITS, full, protocol
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.sources.installed import InstalledCatalogue
-from pytest_libero_max.sources.variation import Variation
+from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
+from pytest_libero_max.substrates.variation import Variation
 
 BENCHMARK, VERSION = "libero-max-genuine", "1.0.0"
 SUBSTRATE = "LIBERO-Plus and LIBERO-PRO"

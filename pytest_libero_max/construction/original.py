@@ -21,7 +21,7 @@ from pytest_libero_max.construction.selection import Examine
 from pytest_libero_max.construction.splits import VERSION, protocol
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
-from pytest_libero_max.sources.metadata import TaskMetadata, task_metadata
+from pytest_libero_max.tasks.contents import TaskMetadata, task_metadata
 
 SUITES = ("libero_spatial", "libero_object")
 TASKS = 10

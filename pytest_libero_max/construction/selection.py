@@ -32,9 +32,9 @@ from pytest_libero_max.construction.configurations import (
 from pytest_libero_max.construction.matching import Shortage, fill
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.sources.variation import Variation
+from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.substrates.variation import Variation
 
 PLUS_PER_CELL, PRO_PER_CELL = 50, 15
 LEVELS = 5

@@ -42,9 +42,9 @@ from pytest_libero_max.construction.selection import (
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.sources import variation_of
-from pytest_libero_max.sources.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.sources.pro import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.substrates.lookup import variation_of
 
 
 def verify(folder: Path) -> list[str]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.sources import variation_metadata, variation_of
-from pytest_libero_max.sources.metadata import owner, task_metadata
+from pytest_libero_max.substrates.lookup import variation_metadata, variation_of
+from pytest_libero_max.tasks.contents import owner, task_metadata
 from pytest_libero_max.worlds.contract import CAMERAS, World
 from pytest_libero_max.worlds.privileged import PrivilegedWorld
 

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.demos.collection import load
 from pytest_libero_max.demos.episodes import Demonstration
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.policies.pieces.images import rotate_180
-from pytest_libero_max.policies.pieces.states import axis_angle
+from pytest_libero_max.policies.transforms.images import rotate_180
+from pytest_libero_max.policies.transforms.states import axis_angle
 from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ
 
 VERSION = "v3.0"

@@ -10,7 +10,7 @@ from pytest_libero_max.benchmark.documents import Json
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
-    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.tasks.contents import TaskMetadata
 
 
 def placement(entity: str, anchor: str, offset_m: list[float], task: TaskMetadata) -> Json:
@@ -40,7 +40,7 @@ def placements(kind: type[Any], entity: str, anchor: str) -> SearchStrategy[Any]
     """Changes or placements of ``kind`` that put ``entity`` near ``anchor``, for Hypothesis."""
     from hypothesis import strategies as st
 
-    from pytest_libero_max.changes.strategies import vectors
+    from pytest_libero_max.events.change_strategies import vectors
 
     return st.builds(
         kind,

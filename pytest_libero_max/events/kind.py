@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
     from pytest_libero_max.benchmark.identity import Identity
-    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
 Response = Literal["continue", "replan"]

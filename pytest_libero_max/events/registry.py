@@ -13,7 +13,7 @@ from pytest_libero_max.registry import Registry, modules_in
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.identity import Identity
-    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.tasks.contents import TaskMetadata
 
 ENTRY_POINT_GROUP = "pytest_libero_max.events"
 

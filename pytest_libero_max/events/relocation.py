@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
     from pytest_libero_max.benchmark.identity import Identity
-    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.tasks.contents import TaskMetadata
 
 _DIAGONAL = 1.0 / math.sqrt(2.0)
 DIRECTIONS = (
@@ -61,7 +61,7 @@ def relocations(objects: Iterable[str]) -> SearchStrategy[Scenario]:
     from hypothesis import strategies as st
 
     from pytest_libero_max.changes import MoveObject
-    from pytest_libero_max.changes.strategies import vectors
+    from pytest_libero_max.events.change_strategies import vectors
 
     moves = st.builds(MoveObject, st.sampled_from(sorted(objects)), vectors(0.12, plane=True))
     return moves.map(lambda move: Scenario(move.to_dict()))

@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.media import FILM_FORMATS
+from pytest_libero_max.runs.media import FILM_FORMATS
 from pytest_libero_max.worlds.contract import Image
 
 INSTALL = "pip install 'pytest-libero-max[film]'"

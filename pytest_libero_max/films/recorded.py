@@ -13,15 +13,15 @@ from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.files import available_format, write_film
+from pytest_libero_max.films.policy_view import Shown, caption, saw
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
-from pytest_libero_max.films.saw import Shown, caption, saw
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
-from pytest_libero_max.report.media import TRACES_NAME, film_name
-from pytest_libero_max.report.store import StoredRun, pairs_file, read_pairs
-from pytest_libero_max.sources import open_substrate
+from pytest_libero_max.runs.media import TRACES_NAME, film_name
+from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
+from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.opening import open_substrate
 from pytest_libero_max.worlds.contract import CONTROL_HZ, Substrate, World
-from pytest_libero_max.worlds.kind import SubstrateOptions
 
 SIZE_PX = 256
 """Side of a picture in a film, unless another is asked for."""

@@ -21,7 +21,7 @@ from pytest_libero_max.events.registry import (
     family_of,
 )
 from pytest_libero_max.plugin import options
-from pytest_libero_max.plugin.fitting import fitting_cases
+from pytest_libero_max.plugin.case_support import fitting_cases
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.stash_keys import CASES, MANIFEST, NOISE_CASES, SETTINGS
 

@@ -22,6 +22,7 @@ from pytest_libero_max.errors import (
     SimulatorError,
 )
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
+from pytest_libero_max.plugin.case_support import require_fit
 from pytest_libero_max.plugin.collection import (
     asked_for,
     case_of,
@@ -32,23 +33,22 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
-from pytest_libero_max.plugin.deaths import CRASH_PHASE, set_aside_lines
-from pytest_libero_max.plugin.fitting import require_fit
+from pytest_libero_max.plugin.processes.deaths import CRASH_PHASE, set_aside_lines
 from pytest_libero_max.plugin.progress import RunProgress
-from pytest_libero_max.plugin.room import memory_note, require_room
+from pytest_libero_max.plugin.resource_checks import memory_note, require_room
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, POLICY_PHASE, RESULT_ATTRIBUTE
-from pytest_libero_max.policies.code import adapter_digest
+from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
-from pytest_libero_max.report import provenance
-from pytest_libero_max.report.damaged_lines import damage_said
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
-from pytest_libero_max.report.in_progress import require_free
-from pytest_libero_max.report.junit import suite_properties
-from pytest_libero_max.report.run import PlannedPair, Run
 from pytest_libero_max.report.sections import with_sections
-from pytest_libero_max.report.store import PAIRS_NAME, PairStore, StoredRun, read_to_resume, require_writable
+from pytest_libero_max.report.writers.junit import suite_properties
+from pytest_libero_max.runs import provenance
+from pytest_libero_max.runs.damaged_lines import damage_said
+from pytest_libero_max.runs.lock import require_free
+from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, StoredRun, read_to_resume, require_writable
 from pytest_libero_max.studies.playable import require_playable
-from pytest_libero_max.worlds.registry import describe_substrate
+from pytest_libero_max.substrates.registry import describe_substrate
 from pytest_libero_max.worlds.rendering import gl
 
 RECORD_PHASE = "record"
@@ -322,9 +322,9 @@ class RunController:
 
     def _report(self, on_problem: Callable[[str], None]) -> int:
         """Compute the report, write it, decide the gates and say all that; returns how many gates fail."""
-        from pytest_libero_max.report.files import write_reports
         from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
-        from pytest_libero_max.report.summary import summary_lines
+        from pytest_libero_max.report.writers.files import write_reports
+        from pytest_libero_max.report.writers.summary import summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
         self.report, written = write_reports(folder, self._add_sections, on_problem)

@@ -16,11 +16,11 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.plugin.collection import settings_of
-from pytest_libero_max.plugin.isolation import play_apart
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
-from pytest_libero_max.plugin.playing import play_here
+from pytest_libero_max.plugin.processes.isolation import play_apart
+from pytest_libero_max.plugin.run_pair import play_here
 from pytest_libero_max.plugin.stash_keys import RESULT
-from pytest_libero_max.report.junit import properties
+from pytest_libero_max.report.writers.junit import properties
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.prefix import BranchPoint
@@ -70,7 +70,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
 @pytest.fixture(scope="session")
 def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     """What builds the worlds; every scene is built once a worker."""
-    from pytest_libero_max.sources import open_substrate
+    from pytest_libero_max.substrates.opening import open_substrate
 
     substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
     yield substrate

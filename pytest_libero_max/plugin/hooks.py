@@ -21,7 +21,7 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_substrate,
     libero_max_world,
 )
-from pytest_libero_max.plugin.guard import STDERR
+from pytest_libero_max.plugin.processes.guard import STDERR
 from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE, NOTE_ATTRIBUTE, RESULT, RESULT_ATTRIBUTE
 
 __all__ = [
@@ -79,18 +79,18 @@ def pytest_configure(config: pytest.Config) -> None:
 
         use_one_blas_thread()
     if in_use and hasattr(config, "workerinput"):
-        from pytest_libero_max.plugin.channel import keep_from_children
+        from pytest_libero_max.plugin.processes.channel import keep_from_children
 
         keep_from_children(config)
     elif in_use:
         from pytest_libero_max.plugin.controller import RunController
-        from pytest_libero_max.plugin.workers import Workers, let_workers_restart
+        from pytest_libero_max.plugin.processes.workers import Workers, let_workers_restart
 
         controller = RunController(config)
         config.pluginmanager.register(controller, CONTROLLER)
         config.pluginmanager.register(controller.progress)
         if controller.settings.ray is not None:
-            from pytest_libero_max.plugin.cluster.run import RayRun
+            from pytest_libero_max.plugin.ray.session import RayRun
 
             ray_run = RayRun(config, controller.settings, controller.cases, controller.progress)
             config.pluginmanager.register(ray_run, WORKERS)
@@ -152,7 +152,7 @@ def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is None or is_error(result) or report.when != "call" or not report.passed:
         return None
-    from pytest_libero_max.report.outcome_letters import status
+    from pytest_libero_max.runs.outcome_letters import status
 
     try:
         return status(PairRecord.from_dict(result))

@@ -15,15 +15,10 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import option_values as read
-from pytest_libero_max.plugin.timeouts import Limits
-from pytest_libero_max.report.media import FILM_SELECTIONS
-from pytest_libero_max.worlds.kind import SubstrateOptions
-from pytest_libero_max.worlds.registry import (
-    INSTRUCTIONS,
-    SEMANTICS,
-    SOURCE_VARIATIONS,
-    SUBSTRATES,
-)
+from pytest_libero_max.plugin.processes.timeouts import Limits
+from pytest_libero_max.runs.media import FILM_SELECTIONS
+from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.gates import Gate
@@ -496,7 +491,7 @@ def _check_ray(config: pytest.Config, values: dict[str, Any]) -> None:
 
 
 def _track(settings: Settings, name: str | None) -> str:
-    from pytest_libero_max.plugin.fitting import fitting_track
+    from pytest_libero_max.plugin.case_support import fitting_track
 
     if settings.manifest is not None:
         return name or ""

@@ -19,11 +19,11 @@ import pytest
 
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of
-from pytest_libero_max.report.following import note_of
-from pytest_libero_max.report.live_text import LiveText, understands_sequences
-from pytest_libero_max.report.progress import Pace, PairCounts, Progress, progress_text
-from pytest_libero_max.report.run import PlannedPair
-from pytest_libero_max.report.store import PairStore
+from pytest_libero_max.runs.live_text import LiveText, understands_sequences
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.progress import Pace, PairCounts, Progress, progress_text
+from pytest_libero_max.runs.status import note_of
+from pytest_libero_max.runs.store import PairStore
 
 _Wrapper = Generator[None, Any, Any]
 

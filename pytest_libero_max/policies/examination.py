@@ -28,10 +28,10 @@ from pytest_libero_max.policies.check import (
     restore_memory,
     start,
 )
+from pytest_libero_max.policies.clients.transport import LOG as SERVER_LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy
 from pytest_libero_max.policies.finding import Finding, Shown
 from pytest_libero_max.policies.model_inputs import compare_inputs, marked_observation, model_inputs
-from pytest_libero_max.policies.servers.link import LOG as SERVER_LOG
 
 Actions = NDArray[np.float64]
 FAR_BEYOND = 3.0

@@ -16,9 +16,9 @@ from typing import Any
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.check import check_policy, locate
+from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.references import Reference, file_of, find_spec, no_module, parse_reference
-from pytest_libero_max.policies.servers.address import is_address
 
 HORIZON_FLAG = "--libero-max-horizon"
 QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
@@ -62,7 +62,7 @@ def load_policy(
         ServerError: The server cannot be reached, or does not speak its protocol.
     """
     if is_address(text):
-        from pytest_libero_max.policies.servers.opening import load_served
+        from pytest_libero_max.policies.clients.opening import load_served
 
         return load_served(text, profile, horizon, query_interval)
     _refuse_profile(text, profile)
@@ -87,7 +87,7 @@ def check_reference(text: str, profile: str | None = None) -> None:
             the address or its profile cannot be used.
     """
     if is_address(text):
-        from pytest_libero_max.policies.servers.opening import require_profile
+        from pytest_libero_max.policies.clients.opening import require_profile
 
         require_profile(text, profile)
         return

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import Policy, Query
 from pytest_libero_max.policies.finding import Finding
-from pytest_libero_max.policies.pieces import states
+from pytest_libero_max.policies.transforms import states
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 
 _TURNS: Mapping[str, Callable[[Image], Image]] = {
@@ -104,7 +104,7 @@ def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str
 
 
 def _one_image(name: str, image: Image, observation: Observation, meant: str | None) -> Iterator[Finding]:
-    from pytest_libero_max.policies.pieces.images import resize_area
+    from pytest_libero_max.policies.transforms.images import resize_area
 
     side = 32
     small = resize_area(image, side).astype(float)

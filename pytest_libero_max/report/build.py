@@ -12,8 +12,6 @@ from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.outcomes_file import columns_of
-from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.statistics_json import (
     change_json,
@@ -24,7 +22,9 @@ from pytest_libero_max.report.statistics_json import (
     result_json,
     split_json,
 )
-from pytest_libero_max.report.study import study_json
+from pytest_libero_max.report.studies.study import study_json
+from pytest_libero_max.runs.outcomes_file import columns_of
+from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
     breakdown,
@@ -78,7 +78,7 @@ def build_report(
         errors: Pairs that could not be measured. One whose case has a record as well was repaired: it
             is named, and counts as played.
         planned_cases: Every assigned case.
-        provenance: See :func:`~pytest_libero_max.report.provenance.collect`.
+        provenance: See :func:`~pytest_libero_max.runs.provenance.collect`.
 
     Raises:
         ReportError: A pair occurs twice or was never planned, or the records are of several policies.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.runs.plan import PlannedPair
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.report.compare import common_cases
-from pytest_libero_max.report.files import REPORT_NAME, report_of
+from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate, require_known_groups
-from pytest_libero_max.report.run import PlannedPair
 from pytest_libero_max.report.statistics_json import contrast_json
-from pytest_libero_max.report.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
+from pytest_libero_max.report.writers.files import REPORT_NAME, report_of
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
 
 

@@ -32,7 +32,7 @@ from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, Scale
-from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.runs.plan import PlannedPair
 
 Verdict = Literal["passed", "failed", "undecidable"]
 

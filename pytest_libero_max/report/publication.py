@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.files import (
+from pytest_libero_max.report.writers.files import (
     MARKDOWN_NAME,
     REPORT_NAME,
     all_figures,
@@ -17,8 +17,8 @@ from pytest_libero_max.report.files import (
     report_of,
     write_bytes,
 )
-from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.store import PACKED_PAIRS_NAME, pairs_file, read_pairs
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, pairs_file, read_pairs
 
 
 def publish(run: Path, folder: Path) -> list[Path]:

@@ -10,10 +10,10 @@ from pytest_libero_max.bench.genuine import (
     play_there,
 )
 from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.substrates.libero.installation import find_installation
+from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.contract import ACTION_DIM
-from pytest_libero_max.worlds.libero.installation import find_installation
-from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
-from tests.worlds.libero.data import DATA, needs_package
+from tests.substrates.libero.data import DATA, needs_package
 
 
 def test_the_table_states_the_ratios() -> None:

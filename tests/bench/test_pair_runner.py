@@ -9,8 +9,8 @@ from pytest_libero_max.bench.pair_runner import Hovering, final_positions
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.pairing.runner import measure_pair
-from pytest_libero_max.worlds.embedded.scene import build_scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.substrates.embedded.scene import build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 from tests.pairing.actors import shorten
 
 

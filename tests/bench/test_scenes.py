@@ -5,9 +5,9 @@ from pytest_libero_max.bench.scenes import (
     genuine_scenes,
     measure_scene,
 )
-from pytest_libero_max.worlds.libero.installation import find_installation
-from pytest_libero_max.worlds.libero.substrate import LiberoSubstrate
-from tests.worlds.libero.data import DATA, needs_package
+from pytest_libero_max.substrates.libero.installation import find_installation
+from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
+from tests.substrates.libero.data import DATA, needs_package
 
 
 def test_a_scene_is_measured() -> None:

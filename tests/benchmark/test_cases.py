@@ -16,7 +16,7 @@ from pytest_libero_max.benchmark.manifests import Manifest, load_manifest, parse
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import resolve_event
-from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import Entity
 
 ENTITIES = {

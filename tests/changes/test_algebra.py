@@ -11,7 +11,7 @@ from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Event
 from pytest_libero_max.changes import Change, MoveObject, Nothing, ShiftCamera, change_from_dict
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.changes.world_comparison import (
     differing,
     full_state,

@@ -23,8 +23,8 @@ from pytest_libero_max.changes import (
     ShiftCamera,
 )
 from pytest_libero_max.errors import ChangeError, EntityError
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Array
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 OFFWORLD_M = (-2.0, 0.0, -5.0)
 

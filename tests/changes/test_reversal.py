@@ -27,7 +27,7 @@ from pytest_libero_max.changes import (
     TurnObject,
 )
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
 
 WORLD = TinyWorld()

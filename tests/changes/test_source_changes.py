@@ -22,11 +22,11 @@ from pytest_libero_max.changes import (
     TurnObject,
 )
 from pytest_libero_max.errors import ChangeError, EntityError, SubstrateError
+from pytest_libero_max.substrates.embedded.remodel import Remodel, remodelled
+from pytest_libero_max.substrates.embedded.scene import build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Array
-from pytest_libero_max.worlds.embedded.remodel import Remodel, remodelled
-from pytest_libero_max.worlds.embedded.scene import build_scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
 
 PIVOT = (0.0, 0.0, 0.8)

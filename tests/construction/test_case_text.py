@@ -21,7 +21,7 @@ from pytest_libero_max.construction.case_text import (
 )
 from pytest_libero_max.construction.certificates import ENDINGS, Certificate
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.films.short_run import leave_out_shadows
 from tests.plugin.conftest import tiny_manifest
 

@@ -8,7 +8,7 @@ import pytest
 
 import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.code import code_digest
+from pytest_libero_max.benchmark.source_digest import code_digest
 from pytest_libero_max.changes import MoveObject
 from pytest_libero_max.construction.certificates import Certificate
 from pytest_libero_max.construction.examiner import (
@@ -24,7 +24,7 @@ from pytest_libero_max.construction.preflight import Preflight, Problem
 from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.experts import noop
-from pytest_libero_max.worlds.kind import SubstrateOptions
+from pytest_libero_max.substrates.kind import SubstrateOptions
 from tests.construction.test_preflight import case_of, insertion, move
 
 NOOP = Path(noop.__file__)

@@ -9,7 +9,7 @@ from pytest_libero_max.changes import ShiftCamera
 from pytest_libero_max.construction.preflight import preflight
 from pytest_libero_max.construction.visibility import MIN_PIXELS, Sight, look, pixels_of
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.construction.test_preflight import case_of, move
 
 AWAY = ShiftCamera("agentview", (0.0, 0.0, 0.0), 90.0, 0.0)

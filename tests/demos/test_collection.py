@@ -14,7 +14,7 @@ from pytest_libero_max.demos.collection import Settings, collect, load
 from pytest_libero_max.demos.episodes import Demonstration, Planned
 from pytest_libero_max.demos.lerobot import write_dataset
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.policies.pieces.images import rotate_180
+from pytest_libero_max.policies.transforms.images import rotate_180
 from tests.pairing.actors import make_case
 
 PLANS = [

@@ -10,7 +10,7 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import EVENTS, eligible, eligible_events, resolve_event
 from pytest_libero_max.events.relocation import DIRECTIONS
-from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.tasks.contents import task_metadata
 
 
 def test_the_eight_directions_are_unit_vectors() -> None:

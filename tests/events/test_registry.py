@@ -10,8 +10,8 @@ from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import parse_case
 from pytest_libero_max.benchmark.manifests import parse_manifest
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.changes.strategies import entities_or_tiny
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.change_strategies import entities_or_tiny
 from pytest_libero_max.events.registry import (
     BENCHMARK_EVENTS,
     BENCHMARK_FAMILIES,

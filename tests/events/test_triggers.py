@@ -27,7 +27,7 @@ from pytest_libero_max.events.triggers import (
     register,
     trigger_from_dict,
 )
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 
 BUDGET = 200
 ALL: list[tuple[Trigger, dict[str, Any]]] = [

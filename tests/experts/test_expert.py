@@ -19,11 +19,11 @@ from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.check import copy_memory, remembers, restore_memory
 from pytest_libero_max.policies.contract import Policy, Query
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.sources import variation_metadata
-from pytest_libero_max.sources.metadata import task_metadata
-from pytest_libero_max.sources.pro import pro_suite
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
-from pytest_libero_max.worlds.embedded.tasks import SUITES
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+from pytest_libero_max.substrates.lookup import variation_metadata
+from pytest_libero_max.tasks.contents import task_metadata
+from pytest_libero_max.tasks.libero_tasks import SUITES
 
 QUERY = Query(index=0, step=0, instruction="", seed=0)
 TASKS = [(suite, task) for suite in SUITES for task in range(10)]

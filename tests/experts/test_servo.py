@@ -19,10 +19,10 @@ from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.sources.metadata import task_metadata
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+from pytest_libero_max.tasks.contents import task_metadata
+from pytest_libero_max.tasks.libero_tasks import tasks
 from pytest_libero_max.worlds.contract import Observation
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
-from pytest_libero_max.worlds.embedded.tasks import tasks
 
 SPATIAL = "pick up the black bowl on the cookie box and place it on the plate"
 

@@ -16,9 +16,9 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.pairing.trace import ArmTrace, traces_of, write_trace
 from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.report.run import Run
-from pytest_libero_max.report.store import PairStore
-from pytest_libero_max.worlds.tiny import world as tiny
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PairStore
+from pytest_libero_max.substrates.tiny import world as tiny
 from tests.pairing.actors import Approaching
 from tests.plugin.conftest import tiny_manifest
 from tests.report.made_up import PROVENANCE

@@ -11,7 +11,7 @@ from PIL import ImageSequence
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.films import files
 from pytest_libero_max.films.files import write_film
-from pytest_libero_max.report.media import FILM_FORMATS
+from pytest_libero_max.runs.media import FILM_FORMATS
 from pytest_libero_max.worlds.contract import Image
 
 

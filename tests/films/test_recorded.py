@@ -13,10 +13,10 @@ import pytest
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.films.recorded import chosen, open_recorded, selected
-from pytest_libero_max.report.media import FILM_SELECTIONS
-from pytest_libero_max.report.store import read_pairs
-from pytest_libero_max.worlds.kind import SubstrateOptions
-from pytest_libero_max.worlds.tiny.world import TinySubstrate
+from pytest_libero_max.runs.media import FILM_SELECTIONS
+from pytest_libero_max.runs.store import read_pairs
+from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.tiny.world import TinySubstrate
 
 from .short_run import SIZE, Played, store
 

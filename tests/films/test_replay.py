@@ -11,8 +11,8 @@ from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.pairing.actors import Posing
 
 from .short_run import BUDGET, SIZE, Played, play

@@ -14,8 +14,8 @@ from pytest_libero_max.changes import MoveObject, SetSensorCorruption, ShiftCame
 from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, ImageSize, Observation
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 BUDGET = 50
 """Policy steps of an episode here: everything that these tests want to see happens before."""

@@ -18,8 +18,8 @@ from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of
 from pytest_libero_max.events.triggers import AtStart, BudgetFraction, Proximity, StepsAfter
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair, play_pair
 from pytest_libero_max.policies.contract import Episode
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import World
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, make_case
 

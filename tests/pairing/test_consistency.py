@@ -14,7 +14,7 @@ from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.prefix import PrefixMode
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair, play_pair
 from pytest_libero_max.policies.contract import Episode, Query
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, make_case
 

@@ -9,7 +9,7 @@ import pytest
 
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 
 from .actors import make_case
 

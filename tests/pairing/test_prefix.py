@@ -22,8 +22,8 @@ from pytest_libero_max.pairing.runner import (
 )
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.strategies import RememberingPolicy
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import WorldState
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import Approaching, make_case, policy_steps, shorten
 

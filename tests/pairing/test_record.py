@@ -12,8 +12,8 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.pairing.runner import play_pair
-from pytest_libero_max.report.store import read_pairs
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.runs.store import read_pairs
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 
 from .actors import Approaching, make_case
 

@@ -26,8 +26,8 @@ from pytest_libero_max.pairing.runner import (
     return_to,
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, Looking, Posing, Solvable, make_case, policy_steps, shorten
 

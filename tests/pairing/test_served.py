@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.servers.opening import load_served
-from pytest_libero_max.policies.serving.host import Host
-from pytest_libero_max.policies.serving.sockets import serving
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.policies.server.host import Host
+from pytest_libero_max.policies.server.sockets import serving
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 
 from .actors import make_case
 

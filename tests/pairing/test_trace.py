@@ -9,7 +9,7 @@ import pytest
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.pairing.trace import read_trace, traces_of, write_trace
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 
 from .actors import BUDGET, Approaching, make_case
 

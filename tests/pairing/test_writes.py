@@ -11,8 +11,8 @@ import pytest
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.pairing.runner import PairSettings, play_pair
 from pytest_libero_max.policies.contract import Episode, Query
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import World
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 from .actors import Approaching, make_case
 

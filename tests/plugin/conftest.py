@@ -13,9 +13,9 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, resolve_event
 from pytest_libero_max.pairing import runner, trace
-from pytest_libero_max.report import files
-from pytest_libero_max.sources.metadata import InitialPlacement, Relation, TaskMetadata
-from pytest_libero_max.worlds import tiny
+from pytest_libero_max.report.writers import files
+from pytest_libero_max.substrates import tiny
+from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata
 from tests.short_episodes import short_episodes
 
 # An in-process run forgets what it imported, and NumPy cannot be imported twice: import it all here first.

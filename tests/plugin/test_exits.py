@@ -50,7 +50,7 @@ def test_an_exit_of_the_simulator_ends_its_pair_alone(
 ) -> None:
     pytester.makeconftest(
         """
-        from pytest_libero_max.worlds.tiny.world import TinyWorld
+        from pytest_libero_max.substrates.tiny.world import TinyWorld
 
         class World(TinyWorld):
             resets = 0
@@ -61,7 +61,7 @@ def test_an_exit_of_the_simulator_ends_its_pair_alone(
                     raise SystemExit("no more worlds")
                 super().reset(init)
 
-        import pytest_libero_max.worlds.tiny.world as tiny
+        import pytest_libero_max.substrates.tiny.world as tiny
         tiny.TinyWorld = World
         """
     )

@@ -8,7 +8,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.films import files, recorded
-from pytest_libero_max.report.store import read_pairs
+from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.worlds.contract import Image
 from tests.films.short_run import leave_out_shadows
 

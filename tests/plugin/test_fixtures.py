@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from pytest_libero_max.reference.options import EXAMPLE
+from tests.reference.options import EXAMPLE
 
 Run = Callable[..., pytest.RunResult]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.store import read_pairs
+from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.test_run import Results, Run, identities
 
 LEAVING = """

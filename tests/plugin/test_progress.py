@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.report.following import Follower
-from pytest_libero_max.report.progress import Pace
+from pytest_libero_max.runs.progress import Pace
+from pytest_libero_max.runs.status import Follower
 from tests.terminal import Terminal
 
 Run = Callable[..., pytest.RunResult]
@@ -82,7 +82,7 @@ def test_a_run_notes_what_its_workers_play(run: Run, pytester: pytest.Pytester) 
         """
         from pathlib import Path
 
-        from pytest_libero_max.report.following import Follower
+        from pytest_libero_max.runs.status import Follower
 
         def pytest_runtest_logreport(report):
             if report.when == "setup" and hasattr(report, "node"):

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report.replay import replay_command
-from pytest_libero_max.report.store import read_pairs
+from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import REACHER, tiny_manifest
 
 

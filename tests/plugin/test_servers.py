@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pytest_libero_max.policies.servers.codecs import JSON_NUMPY
-from tests.policies.servers import fakes
+from pytest_libero_max.policies.clients.codecs import JSON_NUMPY
+from tests.policies.clients import fakes
 
 Run = Callable[..., pytest.RunResult]
 Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]

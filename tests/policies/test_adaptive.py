@@ -21,8 +21,8 @@ from pytest_libero_max.policies.adaptive import (
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.policies.restoration import RestoringPolicy
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.pairing.actors import Approaching, make_case
 
 H, Q = 10, 5

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients.transport import LOG as SERVER_LOG
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.policies.examination import examine, made_up
 from pytest_libero_max.policies.finding import Finding, Shown
 from pytest_libero_max.policies.model_inputs import as_image, picture_sheet
-from pytest_libero_max.policies.pieces.images import resize_area, rotate_180
-from pytest_libero_max.policies.pieces.states import axis_angle, axis_angle_antipodal
-from pytest_libero_max.policies.servers.link import LOG as SERVER_LOG
+from pytest_libero_max.policies.transforms.images import resize_area, rotate_180
+from pytest_libero_max.policies.transforms.states import axis_angle, axis_angle_antipodal
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 
 SPEC = PolicySpec("sound", horizon=8, query_interval=4, image_size=32)
 

@@ -7,7 +7,7 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies import profile as profiles
-from pytest_libero_max.policies.code import adapter_digest
+from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.loading import check_reference, load_policy
 from pytest_libero_max.policies.profile import UNKNOWN, leaves, load_profile, profile_names
 

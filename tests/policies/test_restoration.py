@@ -18,8 +18,8 @@ from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Que
 from pytest_libero_max.policies.image_quality import assess
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.restoration import COUNTS, RestoringPolicy, restore, with_restoration
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
-from pytest_libero_max.worlds.tiny.world import TinyWorld
 from tests.pairing.actors import Approaching, make_case
 
 SETTINGS = [(24.0, 0.08), (36.0, 0.16)]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pytest_libero_max.sources import open_substrate
+from pytest_libero_max.substrates.opening import open_substrate
 from pytest_libero_max.worlds.contract import Substrate
 
 

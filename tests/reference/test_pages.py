@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.reference import COMMAND, PACKAGE, PAGES, page_text
-from pytest_libero_max.reference.api import MODULES
-from pytest_libero_max.reference.worlds import OBSERVATIONS
 from pytest_libero_max.worlds.contract import Substrate
+from tests.reference import COMMAND, PACKAGE, PAGES, page_text
+from tests.reference.api import MODULES
+from tests.reference.worlds import OBSERVATIONS
 
 _EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$", re.M)
 

@@ -12,8 +12,8 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.run import PlannedPair
-from pytest_libero_max.report.store import PairStore
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.store import PairStore
 
 POLICY: Json = {
     "name": "scripted",

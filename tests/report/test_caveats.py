@@ -7,9 +7,9 @@ import pytest
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.caveats import RULES, caveats_of
-from pytest_libero_max.report.html import html
-from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.summary import summary_lines
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
 
 PROMPT = "pick up the black bowl on the stove and place it on the plate"

@@ -9,10 +9,10 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in
 from pytest_libero_max.report.gates import evaluate, parse_gate
-from pytest_libero_max.report.html import html
-from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.summary import summary_lines
-from pytest_libero_max.report.tables import csv_text, latex_text
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import summary_lines
+from pytest_libero_max.report.writers.tables import csv_text, latex_text
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, records_of
 
 PAIRS = plan()

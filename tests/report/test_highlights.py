@@ -5,8 +5,8 @@ import io
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.highlights import highlight_rows
-from pytest_libero_max.report.run import PlannedPair
-from pytest_libero_max.report.tables import csv_text
+from pytest_libero_max.report.writers.tables import csv_text
+from pytest_libero_max.runs.plan import PlannedPair
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 PAIRS = [

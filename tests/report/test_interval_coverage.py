@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.report.interval_coverage import (
+from tests.report.interval_coverage import (
     CHANGES,
     LATTICES,
     METHODS,

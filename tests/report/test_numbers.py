@@ -8,11 +8,11 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.cli import main
-from pytest_libero_max.report.badge import badge_json
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.numbers import main_numbers
-from pytest_libero_max.report.run import Run
-from pytest_libero_max.report.store import PairStore
+from pytest_libero_max.report.writers.badge import badge_json
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 PLAN = plan()

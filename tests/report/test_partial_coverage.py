@@ -9,15 +9,15 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.compare import compare_runs
-from pytest_libero_max.report.compare_text import comparison_lines
+from pytest_libero_max.report.comparison.compare import compare_runs
+from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate, parse_gate, parse_gates
-from pytest_libero_max.report.html import html
-from pytest_libero_max.report.markdown import markdown
-from pytest_libero_max.report.run import Run
-from pytest_libero_max.report.store import PairStore, StoredRun
-from pytest_libero_max.report.summary import summary_lines
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import summary_lines
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
 
 PAIRS = plan(per_cell=2)

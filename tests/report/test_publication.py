@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.compare import common_cases, compare_runs, read_runs
-from pytest_libero_max.report.compare_files import write_comparison
-from pytest_libero_max.report.files import report_of
+from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+from pytest_libero_max.report.comparison.compare_files import write_comparison
 from pytest_libero_max.report.publication import publish, published_files
-from pytest_libero_max.report.run import Run
-from pytest_libero_max.report.store import PACKED_PAIRS_NAME, PairStore, read_pairs
+from pytest_libero_max.report.writers.files import report_of
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, plan, records_of
 
 REPORTS = Path(__file__).parents[2] / "reports"

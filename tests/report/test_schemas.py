@@ -11,12 +11,12 @@ import pytest
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairError, PairRecord
-from pytest_libero_max.reference.docstrings import section
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.compare import compare_runs
-from pytest_libero_max.report.files import read_report, report_json, write_reports
-from pytest_libero_max.report.run import PlannedPair, Run
-from pytest_libero_max.report.store import PairStore, StoredRun
+from pytest_libero_max.report.comparison.compare import compare_runs
+from pytest_libero_max.report.writers.files import read_report, report_json, write_reports
+from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.store import PairStore, StoredRun
+from tests.reference.docstrings import section
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.worlds.embedded.env import SceneEnv
-from pytest_libero_max.worlds.embedded.scene import Scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.substrates.embedded.env import SceneEnv
+from pytest_libero_max.substrates.embedded.scene import Scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 
 
 def twin(scene: Scene, world: EmbeddedWorld) -> SceneEnv:

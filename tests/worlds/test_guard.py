@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from pytest_libero_max.substrates.tiny.world import TinySubstrate, TinyWorld
 from pytest_libero_max.worlds import guard
 from pytest_libero_max.worlds.guard import ModelGuard
 from pytest_libero_max.worlds.mujoco_world import ALTERABLE
-from pytest_libero_max.worlds.tiny.world import TinySubstrate, TinyWorld
 from tests.worlds.states import differing, every_array
 
 

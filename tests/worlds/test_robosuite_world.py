@@ -9,10 +9,10 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.embedded.robot import outline
+from pytest_libero_max.substrates.embedded.scene import ROBOT_INIT_QPOS, build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
 from pytest_libero_max.worlds.contract import NOOP_ACTION, World
-from pytest_libero_max.worlds.embedded.robot import outline
-from pytest_libero_max.worlds.embedded.scene import ROBOT_INIT_QPOS, build_scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
 from tests.worlds.reference import twin
 from tests.worlds.states import differing, every_array, random_actions
 

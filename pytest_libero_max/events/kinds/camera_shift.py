@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
     from pytest_libero_max.benchmark.identity import Identity
-    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
 CAMERA = "agentview"
@@ -48,6 +48,6 @@ class CameraShift(EventKind):
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
         """Shifts of any camera, in any direction."""
-        from pytest_libero_max.changes.strategies import changes
+        from pytest_libero_max.events.change_strategies import changes
 
         return changes(entities, operations=["shift_camera"]).map(lambda change: Scenario(change.to_dict()))

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
     from pytest_libero_max.benchmark.identity import Identity
-    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
 SCALES = (0.20, 1.80)
@@ -33,6 +33,6 @@ class IlluminationSwitch(EventKind):
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
         """Any change of the light."""
-        from pytest_libero_max.changes.strategies import changes
+        from pytest_libero_max.events.change_strategies import changes
 
         return changes(entities, operations=["set_lighting"]).map(lambda change: Scenario(change.to_dict()))

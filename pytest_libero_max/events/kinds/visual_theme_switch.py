@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
     from pytest_libero_max.benchmark.identity import Identity
-    from pytest_libero_max.sources.metadata import TaskMetadata
+    from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
 THEMES = (([2, 0, 1], [0.70, 1.15, 1.30]), ([1, 2, 0], [1.25, 0.70, 1.10]))
@@ -40,7 +40,7 @@ class VisualThemeSwitch(EventKind):
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
         """Any exchange of the colour channels."""
-        from pytest_libero_max.changes.strategies import changes
+        from pytest_libero_max.events.change_strategies import changes
 
         return changes(entities, operations=["set_visual_theme"]).map(
             lambda change: Scenario(change.to_dict())

@@ -10,12 +10,12 @@ from urllib.parse import quote
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.media import PICTURES_NAME, caption_of
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
 from pytest_libero_max.report.page.packing import labelled, packed
-from pytest_libero_max.report.replay import replay_command
-from pytest_libero_max.report.run import PlannedPair, unsupported_pairs
-from pytest_libero_max.report.store import StoredRun
+from pytest_libero_max.runs.media import PICTURES_NAME, caption_of
+from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
+from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.store import StoredRun
 
 OUTCOME_TITLES = {
     "preserved_success": "preserved",

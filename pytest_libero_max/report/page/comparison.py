@@ -11,10 +11,10 @@ from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
-from pytest_libero_max.report.compare import CommonCases, outcome_codes
-from pytest_libero_max.report.media import films_in
+from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
 from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, label_column, label_columns
 from pytest_libero_max.report.page.packing import packed
+from pytest_libero_max.runs.media import films_in
 
 _CHANGED = ("yes", "no")
 

@@ -16,7 +16,7 @@ from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.page.evidence import flat
-from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.runs.plan import PlannedPair
 
 PICTURES = "pictures"
 """Folder of the pictures beside this file, one a variant of an event."""

@@ -8,7 +8,7 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.run import PlannedPair
+from pytest_libero_max.runs.plan import PlannedPair
 
 _DIGITS = 16
 """Hexadecimal digits of a digest that are shown; the records have all of them."""

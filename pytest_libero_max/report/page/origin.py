@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report.store import StoredRun
+from pytest_libero_max.runs.store import StoredRun
 
 _NOT_RECORDED = "not recorded"
 

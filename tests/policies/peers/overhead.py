@@ -25,14 +25,14 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.policies.clients.opening import load_served
+from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.policies.servers.opening import load_served
-from pytest_libero_max.policies.servers.served import ServedPolicy
-from pytest_libero_max.sources import open_substrate
+from pytest_libero_max.substrates.opening import open_substrate
 from tests.pairing.actors import shorten
+from tests.policies.clients import fakes
 from tests.policies.peers.conftest import HERE, peer
 from tests.policies.peers.reach import Reach
-from tests.policies.servers import fakes
 
 
 @contextmanager

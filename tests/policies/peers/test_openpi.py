@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients import transport
+from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.contract import Query
-from pytest_libero_max.policies.servers import link
-from pytest_libero_max.policies.servers.opening import load_served
-from pytest_libero_max.policies.serving.host import Host
-from pytest_libero_max.policies.serving.sockets import serving
+from pytest_libero_max.policies.server.host import Host
+from pytest_libero_max.policies.server.sockets import serving
+from tests.policies.clients import fakes
+from tests.policies.clients.test_profiles_on_the_wire import check_pi05
 from tests.policies.peers import clients
 from tests.policies.peers.conftest import HERE, PYTHON, peer, require, shown
-from tests.policies.servers import fakes
-from tests.policies.servers.test_profiles_on_the_wire import check_pi05
 from tests.policies.test_examination import Sound
 
 
@@ -30,7 +30,7 @@ def _openpi_client() -> None:
 def test_a_server_of_openpi_is_shown_what_its_policy_expects(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(link, "FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
     with peer("openpi_server.py", str(tmp_path)) as port:
         policy = load_served(f"openpi://127.0.0.1:{port}", "pi05_libero")
         policy.reset(fakes.EPISODE)

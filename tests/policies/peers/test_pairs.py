@@ -11,8 +11,8 @@ import pytest
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import measure_pair
-from pytest_libero_max.policies.servers.opening import load_served
-from pytest_libero_max.worlds.tiny.world import TinyWorld
+from pytest_libero_max.policies.clients.opening import load_served
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.pairing.actors import make_case
 from tests.policies.peers.conftest import peer, require
 from tests.policies.peers.reach import Reach

@@ -140,8 +140,8 @@ def test_robosuite_and_images_work_with_numbers_that_robosuite_takes_for_a_contr
     if not gl.loads("egl"):
         pytest.skip("needs EGL: the Debian packages libegl1 libgl1-mesa-dri libopengl0")
     code = (
-        "from pytest_libero_max.worlds.embedded.substrate import EmbeddedSubstrate\n"
-        "from pytest_libero_max.worlds.tiny.world import TinyWorld\n"
+        "from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate\n"
+        "from pytest_libero_max.substrates.tiny.world import TinyWorld\n"
         "print(TinyWorld().observe(['agentview'], 16)['agentview_image'].shape)\n"
     )
     environment = os.environ | {"MUJOCO_GL": "egl", egl.VARIABLE: "0", egl.VISIBLE: "3"}

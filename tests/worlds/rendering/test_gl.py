@@ -7,13 +7,13 @@ import sys
 import pytest
 
 STEP = """
-from pytest_libero_max.worlds.embedded.scene import build_scene
-from pytest_libero_max.worlds.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.substrates.embedded.scene import build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 world = EmbeddedWorld(build_scene("libero_object", 0))
 world.step((0.1, 0, 0, 0, 0, 0, -1))
 print("digest", world.digest().hex())
 """
-TINY_WORLD = "from pytest_libero_max.worlds.tiny.world import TinyWorld\nworld = TinyWorld()\n"
+TINY_WORLD = "from pytest_libero_max.substrates.tiny.world import TinyWorld\nworld = TinyWorld()\n"
 LOOK = "print('image', world.observe(['agentview'], 32)['agentview_image'].shape)\n"
 WITHOUT_LIBRARIES = """
 import ctypes

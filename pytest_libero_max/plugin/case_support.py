@@ -1,0 +1,124 @@
+"""Which case set fits the substrate: the default track, and the refusal of one that does not fit.
+
+Told from files alone, before anything is built. A user who names the pairs himself (``-k``, ``-m``, node ids)
+is not refused: what cannot play is then an error of its own pair.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.errors import LiberoMaxError, OptionError
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.substrates.kind import SubstrateOptions
+
+GENERAL_TRACK = "smoke"
+"""The default."""
+
+PLAIN_TRACK = "original"
+"""What any LIBERO plays: its tasks without a variation."""
+
+
+def fitting_track(name: str | None, substrate: str, options: SubstrateOptions) -> str:
+    """The track to play.
+
+    Args:
+        name: What was asked for; None for the default: ``smoke``, or ``original`` on a libero substrate that
+            lacks what ``smoke`` needs.
+        substrate: Name of the substrate.
+        options: What it is told.
+    """
+    from pytest_libero_max.benchmark.tracks import genuine_name
+
+    if substrate != "libero" or options.variations == "own":
+        return name or GENERAL_TRACK
+    if name is not None:
+        return genuine_name(name)
+    general = genuine_name(GENERAL_TRACK)
+    return general if _fits(general, substrate, options) else PLAIN_TRACK
+
+
+def require_fit(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:
+    """Refuse cases that cannot play on the substrate.
+
+    Args:
+        case_set: The track or manifest they are of, for people.
+        cases: All that would be played.
+        substrate: Name of the substrate.
+        options: What it is told.
+
+    Raises:
+        OptionError: Some of them lack something; says what, how many, and which track fits.
+        SubstrateError: A genuine installation is missing.
+    """
+    from pytest_libero_max.substrates.opening import lacking
+
+    found = lacking(substrate, cases, options)
+    if not found:
+        return
+    others = len(cases) - len(found)
+    leave_out = f"add --libero-max-only-installed to play the other {others}, or " if others else ""
+    raise OptionError(
+        f"{_refusal(case_set, cases, substrate, options, found)}; {leave_out}choose the pairs yourself with "
+        "-k or -m."
+    )
+
+
+def fitting_cases(
+    case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions
+) -> tuple[Case, ...]:
+    """The cases that can play on the substrate, in their order. The arguments are those of `require_fit`.
+
+    Raises:
+        OptionError: There is none.
+        SubstrateError: A genuine installation is missing.
+    """
+    from pytest_libero_max.substrates.opening import lacking
+
+    found = lacking(substrate, cases, options)
+    fit = tuple(case for case in cases if case.case_id not in found)
+    if not fit:
+        raise OptionError(f"{_refusal(case_set, cases, substrate, options, found)}.")
+    return fit
+
+
+def _refusal(
+    case_set: str,
+    cases: Sequence[Case],
+    substrate: str,
+    options: SubstrateOptions,
+    found: Mapping[str, str],
+) -> str:
+    """What cannot be played and why, and which tracks fit."""
+    several = [f"{number}: {reason}." for reason, number in Counter(found.values()).most_common()]
+    fits = " or ".join(f"--libero-max-track={name}" for name in _fitting(substrate, options))
+    return (
+        f"{len(found)} of {len(cases)} cases of {case_set} cannot be played on substrate {substrate}.\n"
+        + "\n".join(several)
+        + (f"\nPlay {fits}, which fits" if fits else "\nNo track fits")
+    )
+
+
+def _fitting(substrate: str, options: SubstrateOptions) -> list[str]:
+    """The tracks of which every case may play, as they are asked for."""
+    from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, track_names
+
+    if substrate != "libero":
+        return [GENERAL_TRACK]
+    names = [f"{GENUINE}/{name}" for name in track_names(FOLDER / GENUINE)]
+    fit = [name for name in (*names, PLAIN_TRACK) if _fits(name, substrate, options)]
+    return [name.removeprefix(f"{GENUINE}/") for name in fit]
+
+
+def _fits(name: str, substrate: str, options: SubstrateOptions) -> bool:
+    from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.substrates.opening import lacking
+
+    try:
+        return not lacking(substrate, load_track(name).cases, options)
+    except LiberoMaxError:  # no LIBERO is installed, which is said elsewhere
+        return False

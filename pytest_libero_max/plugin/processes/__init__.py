@@ -1,0 +1,1 @@
+"""Processes that play pairs: time limits, memory limits, crash logs, isolation, retries."""

@@ -1,0 +1,151 @@
+"""The workers of a distributed run, seen from its controller: why one died, and what becomes of its pair."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.plugin.collection import case_of
+from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.processes.crash_log import Death, read_death
+from pytest_libero_max.plugin.processes.guard import WORDS_INPUT
+from pytest_libero_max.plugin.processes.retries import Retries
+
+DISTS = ("worksteal", "load")
+"""Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
+
+_INTERRUPTED = "keyboard-interrupt"
+"""What xdist says of a worker that was told to stop; it also stops the session."""
+
+_STARTS = 5
+"""So many workers are started in the place of one, where each dies before it is connected."""
+
+_PATIENCE_S = 5.0
+"""So long a worker that has closed its connection may take to end."""
+
+
+class Workers:
+    """Registered beside the controller of a distributed run.
+
+    Args:
+        config: Of the session.
+        settings: Of the run.
+        cases: By item id.
+
+    Raises:
+        pytest.UsageError: xdist is told to hand out tests in a way that cannot be that of pairs.
+    """
+
+    def __init__(self, config: pytest.Config, settings: Settings, cases: dict[str, Case]) -> None:
+        dist = config.getoption("dist")
+        if dist not in DISTS:
+            raise pytest.UsageError(
+                f"--dist={dist}: pairs are handed out one by one, because all are in one module, each "
+                "is played once, and one that kills its worker must not come back for ever. Use "
+                f"--dist={' or '.join(DISTS)}, or leave it away."
+            )
+        self._config = config
+        self._cases = cases
+        self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
+        self._deaths: dict[Any, Death] = {}
+        self._retries = Retries(settings, config.option.numprocesses or 1, "workers")
+        config.pluginmanager.register(self._retries)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_setupnodes(self) -> None:
+        """Start a worker again that dies while it is started, which xdist takes for an error of its own."""
+        session: Any = self._config.pluginmanager.get_plugin("dsession")
+        manager = session.nodemanager
+        manager.setup_node = started_again(manager.setup_node, manager.group.allocate_id)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker where to leave its last words."""
+        node.workerinput[WORDS_INPUT] = str(self._words_of(node))
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any, error: object) -> None:
+        """A worker has ended. Where it died, find out why, and stop if nothing else happens any more."""
+        if not error or error == _INTERRUPTED:
+            return
+        death = read_death(self._words_of(node), _status(node), f"worker {node.gateway.id}")
+        self._deaths[node] = death
+        if (reason := self._retries.died(death)) is not None:
+            self._stop(reason)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_handlecrashitem(self, crashitem: str, report: Any, sched: Any) -> None:
+        """Give a pair whose worker died to another worker, or say why it is not measured."""
+        name = case_of(crashitem)
+        case = None if name is None else self._cases.get(name)
+        death = self._deaths.get(report.node)
+        if case is None or death is None:
+            return
+
+        def play_again() -> bool:
+            with suppress(NotImplementedError):  # of a scheduler of another plugin
+                sched.mark_test_pending(crashitem)
+                return True
+            return False
+
+        if (reason := self._retries.tell(report, case, death, play_again)) is not None:
+            self._stop(reason)
+
+    def pytest_unconfigure(self) -> None:
+        """Remove the last words."""
+        self._folder.cleanup()
+
+    def _words_of(self, node: Any) -> Path:
+        return Path(self._folder.name, f"{node.gateway.id}.txt")
+
+    def _stop(self, reason: str) -> None:
+        session: Any = self._config.pluginmanager.get_plugin("dsession")
+        session.shouldstop = reason
+
+
+def started_again(
+    setup_node: Callable[[Any, Any], Any], allocate_id: Callable[[Any], None]
+) -> Callable[[Any, Any], Any]:
+    """A function that starts workers as ``setup_node`` does, and another one where the worker dies meanwhile.
+
+    Args:
+        setup_node: Starts a worker of a specification.
+        allocate_id: Gives a specification without an id the next one.
+    """
+
+    def start(spec: Any, putevent: Any) -> Any:
+        for _ in range(_STARTS - 1):
+            with suppress(EOFError, OSError):
+                return setup_node(spec, putevent)
+            spec.id = None
+            allocate_id(spec)
+        return setup_node(spec, putevent)
+
+    return start
+
+
+def let_workers_restart(config: pytest.Config, settings: Settings, pairs: int) -> None:
+    """Let xdist start as many fresh workers as the retries of all pairs can need, unless it is told a number.
+
+    Its own default stops a run of days after four deaths for each worker. What ends a run in which nothing
+    but deaths happens is :meth:`Workers.pytest_testnodedown`.
+    """
+    if config.getoption("maxworkerrestart", None) is None:
+        config.option.maxworkerrestart = str((pairs + 4) * (settings.retries + 1))
+
+
+def _status(node: Any) -> int | None:
+    """Exit status of a worker's process, negative for a signal; None for one on another machine."""
+    process = getattr(getattr(node.gateway, "_io", None), "popen", None)
+    if not isinstance(process, subprocess.Popen) or not node.gateway.spec.popen:
+        return None
+    with suppress(subprocess.TimeoutExpired):
+        return process.wait(_PATIENCE_S)
+    return None

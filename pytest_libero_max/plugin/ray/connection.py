@@ -1,0 +1,134 @@
+"""The connection of a session to a Ray cluster.
+
+Ray is imported when a session asks for it, and never before.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import socket
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+from pytest_libero_max.errors import CrashError, OptionError
+from pytest_libero_max.plugin.processes.crash_log import Death
+from pytest_libero_max.plugin.ray.capacity import seats
+
+_EXTRA = "pip install 'pytest-libero-max[ray]'"
+_REACH_S = 20.0
+_FINISH_S = 12.0
+"""So long the actors have to end their sessions in order."""
+
+
+class Link:
+    """A connection to a cluster, which ends with the session.
+
+    Args:
+        address: ``auto``, ``HOST:PORT`` or ``ray://HOST:PORT``.
+        cpus: Of an actor.
+        gpus: Of an actor.
+        ship: A folder that is sent to the nodes, in which the actors play; None for none.
+        kept_back: Paths in it that are not sent.
+
+    Raises:
+        OptionError: Ray is not installed, or there is no cluster at the address.
+    """
+
+    def __init__(
+        self, address: str, cpus: float, gpus: float, ship: str | None, kept_back: Sequence[str]
+    ) -> None:
+        if importlib.util.find_spec("ray") is None:
+            raise OptionError(f"--libero-max-ray={address}: Ray is not installed. {_EXTRA}")
+        import ray
+
+        self._ray: Any = ray
+        self._cpus, self._gpus = cpus, gpus
+        self._options: dict[str, Any] = {"num_cpus": cpus, "num_gpus": gpus}
+        sent = {} if ship is None else {"working_dir": ship, "excludes": [*kept_back]}
+        try:
+            _require_answer(address)
+            ray.init(address=address, runtime_env=sent, log_to_driver=False, logging_level=logging.ERROR)
+        except Exception as error:  # of Ray, of gRPC, of the system: whatever it is, there is no cluster
+            raise OptionError(
+                f"--libero-max-ray={address}: no cluster can be used ({_first_line(error)}). Start one with "
+                "`ray start --head`, or give the address of yours. Its Ray and its Python have to be the "
+                f"same as here: Ray {ray.__version__}."
+            ) from None
+
+    def seats(self) -> int:
+        """How many actors have room in the cluster as it is now."""
+        return seats(self._ray.nodes(), self._cpus, self._gpus)
+
+    def resources(self) -> str:
+        """What the cluster has, for people."""
+        there = self._ray.cluster_resources()
+        nodes = sum(node["Alive"] for node in self._ray.nodes())
+        return f"{nodes} nodes, {there.get('CPU', 0):g} CPUs, {there.get('GPU', 0):g} GPUs"
+
+    def new_actor(self, plan: str) -> Any:
+        """Ask for an actor, which Ray places where there is room, now or later."""
+        from pytest_libero_max.plugin.ray.actor import Player
+
+        return self._ray.remote(Player).options(**self._options).remote(plan)
+
+    def wait(self, answers: Sequence[Any], timeout_s: float) -> list[Any]:
+        """Those of the answers that have arrived, after at most so long."""
+        return list(self._ray.wait(list(answers), num_returns=1, timeout=timeout_s)[0])
+
+    def get(self, answer: Any) -> str | Death:
+        """An answer that has arrived, or how its actor died.
+
+        Raises:
+            OptionError: No actor like this one can start.
+        """
+        from ray import exceptions
+
+        try:
+            return str(self._ray.get(answer))
+        except exceptions.RayError as error:
+            text = _first_line(error)
+            hopeless = (exceptions.RuntimeEnvSetupError, exceptions.ActorUnschedulableError)
+            if isinstance(error, hopeless) or "creation task" in str(error):
+                raise OptionError(
+                    f"No actor can start: {_last_line(error)}. The nodes need pytest-libero-max, in the same "
+                    "version and for the same Python."
+                ) from None
+            return Death(CrashError(f"Its actor or node was lost: {text}"), "", "")
+
+    def end(self, actor: Any) -> None:
+        """End an actor, whatever it does."""
+        with suppress(Exception):  # it is gone already, or the whole cluster is
+            self._ray.kill(actor, no_restart=True)
+
+    def finish(self, actors: Sequence[Any]) -> None:
+        """Let actors that play nothing end in order."""
+        answers = [actor.finish.remote() for actor in actors]
+        if answers:
+            self._ray.wait(answers, num_returns=len(answers), timeout=_FINISH_S)
+
+    def close(self) -> None:
+        """Leave the cluster, which goes on."""
+        self._ray.shutdown()
+
+
+def _require_answer(address: str) -> None:
+    """Find at once that nothing listens, for which Ray itself takes minutes.
+
+    Raises:
+        OSError: Nothing does.
+    """
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon and port.isdigit():
+        socket.create_connection((host.strip("[]"), int(port)), _REACH_S).close()
+
+
+def _first_line(error: BaseException) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[0][:300] if lines else type(error).__name__
+
+
+def _last_line(error: BaseException) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1][:300] if lines else type(error).__name__

@@ -1,0 +1,360 @@
+"""The controller of a run on a Ray cluster: it hands the pairs out, and reports them as if played here."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+import uuid
+from dataclasses import dataclass
+from itertools import zip_longest
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.plugin.collection import PairItem, only_lists
+from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.processes.crash_log import Death
+from pytest_libero_max.plugin.processes.retries import Retries
+from pytest_libero_max.plugin.progress import RunProgress
+from pytest_libero_max.plugin.ray.connection import Link
+from pytest_libero_max.plugin.ray.remote import identity
+from pytest_libero_max.plugin.ray.work_stealing import Shares
+from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
+
+CARRIED = (
+    "MUJOCO_GL",
+    "OPENBLAS_CORETYPE",
+    "OPENBLAS_NUM_THREADS",
+    "PYOPENGL_PLATFORM",
+    "PYTEST_ADDOPTS",
+    "PYTEST_PLUGINS",
+    "PYTHONPATH",
+    TOKEN_VARIABLE,
+)
+"""Variables of the environment that the players get from here; the others are those of their node."""
+
+_LOOK_S = 2.0
+"""So often the cluster is asked how many actors have room."""
+
+_ALONE_S = 30.0
+"""So long no actor may play before it is said that the run waits for one."""
+
+
+@dataclass(eq=False)
+class _Player:
+    """An actor, seen from here.
+
+    Attributes:
+        name: For people: ``ray1``.
+        where: Its node, once it has started.
+        playing: The pair that it plays; None while it starts.
+    """
+
+    name: str
+    actor: Any
+    where: str = ""
+    playing: PairItem | None = None
+
+
+class RayRun:
+    """Registered beside the controller of a run that plays on a Ray cluster.
+
+    Args:
+        config: Of the session.
+        settings: Of the run.
+        cases: By item id.
+        progress: Shows how far the run is.
+
+    Raises:
+        pytest.UsageError: Other options hand out the tests as well, or no cluster answers.
+    """
+
+    def __init__(
+        self, config: pytest.Config, settings: Settings, cases: dict[str, Case], progress: RunProgress
+    ) -> None:
+        _require_alone(config)
+        self._config, self._settings, self._cases, self._progress = config, settings, cases, progress
+        self._link: Link | None = None
+        self._retries = Retries(settings, settings.ray_actors or 1, "actors")
+        config.pluginmanager.register(self._retries)
+        self._players: dict[Any, _Player] = {}  # by what they answer next
+        self._idle: list[_Player] = []
+        self._count = 0
+        self._wanted = 0
+        self._looked = -_LOOK_S
+        self._played_at = time.monotonic()
+        self._stop: str | None = None
+        self._run_id = uuid.uuid4().hex
+        self._items: dict[str, PairItem] = {}
+        self._shares = Shares(())
+        self._identity: Json = {}
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionstart(self) -> None:
+        """Connect, so that a wrong address is said before anything is collected."""
+        if only_lists(self._config):
+            return
+        settings, here = self._settings, str(self._config.invocation_params.dir)
+        output = settings.output
+        inside = [str(output.relative_to(here))] if output.is_relative_to(here) else []
+        try:
+            self._link = Link(
+                settings.ray or "",
+                settings.ray_cpus,
+                settings.ray_gpus,
+                here if settings.ray_ship else None,
+                [".git", ".venv", *inside],
+            )
+            if settings.ray_actors is None and not self._link.seats():
+                raise OptionError(
+                    f"--libero-max-ray={settings.ray}: no actor has room in the cluster "
+                    f"({self._link.resources()}), which takes {settings.ray_cpus:g} CPUs and "
+                    f"{settings.ray_gpus:g} GPUs. Lower --libero-max-ray-cpus or --libero-max-ray-gpus, or "
+                    "name a number of actors with --libero-max-ray-actors, which waits for room."
+                )
+        except OptionError as error:
+            raise pytest.UsageError(str(error)) from None
+
+    def pytest_report_header(self) -> str | None:
+        if self._link is None:
+            return None
+        asked = self._settings.ray_actors
+        actors = f"as many as have room, now {self._link.seats()}" if asked is None else asked
+        return f"libero-max: Ray at {self._settings.ray} ({self._link.resources()}), actors: {actors}"
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
+        """Play the pairs on the cluster, and then here what else was collected."""
+        failed = session.testsfailed and not self._config.option.continue_on_collection_errors
+        pairs = [item for item in session.items if isinstance(item, PairItem)]
+        if failed or not pairs or self._link is None:
+            return None
+        self._items = {item.nodeid: item for item in pairs}
+        self._shares = Shares(self._items)
+        self._identity = identity(self._config)
+        try:
+            self._play_all(session, self._link)
+        finally:
+            for player in (*self._players.values(), *self._idle):
+                self._link.end(player.actor)
+        self._require_going_on(session)
+        others = [item for item in session.items if not isinstance(item, PairItem)]
+        for item, after in zip_longest(others, others[1:]):
+            self._config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+            self._require_going_on(session)
+        return True
+
+    def _require_going_on(self, session: pytest.Session) -> None:
+        if session.shouldfail:
+            raise session.Failed(session.shouldfail)
+        if self._stop or session.shouldstop:
+            raise session.Interrupted(self._stop or session.shouldstop)
+
+    def _play_all(self, session: pytest.Session, link: Link) -> None:
+        while True:
+            stops = session.shouldfail or session.shouldstop or self._stop
+            if stops:
+                self._end_those_that_start(link)
+            else:
+                self._hire(link)
+                self._hand_out()
+            plays = any(player.playing for player in self._players.values())
+            if not plays and (stops or not self._shares):
+                break
+            if not self._players:
+                time.sleep(_LOOK_S)  # no node has room: wait until one has
+            else:
+                for answer in link.wait(list(self._players), _LOOK_S):
+                    self._receive(session, link, answer)
+            self._say_that_it_waits()
+        link.finish([player.actor for player in self._idle])
+
+    # The players.
+
+    def _hire(self, link: Link) -> None:
+        """Ask for as many actors as there is work and room for."""
+        if time.monotonic() - self._looked >= _LOOK_S:
+            self._looked = time.monotonic()
+            self._wanted = self._settings.ray_actors or link.seats()
+            self._retries.processes = max(self._wanted, 1)
+        busy = sum(player.playing is not None for player in self._players.values())
+        there = len(self._players) + len(self._idle)
+        for _ in range(min(self._wanted, len(self._shares) + busy) - there):
+            self._count += 1
+            player = _Player(f"ray{self._count}", link.new_actor(self._plan(f"ray{self._count}")))
+            self._players[player.actor.start.remote()] = player
+
+    def _plan(self, name: str) -> str:
+        """What an actor is told."""
+        config, settings = self._config, self._settings
+        here = str(config.invocation_params.dir)
+        node = SimpleNamespace(workerinput={}, config=config, gateway=SimpleNamespace(id=name))
+        node.workerinput.update(workerid=name, workercount=1, testrunuid=self._run_id, mainargv=sys.argv)
+        if config.pluginmanager.has_plugin("xdist"):
+            config.hook.pytest_configure_node(node=node)  # what other plugins tell the workers of xdist
+        arguments = [*map(str, config.invocation_params.args), f"--libero-max-output={settings.output}"]
+        if settings.shard is not None:  # which env means on this machine
+            arguments.append("--libero-max-shard={}/{}".format(*settings.shard))
+        plan = {
+            "arguments": arguments,
+            "environment": {name: os.environ[name] for name in CARRIED if name in os.environ},
+            "folder": None if settings.ray_ship else here,
+            "folder_on_path": bool({"", here} & set(sys.path)),
+            "workerinput": node.workerinput,
+            "cpus": settings.ray_cpus,
+            "gpus": settings.ray_gpus,
+        }
+        return json.dumps(plan, default=repr)
+
+    def _hand_out(self) -> None:
+        for player in tuple(self._idle):
+            name = self._shares.take(player)
+            if name is None:
+                return
+            item = self._items[name]
+            self._idle.remove(player)
+            player.playing, self._played_at = item, time.monotonic()
+            self._progress.began(item.case.item_id, player.name)
+            self._config.hook.pytest_runtest_logstart(nodeid=name, location=item.location)
+            self._players[player.actor.play.remote(name)] = player
+
+    def _end_those_that_start(self, link: Link) -> None:
+        for answer in [answer for answer, player in self._players.items() if player.playing is None]:
+            link.end(self._players.pop(answer).actor)
+
+    def _say_that_it_waits(self) -> None:
+        if any(player.playing for player in self._players.values()):
+            self._played_at = time.monotonic()
+        elif time.monotonic() - self._played_at > _ALONE_S:
+            self._played_at = time.monotonic()
+            reporter = self._config.pluginmanager.get_plugin("terminalreporter")
+            if reporter is not None:
+                reporter.write_line("\nlibero-max: no actor plays; waiting for a node that has room for one")
+
+    # What arrives.
+
+    def _receive(self, session: pytest.Session, link: Link, answer: Any) -> None:
+        player = self._players.pop(answer)
+        try:
+            told = link.get(answer)
+        except OptionError as error:
+            self._stop = str(error)
+            return
+        content: Json = {"died": told} if isinstance(told, Death) else json.loads(told)
+        if "died" in content:
+            self._lost(link, player, content["died"])
+            return
+        for warning in content.get("warnings", ()):
+            self._warn(warning)
+        if player.playing is None:
+            self._started(link, player, content)
+            return
+        item, player.playing = player.playing, None
+        if "unknown" in content:
+            self._stop = (
+                f"{player.where} collects no {item.nodeid}. Its options, ini file or plugins are others than "
+                "those here."
+            )
+            link.end(player.actor)
+            return
+        for data in content["reports"]:
+            report = self._config.hook.pytest_report_from_serializable(config=self._config, data=data)
+            self._log(report, player)
+        self._config.hook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+        if content["stop"] and not session.shouldfail:
+            session.shouldfail = content["stop"]
+        self._idle.append(player)
+
+    def _started(self, link: Link, player: _Player, hello: Json) -> None:
+        """An actor has collected; it may play if it has what the controller has."""
+        player.where = hello["where"]
+        if "refused" in hello:
+            self._stop = f"{hello['refused']} {_CURE}"
+        elif hello["errors"]:
+            self._stop = f"{player.where} cannot collect the tests: {hello['errors'][0][-2000:]} {_CURE}"
+        else:
+            other = [what for what, value in self._identity.items() if hello["identity"].get(what) != value]
+            if not other:
+                self._idle.append(player)
+                return
+            self._stop = f"{player.where} differs from this machine: {', '.join(other)}. {_CURE}"
+        link.end(player.actor)
+
+    def _lost(self, link: Link, player: _Player, death: Any) -> None:
+        """An actor is gone, or the process that it had: its pair is played by another one."""
+        if not isinstance(death, Death):
+            death = Death.from_dict(death)
+        link.end(player.actor)
+        self._shares.leave(player)
+        self._looked -= _LOOK_S  # its node may be gone too
+        self._stop = self._retries.died(death) or self._stop
+        item = player.playing
+        if item is None:
+            return
+        report = pytest.TestReport(
+            nodeid=item.nodeid,
+            location=item.location,
+            keywords={},
+            outcome="failed",
+            longrepr="",
+            when="???",  # type: ignore[arg-type]
+        )
+
+        def play_again() -> bool:
+            self._shares.give_back(item.nodeid)
+            return True
+
+        reason = self._retries.tell(report, self._cases[item.case.item_id], death, play_again)
+        self._stop = reason or self._stop
+        self._log(report, player)
+
+    def _log(self, report: Any, player: _Player) -> None:
+        # As xdist does, for the terminal and for the heading of a failure.
+        info = {"id": player.name, "sysplatform": sys.platform, "version_info": sys.version_info}
+        info["executable"] = player.where
+        report.node = SimpleNamespace(gateway=SimpleNamespace(id=player.name), workerinfo=info)
+        self._config.hook.pytest_runtest_logreport(report=report)
+
+    def _warn(self, warning: Json) -> None:
+        from xdist.workermanage import unserialize_warning_message
+
+        told = {"warning_message": unserialize_warning_message(warning["told"])}
+        told |= {name: warning[name] for name in ("when", "nodeid", "location")}
+        self._config.hook.pytest_warning_recorded.call_historic(kwargs=told)
+
+    def pytest_unconfigure(self) -> None:
+        """Leave the cluster."""
+        if self._link is not None:
+            self._link.close()
+
+
+_CURE = (
+    "The nodes need the same code, adapter and cases, at the same paths: share the folder with them, or send "
+    "it with --libero-max-ray-ship."
+)
+
+
+def _require_alone(config: pytest.Config) -> None:
+    """Refuse what hands out the tests as well, or needs them in this process.
+
+    Raises:
+        pytest.UsageError: There is such an option.
+    """
+    if config.getoption("tx", None):
+        raise pytest.UsageError(
+            "--libero-max-ray and -n both hand out the pairs. Leave -n away; where the ini file has it, add "
+            "-n 0."
+        )
+    if config.getoption("cov_source", None):
+        raise pytest.UsageError(
+            "--cov measures nothing in the actors of --libero-max-ray. Leave --cov away, or play with -n."
+        )
+    if config.getoption("usepdb", False):
+        raise pytest.UsageError(
+            "--pdb cannot stop in a pair that another machine plays. Leave --libero-max-ray away to debug it."
+        )

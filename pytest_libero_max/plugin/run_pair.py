@@ -1,0 +1,192 @@
+"""Plays a pair in the process it is called in, with pytest's fixtures."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING, NoReturn
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.costs.model import PAIR, WORLD
+from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
+from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.processes.guard import Guard, guard_of
+from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
+from pytest_libero_max.runs.media import FILMS_NAME, TRACES_NAME
+
+if TYPE_CHECKING:
+    from pytest_libero_max.events.schedules import Arm
+    from pytest_libero_max.pairing.runner import Pair
+    from pytest_libero_max.policies.contract import Policy
+    from pytest_libero_max.worlds.contract import World
+
+BROKEN_POLICY = "the policy cannot be played"
+"""Why a session stops whose every other pair would end in the same way: what is not begun stays missing."""
+
+
+LIMIT_REACHED = (
+    "a pair reached a limit in the session's own process, which cannot be trusted any more. Play with -n 1 "
+    "or --libero-max-isolate, so that the other pairs go on"
+)
+
+
+def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
+    """Play a pair in the process of the session or of its worker; what goes wrong is left on the item."""
+    guard = guard_of(request.config)
+    try:
+        with guard.pair():
+            return play(request, case, guard)
+    except Unsupported as unsupported:
+        pytest.skip(str(unsupported))
+    except BaseException as error:
+        raised = error
+    return _leave(request, case, guard, raised)
+
+
+def _leave(request: pytest.FixtureRequest, case: Case, guard: Guard, error: BaseException) -> NoReturn:
+    """Leave what went wrong on the item, and fail it; outside of its handler, or pytest shows it twice."""
+    from pytest_libero_max.policies.check import ends_the_session
+
+    limit = guard.ended_by(error)
+    if limit is None and ends_the_session(error):
+        raise error
+    request.node.stash[RESULT] = PairError.of(case, limit or error, guard.phase).to_dict()
+    if limit is not None:
+        request.session.shouldfail = LIMIT_REACHED
+        pytest.fail(explain(limit), pytrace=False)
+    if guard.phase == POLICY_PHASE:
+        request.session.shouldfail = BROKEN_POLICY
+    if isinstance(error, LiberoMaxError):
+        pytest.fail(explain(error), pytrace=False)
+    if not isinstance(error, Exception):
+        # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
+        raise LiberoMaxError(f"{type(error).__name__} in phase {guard.phase!r}: {error}") from error
+    raise error
+
+
+class Unsupported(Exception):
+    """The policy declares that it does not support the suite of the case."""
+
+
+def play(request: pytest.FixtureRequest, case: Case, guard: Guard) -> PairRecord:
+    """Play a pair in this process.
+
+    Raises:
+        Unsupported: The policy does not play this suite.
+        BaseException: Whatever a policy, a fixture or the simulator raises; the guard knows the phase.
+    """
+    # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
+    guard.enter(POLICY_PHASE)
+    policy = request.getfixturevalue("libero_max_policy")
+    if not policy.spec.supports(case.suite):
+        suites = ", ".join(policy.spec.suites or ())
+        raise Unsupported(f"unsupported: policy {policy.spec.name!r} declares the suites {suites}")
+    guard.enter("setup")
+    with guard.watchdog.pair():
+        pair, world = _measure(request, case, guard, policy)
+    notes = _keep(pair, case, world, settings_of(request.config))
+    if notes:
+        request.node.stash[NOTE] = "; ".join(notes)
+    return pair.record
+
+
+def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: Policy) -> tuple[Pair, World]:
+    from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+    from pytest_libero_max.policies.adapter_digest import adapter_digest
+    from pytest_libero_max.policies.check import check_cameras
+
+    settings, begin = settings_of(request.config), perf_counter()
+    substrate = request.getfixturevalue("libero_max_substrate")
+    world = request.getfixturevalue("libero_max_world")
+    world_s = perf_counter() - begin
+    if ADAPTER_DIGEST not in request.config.stash:
+        guard.enter(POLICY_PHASE)
+        check_cameras(policy, world)
+        if settings.study is not None:
+            settings.study.check_policy(policy.spec)
+        request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference, settings.profile)
+        guard.enter("setup")
+    fingerprints = {**substrate.fingerprint(), "adapter": request.config.stash[ADAPTER_DIGEST]}
+    if settings.strength != 1.0:
+        fingerprints["strength"] = f"{settings.strength:g}"
+    _require_declared_spec(request.config, policy)
+    pair = measure_pair(
+        case,
+        world,
+        policy,
+        PairSettings(settings.prefix, fingerprints, guard.watchdog),
+        guard.enter,
+        _arms(case, policy, settings, repeat_base=case.item_id in noise_cases_of(request.config)),
+    )
+    if settings.study is not None:
+        settings.study.check(pair)
+    return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin}), world
+
+
+def _timed(pair: Pair, seconds: Mapping[str, float]) -> Pair:
+    """The pair with more timings in its record."""
+    timings = pair.record.timings | {name: round(value, 6) for name, value in seconds.items()}
+    return replace(pair, record=replace(pair.record, timings=dict(sorted(timings.items()))))
+
+
+def _arms(case: Case, policy: Policy, settings: Settings, repeat_base: bool) -> tuple[Arm, ...]:
+    """What is played of a case: the pair, and the arms of the study."""
+    from pytest_libero_max.events.schedules import arms_of
+
+    pair = arms_of(case, repeat_base, settings.strength)
+    if settings.study is None:
+        return pair
+    return (*pair, *settings.study.arms(case, policy.spec, settings.strength))
+
+
+def _keep(pair: Pair, case: Case, world: World, settings: Settings) -> list[str]:
+    """Keep what the options ask for beside the record of a measured pair; returns what could not be kept."""
+    from pytest_libero_max.pairing.trace import traces_of, write_trace
+
+    notes = []
+    if settings.traces == "all" or settings.traces == pair.record.outcome:
+        try:
+            write_trace(settings.output / TRACES_NAME, pair)
+        except (OSError, ValueError) as error:
+            notes.append(f"no trace of {case.item_id}: {error}")
+    if settings.film != "none":
+        from pytest_libero_max.films.recorded import film_pair, film_path, selected
+
+        try:
+            if selected(pair.record, settings.film):
+                path = film_path(settings.output / FILMS_NAME, pair.record)
+                film_pair(path, case, world, pair.record, traces_of(pair))
+        except Exception as error:  # whatever a renderer or an encoder raises, the pair is measured
+            notes.append(f"no film of {case.item_id}: {error}")
+    return notes
+
+
+def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
+    """Check that the policy still declares what it declared before its first pair.
+
+    Raises:
+        AdapterError: Its spec has changed.
+    """
+    from pytest_libero_max.policies.check import require_spec
+
+    known, spec = config.stash.get(DECLARED, (None, None))
+    if known is not policy:
+        spec = replace(policy.spec)
+        config.stash[DECLARED] = (policy, spec)
+    assert isinstance(spec, type(policy.spec))
+    require_spec(policy, spec, "an earlier pair")
+
+
+def explain(error: BaseException) -> str:
+    """The message, and where the user's own code raised, without the frames of this package."""
+    text = f"{type(error).__name__}: {error}"
+    cause = error.__cause__
+    if cause is None or isinstance(cause, LiberoMaxError):
+        return text
+    return text + "\n\n" + "".join(traceback.format_exception(type(cause), cause, cause.__traceback__))

@@ -1,0 +1,217 @@
+"""A server of `libero-max serve`, which declares its policy and may keep its memory."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+from weakref import WeakSet
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.clients.request import Request
+from pytest_libero_max.policies.clients.served import Actions, Adapt, ServedPolicy
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.policies.profile import Profile
+from pytest_libero_max.worlds.contract import Observation
+
+
+def declared_spec(greeting: Any) -> PolicySpec:
+    """The spec that a server's greeting declares.
+
+    Raises:
+        ServerError: It declares none, or one that breaks a rule.
+    """
+    values = greeting.get("spec") if isinstance(greeting, Mapping) else None
+    names = {item.name for item in fields(PolicySpec)}
+    if not isinstance(values, dict) or not {"name", "horizon", "query_interval"} <= values.keys() <= names:
+        raise ServerError("the greeting declares no spec: this is no server of `libero-max serve`")
+    try:
+        return PolicySpec(**values)
+    except (AdapterError, TypeError, ValueError) as error:
+        raise ServerError(f"the greeting declares a spec that cannot be used: {error}") from error
+
+
+def as_declared(profile: Profile, request: Request, horizon: int | None, query_interval: int | None) -> Adapt:
+    """Takes the spec from the server, and sends the images that it asks for."""
+    layout = profile.tables.get("request")
+    if not isinstance(layout, Mapping) or not isinstance(layout.get("observation"), Mapping):
+        raise AdapterError("The profile lacks a [request] whose 'observation' is a table.")
+
+    def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+        declared = declared_spec(greeting)
+        declared = replace(
+            declared,
+            horizon=declared.horizon if horizon is None else horizon,
+            query_interval=declared.query_interval if query_interval is None else query_interval,
+        )
+        unseen = {f"{camera}_image" for camera in request.cameras if camera not in declared.cameras}
+        seen = {key: value for key, value in layout["observation"].items() if key not in unseen}
+        return {**layout, "observation": seen}, declared
+
+    return adapt
+
+
+def as_prepared(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+    """What a server of `libero-max serve` adds to the spec of a profile that prepares the observation.
+
+    H, Q and images are the profile's. What tells weights apart, the suites, whether answers repeat and the
+    control are the adapter's to know. Other servers say nothing of it.
+
+    Raises:
+        ServerError: The server declares a spec that breaks a rule.
+    """
+    if "libero_max" not in greeting:
+        return None, spec
+    declared = declared_spec(greeting)
+    return None, replace(
+        spec,
+        revision=f"{declared.revision}, {spec.revision}",
+        suites=spec.suites if declared.suites is None else declared.suites,
+        repeatable=spec.repeatable and declared.repeatable,
+        control=spec.control if declared.control == "delta" else declared.control,
+    )
+
+
+@dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
+class Kept:
+    """A memory that a server keeps for as long as this object lives.
+
+    Attributes:
+        name: The server's name for it; None for that of a new episode.
+        frames: What a policy that sees every step was shown since, which the server does not know yet.
+    """
+
+    name: str | None
+    frames: tuple[dict[str, Any], ...] = ()
+
+
+class DeclaredPolicy(ServedPolicy):
+    """A policy whose server may be told the cadence that is played; an adapter that reads it follows it."""
+
+    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
+        """What the server is sent.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        request = super().request(observation, query)
+        if self.greeting.get("cadence") is True:
+            request["cadence"] = [self.spec.horizon, self.spec.query_interval]
+        return request
+
+
+class RememberingPolicy(DeclaredPolicy):
+    """A policy behind a server that keeps its memory.
+
+    Each request names the memory that it begins with, and those that may still be restored; the reply names
+    the one after it. So a query can be asked again after an interruption, like any other.
+    """
+
+    _at: str | None = None
+    """The server's name for the memory that the next request begins with; None for that of a new episode."""
+
+    @cached_property
+    def _name(self) -> str:
+        return secrets.token_hex(8)
+
+    @cached_property
+    def _kept(self) -> WeakSet[Kept]:
+        return WeakSet()
+
+    def reset(self, episode: Episode) -> None:
+        """Begin with no memory."""
+        super().reset(episode)
+        self._at = None
+
+    def predict(self, observation: Observation, query: Query) -> Actions:
+        """Ask the server, from the memory that was last gained or restored.
+
+        Raises:
+            ServerError: It was given up, for example because it was started again and has no memories.
+        """
+        keep = sorted({kept.name for kept in self._kept if kept.name is not None})
+        request = self.request(observation, query)
+        request["memory"] = {"client": self._name, "at": self._at, "keep": keep}
+
+        def read(reply: Any) -> tuple[Actions, str]:
+            actions, name = self.read(reply), reply.get("memory")
+            if not isinstance(name, str):
+                raise ServerError("the reply names no memory, although the server's greeting promises one")
+            return actions, name
+
+        actions, self._at = self.client.ask(request, read)
+        return actions
+
+    def snapshot(self) -> object:
+        """A name of the memory, which the server keeps as long as the caller keeps this."""
+        kept = Kept(self._at)
+        self._kept.add(kept)
+        return kept
+
+    def restore(self, memory: object) -> None:
+        """Go back to a memory.
+
+        Raises:
+            AdapterError: It is none of a snapshot.
+        """
+        if not isinstance(memory, Kept):
+            raise AdapterError(f"memory={memory!r}, but must be what snapshot() returned.")
+        self._at = memory.name
+
+
+class SeeingPolicy(RememberingPolicy):
+    """A policy behind a server that is shown every step: each request holds the steps since the last one."""
+
+    _frames: tuple[dict[str, Any], ...] = ()
+
+    def reset(self, episode: Episode) -> None:
+        """Begin with no memory."""
+        super().reset(episode)
+        self._frames = ()
+
+    def see(self, observation: Observation, step: int) -> None:
+        """Keep a step for the next request.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        query = Query(0, step, self._episode.instruction, 0)
+        shown = super().request(observation, query)["observation"]
+        self._frames = (*self._frames, {"observation": shown, "step": step})
+
+    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
+        """What the server is sent.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        before = [frame for frame in self._frames if frame["step"] < query.step]  # the query's own is in it
+        return {**super().request(observation, query), "frames": before}
+
+    def predict(self, observation: Observation, query: Query) -> Actions:
+        """Ask the server, which is shown the steps since the last query first.
+
+        Raises:
+            ServerError: See :class:`RememberingPolicy`.
+        """
+        actions = super().predict(observation, query)
+        self._frames = ()
+        return actions
+
+    def snapshot(self) -> object:
+        """A name of the memory, with what the server does not know yet."""
+        kept = Kept(self._at, self._frames)
+        self._kept.add(kept)
+        return kept
+
+    def restore(self, memory: object) -> None:
+        """Go back to a memory.
+
+        Raises:
+            AdapterError: It is none of a snapshot.
+        """
+        super().restore(memory)
+        assert isinstance(memory, Kept)
+        self._frames = memory.frames

@@ -1,0 +1,105 @@
+"""HTTP: one POST of a JSON document for each query, answered with another.
+
+Three ways to write arrays are met: json-numpy maps, the same as strings, and nested lists with images as
+base64 files.
+"""
+
+from __future__ import annotations
+
+import http.client
+import ssl
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients.address import Address
+from pytest_libero_max.policies.clients.codecs import (
+    MOST_BYTES,
+    as_json_numpy,
+    as_json_numpy_text,
+    as_lists,
+    from_json,
+    shortened,
+    to_json,
+)
+from pytest_libero_max.policies.clients.transport import Unreachable
+
+CODECS: Mapping[str, Callable[[Any], Any]] = {
+    "json-numpy": as_json_numpy,
+    "json-numpy-text": as_json_numpy_text,
+    "lists": as_lists,
+}
+"""How arrays are written, by the name that profiles use."""
+
+
+class HttpLink:
+    """A connection to a server that answers POST requests.
+
+    Args:
+        address: Where it is.
+        path: Of the URL, where the address has none.
+        codec: A key of :data:`CODECS`.
+    """
+
+    def __init__(self, address: Address, path: str, codec: str) -> None:
+        self._address = address
+        self._path = address.path or path
+        self._encode = CODECS[codec]
+        self._connection: http.client.HTTPConnection | None = None
+
+    def open(self) -> Any:
+        """Connect; there is no greeting."""
+        self.close()
+        timeout = self._address.timeout_s
+        host, port = self._address.host, self._address.port
+        if self._address.scheme == "https":
+            context = ssl.create_default_context()
+            self._connection = http.client.HTTPSConnection(host, port, timeout=timeout, context=context)
+        else:
+            self._connection = http.client.HTTPConnection(host, port, timeout=timeout)
+        try:
+            self._connection.connect()
+        except OSError as error:
+            raise Unreachable(f"cannot be reached ({type(error).__name__}: {error})") from error
+
+    def ask(self, request: Any) -> Any:
+        """Send a request; the reply's value."""
+        if self._connection is None:
+            raise Unreachable("the connection is closed")
+        headers = {"Content-Type": "application/json", "Accept": "application/json"}
+        try:
+            self._connection.request("POST", self._path, to_json(request, self._encode), headers)
+            response = self._connection.getresponse()
+            content = response.read(MOST_BYTES + 1)
+        except TimeoutError:
+            raise Unreachable(
+                f"no answer came within {self._address.timeout_s:g} s (?timeout=SECONDS changes that)"
+            ) from None
+        except (OSError, http.client.HTTPException) as error:
+            raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
+        if response.status in (502, 503, 504):
+            raise Unreachable(f"HTTP status {response.status} {response.reason}")
+        if response.status != 200:
+            text = shortened(content.decode("utf-8", "replace"))
+            raise ServerError(f"HTTP status {response.status} {response.reason} for {self._path}: {text}")
+        if response.will_close:
+            # The next request opens the connection again.
+            self._connection.close()
+        return _reply(content)
+
+    def close(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+
+
+def _reply(content: bytes) -> Any:
+    reply = from_json(content)
+    if isinstance(reply, str):
+        # OpenVLA-OFT answers a failure with the word "error" and status 200, and encodes some replies twice.
+        if reply.strip()[:1] not in ("[", "{"):
+            raise ServerError(f"the server answered {shortened(reply)}")
+        reply = from_json(reply.encode(errors="surrogatepass"))
+    if isinstance(reply, dict) and "error" in reply:
+        raise ServerError(f"the server reports an error: {shortened(str(reply['error']))}")
+    return reply

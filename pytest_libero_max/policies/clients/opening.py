@@ -1,0 +1,161 @@
+"""Opens a policy behind a server: its address, its profile, and the protocol between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.policies.clients.address import Address, parse_address
+from pytest_libero_max.policies.clients.reply import Reply
+from pytest_libero_max.policies.clients.request import Request
+from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.transport import Client, Link
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
+
+
+def load_served(
+    text: str, profile_text: str | None, horizon: int | None = None, query_interval: int | None = None
+) -> ServedPolicy:
+    """The policy at an address, connected.
+
+    Args:
+        text: The address.
+        profile_text: Name or path of the profile.
+        horizon: Replaces H of the profile.
+        query_interval: Replaces Q of the profile.
+
+    Raises:
+        AdapterError: The address or the profile cannot be used.
+        ServerError: The server was given up.
+    """
+    address, profile = parse_address(text), require_profile(text, profile_text)
+    given = {"policy.horizon": horizon, "policy.query_interval": query_interval}
+    profile.require_known(tuple(name for name, value in given.items() if value is not None))
+    request, reply = Request(profile), Reply(profile)
+    spec = PolicySpec(
+        name=profile.get("policy", "name"),
+        horizon=profile.get("policy", "horizon", query_interval or 1) if horizon is None else horizon,
+        query_interval=profile.get("policy", "query_interval", 1)
+        if query_interval is None
+        else query_interval,
+        cameras=request.cameras,
+        image_size=profile.get("policy", "image_size", 256),
+        repeatable=profile.get("policy", "repeatable", False),
+        suites=profile.get("policy", "suites"),
+        control=profile.get("actions", "control", "delta"),
+        revision=profile.get("policy", "revision") or f"profile {profile.name} {profile.digest[:12]}",
+    )
+    link, adapt = _link(address, profile, spec, request)
+    kinds = [ServedPolicy]
+    if address.protocol == "vla-eval":
+        from pytest_libero_max.policies.clients.vla_eval import OneByOnePolicy
+
+        kinds = [OneByOnePolicy]
+    elif address.protocol == "openpi":
+        from pytest_libero_max.policies.clients.declared import (
+            DeclaredPolicy,
+            RememberingPolicy,
+            SeeingPolicy,
+            as_declared,
+            as_prepared,
+        )
+
+        by_server = profile.get("policy", "declared_by_server", False)
+        adapt = as_declared(profile, request, horizon, query_interval) if by_server else as_prepared
+        kinds = [DeclaredPolicy, RememberingPolicy, SeeingPolicy]
+
+    def connected(kind: type[ServedPolicy]) -> ServedPolicy:
+        policy = kind(
+            spec,
+            request,
+            reply,
+            lambda told: Client(f"policy server {address}", link, address.patience_s, told),
+            adapt,
+        )
+        policy.client.connect()
+        return policy
+
+    policy = connected(kinds[0])
+    if len(kinds) > 1 and policy.greeting.get("memory") is True:
+        policy.client.close()
+        policy = connected(kinds[2] if policy.greeting.get("sees") is True else kinds[1])
+    if profile.get("policy", "every_step", False) and not hasattr(policy, "see"):
+        policy.client.close()
+        raise AdapterError(
+            f"Profile {profile.name!r} is for a policy that sees every step, but the server at {address} is "
+            "shown queries alone. Serve an adapter with see(observation, step), snapshot() and "
+            "restore(memory) by `libero-max serve`."
+        )
+    return policy
+
+
+def require_profile(text: str, profile_text: str | None) -> Profile:
+    """The profile for an address.
+
+    Raises:
+        AdapterError: None is named, there is none of that name, or it is for another protocol.
+    """
+    address = parse_address(text)
+    if profile_text is None:
+        raise AdapterError(
+            f"policy={text!r} is the address of a server, and how it is asked depends on the policy behind "
+            f"it. Add --libero-max-profile=NAME; for {address.scheme}:// there are {_fitting(address)}, or "
+            "the path of your own."
+        )
+    profile = load_profile(profile_text)
+    if profile.protocol != address.protocol:
+        raise AdapterError(
+            f"profile={profile_text!r} is for {profile.protocol}://, but the address is {str(address)!r}. "
+            f"For {address.scheme}:// there are {_fitting(address)}."
+        )
+    return profile
+
+
+def _fitting(address: Address) -> str:
+    """The profiles of this package for an address, for messages."""
+    return ", ".join(name for name in profile_names() if load_profile(name).protocol == address.protocol)
+
+
+def _link(
+    address: Address, profile: Profile, spec: PolicySpec, request: Request
+) -> tuple[Link, Adapt | None]:
+    """The connection in the protocol of the address, and what the server's greeting changes."""
+    match address.protocol:
+        case "openpi":
+            from pytest_libero_max.policies.clients.openpi import OpenpiLink
+
+            return OpenpiLink(address), None
+        case "starvla":
+            from pytest_libero_max.policies.clients.starvla import StarvlaLink
+
+            return StarvlaLink(address), None
+        case "vla-eval":
+            from pytest_libero_max.policies.clients.vla_eval import VlaEvalLink, returns_poses, wanted
+
+            def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+                layout = wanted(profile.tables.get("request", {}), greeting)
+                spec = replace(spec, cameras=request.cameras_of(layout))
+                return layout, replace(spec, control="absolute") if returns_poses(greeting) else spec
+
+            return VlaEvalLink(address), adapt
+        case "http":
+            from pytest_libero_max.policies.clients.http_act import CODECS, HttpLink
+
+            codec = _one_of(profile, "codec", CODECS)
+            return HttpLink(address, profile.get("policy", "path", "/act"), codec), None
+        case _:
+            from pytest_libero_max.policies.clients.gr00t import DIALECTS, Gr00tLink
+
+            return Gr00tLink(address, _one_of(profile, "dialect", DIALECTS)), None
+
+
+def _one_of(profile: Profile, field: str, known: Mapping[str, Any]) -> str:
+    value = profile.get("policy", field)
+    if value not in known:
+        raise AdapterError(
+            f"profile {profile.name!r}: policy.{field}={value!r}. {did_you_mean(str(value), known)}"
+        )
+    return str(value)

@@ -1,0 +1,68 @@
+"""openpi's protocol: WebSocket, one frame of metadata, then one msgpack map each way.
+
+An error of the server comes as text, before it closes the connection. There is no message for a reset.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.clients.address import Address
+from pytest_libero_max.policies.clients.codecs import OPENPI, pack, shortened, unpack
+from pytest_libero_max.policies.clients.websocket import Socket
+
+
+class OpenpiLink:
+    """A connection to a server that speaks openpi's protocol.
+
+    Args:
+        address: Where it is.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self._socket = Socket(address)
+
+    def open(self) -> Any:
+        """Connect; the metadata.
+
+        Raises:
+            AdapterError: They are those of a server for another robot.
+        """
+        self._socket.open()
+        metadata = self._read()
+        _require_libero(metadata)
+        return metadata
+
+    def ask(self, request: Any) -> Any:
+        """Send the map of an observation; the reply's map."""
+        self._socket.send(pack(request, OPENPI))
+        return self._read()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _read(self) -> dict[Any, Any]:
+        message = self._socket.receive()
+        if isinstance(message, str):
+            lines = message.strip().splitlines()
+            raise ServerError(f"the server reports an error: {shortened(lines[-1] if lines else '')}")
+        reply = unpack(message, OPENPI)
+        if not isinstance(reply, dict):
+            raise ServerError(f"a message is a {type(reply).__name__}, but openpi's are maps")
+        return reply
+
+
+def _require_libero(metadata: dict[Any, Any]) -> None:
+    """Refuse a server of RoboArena (``roboarena/policy_server.py``), which speaks much the same.
+
+    Raises:
+        AdapterError: Its metadata say that it returns joint positions or velocities.
+    """
+    space = metadata.get("action_space")
+    if isinstance(space, str) and "needs_wrist_camera" in metadata:
+        raise AdapterError(
+            f"The server is one of RoboArena, whose actions are eight numbers for a real robot ({space}). "
+            "LIBERO's are seven: a movement or pose of the hand, and the gripper. Serve a policy that was "
+            "trained on LIBERO."
+        )

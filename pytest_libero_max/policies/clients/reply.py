@@ -1,0 +1,161 @@
+"""How a server's reply becomes actions, as a profile says it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.profile import Profile
+from pytest_libero_max.policies.transforms.actions import Statistics, read_statistics, unnormalise
+from pytest_libero_max.policies.transforms.steps import ACTION_STEPS, parse_steps
+from pytest_libero_max.worlds.contract import ACTION_DIM
+
+Actions = NDArray[np.float64]
+
+
+class Reply:
+    """How a server's reply becomes actions.
+
+    Args:
+        profile: Its tables ``reply`` and ``actions``.
+
+    Raises:
+        AdapterError: A step does not exist, or the statistics cannot be read.
+    """
+
+    def __init__(self, profile: Profile) -> None:
+        self._at = tuple(profile.get("reply", "at", []))
+        self._parts = tuple(profile.get("reply", "parts", []))
+        normalised = profile.get("reply", "normalised_at")
+        self._normalised_at = None if normalised is None else tuple(normalised)
+        self._steps = parse_steps(profile.get("actions", "steps", []), ACTION_STEPS, "actions.steps")
+        self._before = parse_steps(
+            profile.get("actions", "normalised_steps", []), ACTION_STEPS, "actions.normalised_steps"
+        )
+        file = profile.get("actions", "statistics")
+        self._statistics: Statistics | None = None
+        if file is not None:
+            rule = profile.get("actions", "statistics_rule", "bounds")
+            self._statistics = read_statistics(
+                profile.folder / file, profile.get("actions", "statistics_key"), rule
+            )
+
+    def read(self, reply: Any, least: int, most: int) -> Actions:
+        """The actions of a reply, (n, 7) float64, with ``least`` <= n <= ``most``.
+
+        More than ``most`` are cut to the first ones, which are the next to be executed.
+
+        Raises:
+            ServerError: They are not there, of another shape, too few, or not finite.
+        """
+        found, normalised = self._find(reply)
+        actions = _two_axes(found)
+        if not np.isfinite(actions).all():
+            row, column = (int(i) for i in np.argwhere(~np.isfinite(actions))[0])
+            raise ServerError(
+                f"the reply has actions[{row}, {column}]={actions[row, column]}, which is not finite"
+            )
+        try:
+            if normalised:
+                actions = self._unnormalised(actions)
+            for step in self._steps:
+                actions = step(actions)
+        except AdapterError as error:
+            raise ServerError(f"the reply has actions of shape {actions.shape}: {error}") from error
+        if actions.ndim != 2 or actions.shape[1] != ACTION_DIM:
+            raise ServerError(
+                f"the reply has actions of shape {actions.shape}, but must have (n, {ACTION_DIM})"
+            )
+        if len(actions) < least:
+            raise ServerError(
+                f"the reply has {len(actions)} action(s), but {least} are executed before the next query; "
+                "lower --libero-max-query-interval"
+            )
+        return actions[:most]
+
+    def _find(self, reply: Any) -> tuple[Any, bool]:
+        try:
+            found = _at(reply, self._at)
+        except KeyError as error:
+            if self._normalised_at is None:
+                raise ServerError(_missing(reply, self._at, error)) from None
+            try:
+                return _at(reply, self._normalised_at), True
+            except KeyError:
+                raise ServerError(_missing(reply, self._at, error)) from None
+        if self._parts:
+            if not isinstance(found, Mapping) or any(part not in found for part in self._parts):
+                raise ServerError(_missing(found, self._parts, None))
+            found = _columns([_numbers(found[part]) for part in self._parts])
+        return found, False
+
+    def _unnormalised(self, actions: Actions) -> Actions:
+        if self._statistics is None:
+            raise ServerError(
+                "the actions of the reply are normalised, and the profile names no statistics; extend it and "
+                "give actions.statistics, the path of the dataset_statistics.json of these weights"
+            )
+        for step in self._before:
+            actions = step(actions)
+        return unnormalise(actions, self._statistics)
+
+
+def _at(value: Any, path: tuple[str, ...]) -> Any:
+    for key in path:
+        if not isinstance(value, Mapping) or key not in value:
+            raise KeyError(key)
+        value = value[key]
+    return value
+
+
+def _missing(value: Any, path: tuple[str, ...], error: KeyError | None) -> str:
+    keys = (
+        f"the keys {sorted(map(str, value))}" if isinstance(value, Mapping) else f"a {type(value).__name__}"
+    )
+    what = "/".join(path) if error is None else f"{'/'.join(path)} (no {error.args[0]!r})"
+    return f"the reply has {keys}, but the profile takes the actions from {what}"
+
+
+def _numbers(value: Any) -> Actions:
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise ServerError(f"the actions of the reply are no array ({error})") from None
+    if array.dtype.kind not in "fiu":
+        raise ServerError(f"the actions of the reply are {array.dtype} {array.shape}, but must be numbers")
+    with np.errstate(all="ignore"):  # what is not finite is refused later
+        return array.astype(np.float64)
+
+
+def _two_axes(value: Any) -> Actions:
+    """(n, d), without leading axes of length 1."""
+    array = _numbers(value)
+    while array.ndim > 2 and array.shape[0] == 1:
+        array = array[0]
+    if array.ndim == 1:
+        array = array.reshape(1, -1)
+    if array.ndim != 2 or not len(array):
+        raise ServerError(f"the reply has actions of shape {array.shape}, but must have (n, d)")
+    return array
+
+
+def _columns(parts: list[Actions]) -> Actions:
+    """One array of several that hold a column or two each: (B, n, k) or (B, n) or (n,)."""
+    columns = [
+        part[0]
+        if part.ndim == 3 and len(part) == 1
+        else part.T
+        if part.ndim == 2 and len(part) == 1
+        else part
+        for part in parts
+    ]
+    columns = [part.reshape(-1, 1) if part.ndim == 1 else part for part in columns]
+    if any(part.ndim != 2 or len(part) != len(columns[0]) for part in columns):
+        raise ServerError(
+            f"the parts of the actions have shapes {', '.join(str(part.shape) for part in parts)}"
+        )
+    return np.concatenate(columns, axis=1)

@@ -1,0 +1,221 @@
+"""How an observation becomes what a server is sent, as a profile says it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.policies.contract import Episode, Query
+from pytest_libero_max.policies.profile import Profile
+from pytest_libero_max.policies.transforms.images import side_by_side
+from pytest_libero_max.policies.transforms.steps import INPUT_STEPS, TEXT_STEPS, Step, parse_steps
+from pytest_libero_max.worlds.contract import CAMERAS, Observation
+
+KEYS = (
+    "robot0_eef_pos",
+    "robot0_eef_quat",
+    "robot0_gripper_qpos",
+    "robot0_gripper_qvel",
+    "robot0_joint_pos",
+    "robot0_joint_vel",
+)
+"""What an input may be made from, beside the images."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One array, text or file that a request holds.
+
+    Attributes:
+        source: A key of the observation, or None.
+        parts: Other inputs, joined: values one after the other, images side by side.
+        steps: What is done to it.
+        dtype: Its type, or None to leave it.
+        shape: Its shape, or None to leave it.
+    """
+
+    source: str | None
+    parts: tuple[str, ...]
+    steps: tuple[Step, ...]
+    dtype: str | None
+    shape: tuple[int, ...] | None
+
+
+class Request:
+    """How an observation becomes what a server is sent.
+
+    Args:
+        profile: Its tables ``inputs``, ``instruction`` and ``request``.
+
+    Attributes:
+        cameras: Whose images it needs.
+        seeded: Whether it carries the seed of the query.
+
+    Raises:
+        AdapterError: A name or step does not exist.
+    """
+
+    def __init__(self, profile: Profile) -> None:
+        self._inputs = {name: _input(name, table) for name, table in profile.tables.get("inputs", {}).items()}
+        self._text = parse_steps(profile.get("instruction", "steps", []), TEXT_STEPS, "instruction.steps")
+        self._layout = profile.tables.get("request", {})
+        self._where = f"profile {profile.name!r}"
+        known = (*self._inputs, *_QUERY_VALUES)
+        for name in _named(self._layout):
+            if name not in known:
+                raise AdapterError(f"{self._where}: request names ${name}. {did_you_mean(name, known)}")
+        for name, item in self._inputs.items():
+            for part in item.parts:
+                if part not in self._inputs:
+                    raise AdapterError(
+                        f"{self._where}: inputs.{name} joins {part!r}. {did_you_mean(part, self._inputs)}"
+                    )
+        self.cameras = self.cameras_of(self._layout)
+        self.seeded = "seed" in set(_named(self._layout))
+
+    def cameras_of(self, layout: Any) -> tuple[str, ...]:
+        """The cameras whose images a layout needs."""
+        needed = {source for name in _named(layout) for source in self._sources(name)}
+        return tuple(camera for camera in CAMERAS if f"{camera}_image" in needed)
+
+    def build(
+        self, observation: Observation, query: Query, episode: Episode, layout: Any = None
+    ) -> dict[str, Any]:
+        """The request of a query.
+
+        Args:
+            observation: What the world shows.
+            query: The query.
+            episode: The episode it belongs to.
+            layout: Another request than that of the profile, with names of the same inputs.
+
+        Raises:
+            AdapterError: An input cannot be made; names it and the step.
+        """
+        values = {name: value_of(query, episode) for name, value_of in _QUERY_VALUES.items()}
+        values["instruction"] = self.instruction(values["instruction"])
+        layout = self._layout if layout is None else layout
+        for name in set(_named(layout)) - values.keys():
+            values[name] = self._value(name, observation)
+        filled: dict[str, Any] = _fill(layout, values)
+        return filled
+
+    def arrays(self, observation: Observation, layout: Any = None) -> dict[str, NDArray[Any]]:
+        """Those inputs of a request that are arrays, by name.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        named = dict.fromkeys(_named(self._layout if layout is None else layout))
+        values = {name: self._value(name, observation) for name in named if name in self._inputs}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+    def visible(self, observation: Observation) -> dict[str, NDArray[Any]]:
+        """Those arrays of a request that can be made of an observation that may lack cameras, by name.
+
+        Raises:
+            AdapterError: A step of one cannot be done.
+        """
+        inputs = [name for name in dict.fromkeys(_named(self._layout)) if name in self._inputs]
+        there = [f"${name}" for name in inputs if self._sources(name) <= observation.keys()]
+        return self.arrays(observation, there)
+
+    def instruction(self, words: str) -> str:
+        """What the server is told to do."""
+        for step in self._text:
+            words = step(words)
+        return words
+
+    def _sources(self, name: str) -> set[str]:
+        item = self._inputs.get(name)
+        if item is None:
+            return set()
+        own = set() if item.source is None else {item.source}
+        return own.union(*(self._sources(part) for part in item.parts if part != name))
+
+    def _value(self, name: str, observation: Observation) -> Any:
+        item = self._inputs[name]
+        if item.source is not None:
+            value: Any = np.array(observation[item.source])
+        else:
+            value = _joined([self._value(part, observation) for part in item.parts])
+        try:
+            for step in item.steps:
+                value = step(value)
+        except AdapterError as error:
+            raise AdapterError(f"{self._where}, inputs.{name}: {error}") from None
+        try:
+            value = value if item.dtype is None else value.astype(item.dtype)
+            return value if item.shape is None else value.reshape(item.shape)
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise AdapterError(
+                f"{self._where}, inputs.{name}: dtype={item.dtype!r} and shape={item.shape!r} do not fit "
+                f"{getattr(value, 'shape', type(value).__name__)}: {error}."
+            ) from error
+
+
+_QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = {
+    "instruction": lambda query, episode: query.instruction,
+    "seed": lambda query, episode: query.seed,
+    "index": lambda query, episode: query.index,
+    "step": lambda query, episode: query.step,
+    "suite": lambda query, episode: episode.suite,
+    "task_index": lambda query, episode: episode.task_index,
+    "episode_instruction": lambda query, episode: episode.instruction,
+    "policy_seed": lambda query, episode: episode.seed,
+    "max_steps": lambda query, episode: episode.max_steps,
+}
+"""What a request can name beside the inputs of its profile."""
+
+
+def _input(name: str, table: Any) -> Input:
+    where = f"inputs.{name}"
+    known = ("from", "join", "steps", "dtype", "shape")
+    if not isinstance(table, dict) or ("from" in table) == ("join" in table):
+        raise AdapterError(f"{where}={table!r}, but must be a table with either 'from' or 'join'.")
+    for field in table:
+        if field not in known:
+            raise AdapterError(f"{where}.{field} is unknown. {did_you_mean(field, known)}")
+    sources = (*(f"{camera}_image" for camera in CAMERAS), *KEYS)
+    source = table.get("from")
+    if source is not None and source not in sources:
+        raise AdapterError(f"{where}.from={source!r}. {did_you_mean(str(source), sources)}")
+    steps = parse_steps(table.get("steps", []), INPUT_STEPS, f"{where}.steps")
+    shape = table.get("shape")
+    return Input(
+        source,
+        tuple(table.get("join", ())),
+        steps,
+        table.get("dtype"),
+        None if shape is None else tuple(shape),
+    )
+
+
+def _named(layout: Any) -> list[str]:
+    """The names that a layout refers to with a dollar, in order."""
+    if isinstance(layout, Mapping):
+        return [name for value in layout.values() for name in _named(value)]
+    if isinstance(layout, list):
+        return [name for value in layout for name in _named(value)]
+    return [layout[1:]] if isinstance(layout, str) and layout[:1] == "$" else []
+
+
+def _fill(layout: Any, values: Mapping[str, Any]) -> Any:
+    if isinstance(layout, Mapping):
+        return {key: _fill(value, values) for key, value in layout.items()}
+    if isinstance(layout, list):
+        return [_fill(value, values) for value in layout]
+    if isinstance(layout, str) and layout[:1] == "$":
+        return values[layout[1:]]
+    return layout
+
+
+def _joined(values: list[Any]) -> Any:
+    if values[0].ndim == 3:
+        return side_by_side(*values)
+    return np.concatenate(values)

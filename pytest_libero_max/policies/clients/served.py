@@ -1,0 +1,127 @@
+"""A policy behind a server as the pair runner knows policies: requests, replies, what the server declares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.clients.reply import Reply
+from pytest_libero_max.policies.clients.request import Request
+from pytest_libero_max.policies.clients.transport import Client
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.worlds.contract import Observation
+
+Actions = NDArray[np.float64]
+
+Adapt = Callable[[Any, PolicySpec], tuple[Any, PolicySpec]]
+"""From what a server says about itself, and the spec so far, to the layout of its requests and the spec."""
+
+
+class ServedPolicy:
+    """A policy behind a server, as the pair runner knows policies.
+
+    Args:
+        spec: What it declares.
+        request: Makes requests.
+        reply: Reads replies.
+        connect: Makes the client; told whom to tell what the server says about itself.
+        adapt: Makes the layout of the request and the spec, of what the server said; None: as they are.
+
+    Attributes:
+        greeting: What the server says about itself.
+        client: The connection, which counts interruptions.
+        batch_size: How many queries the server answered together with the last one; 1 where it does not say.
+    """
+
+    def __init__(
+        self,
+        spec: PolicySpec,
+        request: Request,
+        reply: Reply,
+        connect: Callable[[Callable[[Any], None]], Client],
+        adapt: Adapt | None = None,
+    ) -> None:
+        self.spec = spec
+        self.greeting: Any = None
+        self._profiled = spec
+        self._adapted: tuple[Any, PolicySpec] | None = None
+        self.batch_size = 1
+        self._request = request
+        self._reply = reply
+        self._adapt = adapt
+        self._layout: Any = None
+        self._episode = Episode("", 0, "", 0, 1)
+        self.client = connect(self._greeted)
+
+    @property
+    def waited_s(self) -> float:
+        """How long the server was waited for after interruptions, s."""
+        return self.client.waited_s
+
+    def reset(self, episode: Episode) -> None:
+        """Keep the episode for the requests; servers are asked query by query and have nothing to forget."""
+        self._episode = episode
+
+    def predict(self, observation: Observation, query: Query) -> Actions:
+        """Ask the server.
+
+        Raises:
+            ServerError: It was given up.
+        """
+        return self.client.ask(self.request(observation, query), self.read)
+
+    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
+        """What the server is sent.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        return self._request.build(observation, query, self._episode, self._layout)
+
+    def read(self, reply: Any) -> Actions:
+        """The actions of a reply; notes in how large a batch they were computed.
+
+        Raises:
+            ServerError: There are none that can be played.
+        """
+        actions = self._reply.read(reply, self.spec.query_interval, self.spec.horizon)
+        batch = reply.get("batch") if isinstance(reply, Mapping) else None
+        self.batch_size = batch if isinstance(batch, int) else 1
+        return actions
+
+    def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
+        """The arrays of the request, by the names that the profile gives them, for a look at them.
+
+        Raises:
+            AdapterError: An input cannot be made.
+        """
+        return self._request.arrays(observation, self._layout)
+
+    def _greeted(self, greeting: Any) -> None:
+        _require_chunk(greeting, self.spec)
+        if self._adapt is not None:
+            # From the profile's spec, also later: the policy's own may be at another cadence by then.
+            adapted = self._adapt(greeting, self._profiled)
+            if self._adapted is None:
+                self._adapted = adapted
+                self._layout, self.spec = adapted
+            elif adapted != self._adapted:
+                raise ServerError(
+                    "the server declares or wants something else than before; is it the same one?"
+                )
+        self.greeting = {} if greeting is None else greeting
+
+
+def _require_chunk(greeting: Any, spec: PolicySpec) -> None:
+    """Refuse a Q beyond the chunk that a server says it returns."""
+    size = greeting.get("action_chunk_size") if isinstance(greeting, Mapping) else None
+    if isinstance(size, int) and size < spec.query_interval:
+        raise AdapterError(
+            f"The server returns {size} actions (action_chunk_size), but "
+            f"query_interval={spec.query_interval} "
+            "are executed before the next query. Lower --libero-max-query-interval."
+        )

@@ -1,0 +1,30 @@
+"""starVLA's protocol: openpi's transport with an envelope around requests and replies.
+
+A reply says whether it is ``ok``; an error inside the routing comes as a map, any other as openpi's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients.codecs import shortened
+from pytest_libero_max.policies.clients.openpi import OpenpiLink
+
+
+class StarvlaLink(OpenpiLink):
+    """A connection to a server of the starVLA family (starVLA, VLA-JEPA, DiT4DiT)."""
+
+    def ask(self, request: Any) -> Any:
+        """Send a request; the reply's ``data``."""
+        reply = super().ask(request)
+        if reply.get("ok") is False or "error" in reply:
+            error = reply.get("error")
+            message = error.get("message", error) if isinstance(error, dict) else error
+            raise ServerError(f"the server reports an error: {shortened(str(message))}")
+        data = reply.get("data")
+        if not isinstance(data, dict):
+            raise ServerError(
+                f"the reply has the keys {sorted(map(str, reply))}, but must have a map as 'data'"
+            )
+        return data

@@ -1,0 +1,148 @@
+"""The names by which profiles call the pieces."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from inspect import signature
+from typing import Any
+
+from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.policies.transforms import actions, images, states
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
+
+
+def _replace(text: str, change: list[str]) -> str:
+    old, new = change
+    return text.replace(old, new)
+
+
+def _template(text: str, template: str) -> str:
+    return template.replace("{instruction}", text)
+
+
+Plain = Callable[[Any], Any]
+
+INPUT_STEPS: Mapping[str, Callable[..., Any]] = {
+    "rotate_180": images.rotate_180,
+    "flip_rows": images.flip_rows,
+    "resize_with_pad": images.resize_with_pad,
+    "resize_bilinear": images.resize_bilinear,
+    "resize_bicubic": images.resize_bicubic,
+    "resize_lanczos": images.resize_lanczos,
+    "resize_area": images.resize_area,
+    "centre_crop": images.centre_crop,
+    "jpeg_round_trip": images.jpeg_round_trip,
+    "png_file": images.png_file,
+    "base64": _base64,
+    "to_unit": images.to_unit,
+    "to_signed": images.to_signed,
+    "channels_first": images.channels_first,
+    "axis_angle": states.axis_angle,
+    "axis_angle_antipodal": states.axis_angle_antipodal,
+    "rotation_6d_columns": states.rotation_6d_columns,
+    "rotation_6d_rows": states.rotation_6d_rows,
+    "grip_site_quaternion": states.grip_site_quaternion,
+    "sine_cosine": states.sine_cosine,
+    "pad_to": states.pad_to,
+    "first": states.first,
+    "entry": states.entry,
+}
+"""What may be done to an observation."""
+
+TEXT_STEPS: Mapping[str, Callable[..., str]] = {
+    "lower": str.lower,
+    "capitalise": str.capitalize,
+    "replace": _replace,
+    "template": _template,
+}
+"""What may be done to an instruction."""
+
+ACTION_STEPS: Mapping[str, Callable[..., Any]] = {
+    "first_columns": actions.first_columns,
+    "clip": actions.clip,
+    "gripper_from_opening": actions.gripper_from_opening,
+    "gripper_from_open_flag": actions.gripper_from_open_flag,
+    "gripper_from_close_flag": actions.gripper_from_close_flag,
+    "gripper_sign": actions.gripper_sign,
+    "gripper_inverted": actions.gripper_inverted,
+    "gripper_flag_below_half": actions.gripper_flag_below_half,
+    "pose_from_rotation_6d": actions.pose_from_rotation_6d,
+}
+"""What may be done to the actions of a reply."""
+
+NEEDS_ARGUMENT = frozenset(
+    name
+    for known in (INPUT_STEPS, TEXT_STEPS, ACTION_STEPS)
+    for name, piece in known.items()
+    if len(signature(piece).parameters) > 1
+)
+"""The steps that are written with a value: ``{ resize_area = 224 }``."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One piece with its argument.
+
+    Attributes:
+        name: How a profile calls it.
+        apply: The piece.
+        arguments: None or one.
+    """
+
+    name: str
+    apply: Callable[..., Any]
+    arguments: tuple[Any, ...] = ()
+
+    def __call__(self, value: Any) -> Any:
+        """Apply it.
+
+        Raises:
+            AdapterError: It does not fit the value; names the step.
+        """
+        try:
+            return self.apply(value, *self.arguments)
+        except AdapterError as error:
+            raise AdapterError(f"step {self.name!r}: {error}") from None
+        except (TypeError, ValueError, IndexError, AttributeError) as error:
+            shape = getattr(value, "shape", "")
+            raise AdapterError(
+                f"step {self.name!r} cannot be applied to {type(value).__name__} {shape}: {error}. "
+                "Check the order of the steps."
+            ) from error
+
+
+def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str) -> tuple[Step, ...]:
+    """Read the steps of a profile: names, or tables of one name and its argument.
+
+    Args:
+        values: ``["rotate_180", {"resize_with_pad": 224}]``.
+        known: The pieces that may be used here.
+        where: How to name the place in an error.
+
+    Raises:
+        AdapterError: Something else; suggests the closest name.
+    """
+    if not isinstance(values, list):
+        raise AdapterError(
+            f"{where}={values!r}, but must be a list of steps. Known: {', '.join(sorted(known))}."
+        )
+    return tuple(_step(value, known, where) for value in values)
+
+
+def _step(value: Any, known: Mapping[str, Callable[..., Any]], where: str) -> Step:
+    if isinstance(value, dict) and len(value) == 1:
+        ((name, argument),) = value.items()
+        arguments: tuple[Any, ...] = (argument,)
+    else:
+        name, arguments = value, ()
+    if not isinstance(name, str) or name not in known:
+        raise AdapterError(f"{where}: {value!r} is no step. {did_you_mean(str(name), known)}")
+    if bool(arguments) != (name in NEEDS_ARGUMENT):
+        form = f"{{ {name} = ... }}" if name in NEEDS_ARGUMENT else repr(name)
+        raise AdapterError(f"{where}: {value!r}, but this step is written {form}.")
+    return Step(name, known[name], arguments)

@@ -1,0 +1,328 @@
+"""Several runs on the same cases: who succeeds where, and which cases changed."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.report.build import group_order, substrate_json
+from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.statistics_json import (
+    change_contrast_json,
+    change_json,
+    contrast_json,
+    group_contrast_json,
+    number,
+    result_json,
+    task_json,
+)
+from pytest_libero_max.runs.agreement import PLACES
+from pytest_libero_max.runs.outcomes_file import RunOutcomes, read_outcomes
+from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
+from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.stats.breakdown import breakdown
+from pytest_libero_max.stats.clusters import task_interval
+from pytest_libero_max.stats.comparison import (
+    ChangeContrast,
+    Contrast,
+    change_contrasts,
+    contrasts,
+    group_change_contrasts,
+    group_contrasts,
+    profile_agreement,
+    ranks,
+)
+from pytest_libero_max.stats.paired import Labels, Pairs, measure_groups
+
+COMPARISON_VERSION = 3
+
+
+@dataclass(frozen=True)
+class CommonCases:
+    """The cases several runs share, in one order.
+
+    Attributes:
+        planned: The common cases, by case id.
+        pairs: For each run, its outcomes in that order.
+        left_out: For each run, its planned cases that are not compared.
+        unsupported: For each run, how many of its planned cases its policy does not support.
+    """
+
+    planned: tuple[PlannedPair, ...]
+    pairs: Mapping[str, Pairs]
+    left_out: Mapping[str, tuple[str, ...]]
+    unsupported: Mapping[str, int]
+
+    @property
+    def partial(self) -> bool:
+        """Whether some policy does not support all cases."""
+        return any(self.unsupported.values())
+
+
+def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> CommonCases:
+    """Line up the cases that every run has measured.
+
+    Cases that a policy declares unsupported are left out of all runs.
+
+    Args:
+        runs: Runs by the name they get in the comparison.
+        restrict: Compare what is common where the runs differ, instead of refusing.
+
+    Raises:
+        ReportError: Fewer than two runs, runs of different substrates or different cases of one name, no
+            common case, or runs that differ in their cases without ``restrict``.
+    """
+    if len(runs) < 2:
+        raise ReportError(f"{len(runs)} run given, but a comparison is of two or more.")
+    outcomes = {name: _outcomes(run) for name, run in runs.items()}
+    substrates = sorted({run.run.provenance["substrate"]["name"] for run in outcomes.values()})
+    if len(substrates) > 1:
+        raise ReportError(
+            f"The runs are of the substrates {' and '.join(substrates)}, whose scores are not comparable. "
+            "Compare runs of one substrate."
+        )
+    planned: dict[str, PlannedPair] = {}
+    for name, run in outcomes.items():
+        for pair in run.run.planned:
+            known = planned.setdefault(pair.case_id, pair)
+            if known is not pair and known.case_digest != pair.case_digest:
+                raise ReportError(
+                    f"case_id={pair.case_id!r} of run {name!r} is another case than in the other runs: the "
+                    "manifests differ. Play both with the same manifest."
+                )
+    places = {
+        name: {case_id: index for index, case_id in enumerate(run.case_ids)} for name, run in outcomes.items()
+    }
+    common = sorted(set.intersection(*(set(measured) for measured in places.values())) & planned.keys())
+    compared = set(common)
+    left_out = {
+        name: tuple(sorted({pair.case_id for pair in run.run.planned} - compared))
+        for name, run in outcomes.items()
+    }
+    unsupported = {
+        name: {pair.case_id for pair in unsupported_pairs(run.run.planned, run.policy)}
+        for name, run in outcomes.items()
+    }
+    by_some = set().union(*unsupported.values())
+    if not common:
+        raise ReportError("The runs have no measured case in common; there is nothing to compare.")
+    if not restrict and any(set(cases) - by_some for cases in left_out.values()):
+        counts = ", ".join(f"{len(cases)} of {name!r}" for name, cases in left_out.items())
+        raise ReportError(
+            f"The runs do not share all cases: left out would be {counts}. Play the missing pairs, or "
+            f"restrict the comparison to the {len(common)} common cases."
+        )
+    return CommonCases(
+        planned=tuple(planned[case_id] for case_id in common),
+        pairs={
+            name: run.pairs.at([places[name][case_id] for case_id in common])
+            for name, run in outcomes.items()
+        },
+        left_out=left_out,
+        unsupported={name: len(cases) for name, cases in unsupported.items()},
+    )
+
+
+def _outcomes(run: StoredRun | RunOutcomes) -> RunOutcomes:
+    return run if isinstance(run, RunOutcomes) else RunOutcomes.of(run)
+
+
+def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> Json:
+    """Compare runs on their common cases.
+
+    Every family of contrasts holds all pairs of runs (and all events, for those by event). Holm's correction
+    and the simultaneous intervals are over the family. Flips are the cases whose pair of outcomes differs
+    between runs.
+
+    Raises:
+        ReportError: See :func:`common_cases`.
+    """
+    common = common_cases(runs, restrict)
+    outcomes = {name: _outcomes(run) for name, run in runs.items()}
+    pairs = {name: columns.numbered() for name, columns in common.pairs.items()}
+    labels = np.asarray([pair.event for pair in common.planned])
+    events = sorted(set(labels.tolist()), key=lambda event: group_order("event", event))
+    masks = {event: labels == event for event in events}
+    results = dict(zip(pairs, measure_groups(list(pairs.values())), strict=True))
+    by_event = {name: breakdown(columns, labels, events) for name, columns in pairs.items()}
+    changes = {
+        name: [group.outcomes.change.count / group.outcomes.total for group in groups.values()]
+        for name, groups in by_event.items()
+    }
+    agreement = profile_agreement(changes)
+    ranked = ranks(
+        {
+            name: None if common.unsupported[name] else result.outcomes.dynamic.value
+            for name, result in results.items()
+        }
+    )
+    base = {name: columns.base for name, columns in pairs.items()}
+    dynamic = {name: columns.dynamic for name, columns in pairs.items()}
+    differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
+    labelled = next(iter(pairs.values()))
+    tasks = labelled.task, labelled.source
+    by_group = group_contrasts(dynamic, masks)
+    changes_by_group = group_change_contrasts(base, dynamic, masks)
+    rows = []
+    for name, result in results.items():
+        block = result_json(result, len(common.planned))
+        profile = dict(zip(events, changes[name], strict=True))
+        rows.append(
+            {
+                "name": name,
+                "rank": ranked[name],
+                "policy": outcomes[name].policy,
+                "replay": replay_command(outcomes[name]),
+                **{key: block[key] for key in _RUN_COLUMNS},
+                "by_event": {event: change_json(group) for event, group in by_event[name].items()},
+                "smallest_loss": max(events, key=lambda event: profile[event]),
+                "largest_loss": min(events, key=lambda event: profile[event]),
+            }
+        )
+    return {
+        "schema_version": COMPARISON_VERSION,
+        "pairs": {
+            "common": len(common.planned),
+            "restricted": any(common.left_out.values()),
+            "left_out": {name: list(cases) for name, cases in common.left_out.items()},
+            "unsupported": dict(common.unsupported),
+        },
+        "substrate": substrate_json(next(iter(outcomes.values())).run.provenance["substrate"]["name"]),
+        "differences": list(_differences(outcomes)),
+        "runs": rows,
+        "contrasts": [
+            _with_tasks(contrast_json(contrast), contrast, dynamic, tasks)
+            for contrast in contrasts(dynamic, tasks[1])
+        ],
+        "base_contrasts": [
+            _with_tasks(contrast_json(contrast), contrast, base, tasks)
+            for contrast in contrasts(base, tasks[1])
+        ],
+        "change_contrasts": [
+            _with_tasks(change_contrast_json(contrast), contrast, differences, tasks)
+            for contrast in change_contrasts(base, dynamic)
+        ],
+        "by_event": {
+            event: {
+                "dynamic_success": [group_contrast_json(contrast) for contrast in by_group[event]],
+                "paired_change": [group_contrast_json(contrast) for contrast in changes_by_group[event]],
+            }
+            for event in events
+        },
+        "events": {
+            event: _over_runs([changes[name][index] for name in pairs]) for index, event in enumerate(events)
+        },
+        "event_profiles": {
+            "mean_spearman": number(agreement.mean),
+            "lowest": number(agreement.lowest),
+            "highest": number(agreement.highest),
+        },
+        "flips": _flips(common),
+        "statements": dict(STATEMENTS),
+    }
+
+
+def compare_folders(paths: Sequence[Path], restrict: bool = False) -> Json:
+    """Compare the runs in folders, see :func:`read_runs`.
+
+    Raises:
+        ReportError: A run cannot be read, or see :func:`common_cases`.
+    """
+    return compare_runs(read_runs(paths), restrict)
+
+
+def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
+    """Read the runs in folders (or of ``pairs.jsonl`` files), named by their paths as given.
+
+    Raises:
+        ReportError: A run cannot be read, or is given twice.
+    """
+    repeated = [path for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
+    if repeated:
+        raise ReportError(f"{str(repeated[0])!r} is given twice; a comparison is of different runs.")
+    return {str(path): read_outcomes(path) for path in paths}
+
+
+_COMPARED = ("substrate", "protocol", "case_set", "versions")
+"""Parts of the provenance in which runs should agree if only their policies are to differ."""
+
+
+def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[Json]:
+    """What the runs differ in beside their policies, each with the value of every run."""
+    flat = {
+        name: {
+            f"{part}.{key}": value
+            for part in _COMPARED
+            for key, value in run.run.provenance.get(part, {}).items()
+            if f"{part}.{key}" not in PLACES
+        }
+        for name, run in runs.items()
+    }
+    for key in sorted({key for values in flat.values() for key in values}):
+        values = {name: fields.get(key) for name, fields in flat.items()}
+        if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
+            yield {"field": key, "values": values}
+
+
+_RUN_COLUMNS = (
+    "base_success",
+    "dynamic_success",
+    "paired_change",
+    "outcomes",
+    "conditional_regression",
+    "trigger_coverage",
+    "response_coverage",
+)
+
+
+def _over_runs(changes: Sequence[float]) -> Json:
+    """Median, quartiles (linear between runs) and range of the paired changes of an event."""
+    names = ("lowest", "lower_quartile", "median", "upper_quartile", "highest")
+    return dict(zip(names, map(number, np.percentile(changes, [0, 25, 50, 75, 100]).tolist()), strict=True))
+
+
+def _with_tasks(
+    values: Json,
+    contrast: Contrast | ChangeContrast,
+    columns: Mapping[str, NDArray[Any]],
+    tasks: tuple[Labels, Labels],
+) -> Json:
+    """A contrast with the interval that takes the cases of a task as one draw."""
+    change = columns[contrast.second].astype(np.int64) - columns[contrast.first]
+    by_task = task_interval(change, *tasks, contrast.interval)
+    values["difference"]["by_task"] = task_json(by_task)
+    return values
+
+
+def _flips(common: CommonCases) -> list[Json]:
+    names = list(common.pairs)
+    codes = np.stack([outcome_codes(pairs) for pairs in common.pairs.values()], axis=1)
+    changed = np.flatnonzero((codes != codes[:, :1]).any(axis=1))
+    flips: list[Json] = []
+    for index in changed.tolist():
+        pair, outcomes = common.planned[index], [OUTCOMES[code] for code in codes[index].tolist()]
+        flips.append(
+            {
+                "case_id": pair.case_id,
+                "item_id": pair.item_id,
+                "outcomes": dict(zip(names, outcomes, strict=True)),
+            }
+        )
+    return flips
+
+
+def outcome_codes(pairs: Pairs) -> NDArray[np.int64]:
+    """The place of every pair's outcome in :data:`OUTCOMES`."""
+    failed = 1 - pairs.dynamic.astype(np.int64)
+    return np.where(pairs.base, 2 * failed, 1 + 2 * failed)

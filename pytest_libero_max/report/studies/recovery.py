@@ -1,0 +1,263 @@
+"""Recovery: runs of one policy with and without restoration of its images, on the same cases.
+
+Intervals as in the paper: paired percentile bootstrap of 10,000 resamples, stratified by source category and
+clustered by configuration (task and initial state). They are pointwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.comparison.compare import common_cases
+from pytest_libero_max.report.statistics_json import interval_json, number, ratio_json
+from pytest_libero_max.runs.store import StoredRun, read_pairs
+from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, REPLICATES, cluster_bootstrap
+from pytest_libero_max.stats.intervals import Interval
+from pytest_libero_max.stats.outcomes import Ratio
+from pytest_libero_max.stats.paired_difference import paired_difference
+
+NATIVE, ALWAYS, GATED = MODES = ("native", "always", "gated")
+
+_PREFIX = "restore="
+_TIME = "restore_s"
+
+Differences = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """The common cases, one row a case: outcomes by mode and arm, and labels."""
+
+    success: Mapping[tuple[str, str], Differences]
+    category: NDArray[np.str_]
+    configuration: NDArray[np.str_]
+
+    def gain(self, mode: str, arm: str, over: str = NATIVE) -> Differences:
+        """(n,) success in an arm with one mode less that with another: -1, 0 or 1."""
+        return self.success[mode, arm] - self.success[over, arm]
+
+    def closure(self, mode: str) -> Differences:
+        """(n,) by how much Base less Dynamic is smaller than in native: -2 to 2."""
+        return self.gain(mode, DYNAMIC) - self.gain(mode, BASE)
+
+
+def recovery_of(folders: Sequence[Path], restrict: bool = False) -> Json:
+    """Compare the runs in some folders; see :func:`compare_recovery`.
+
+    Raises:
+        ReportError: A run cannot be read, or see there.
+    """
+    return compare_recovery([read_pairs(folder) for folder in folders], restrict)
+
+
+def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Json:
+    """Compare runs of one policy that differ in ``--libero-max-restore`` alone, one of them native.
+
+    Args:
+        runs: Two or three, in any order.
+        restrict: Compare what is common where the runs have different cases, instead of refusing.
+
+    Raises:
+        ReportError: Two runs have one mode, none is native, the policies differ, a run holds pairs of
+            another event than sensor noise, or the cases do not agree
+            (:func:`~pytest_libero_max.report.comparison.compare.common_cases`).
+    """
+    by_mode = _by_mode(runs)
+    common = common_cases(by_mode, restrict)
+    ids = [pair.case_id for pair in common.planned]
+    records = {mode: _records(run, ids) for mode, run in by_mode.items()}
+    first = records[NATIVE]
+    _require_sensor_noise(first)
+    columns = _Columns(
+        success={
+            (mode, arm): np.array([record.arm(arm).success for record in found], dtype=np.int64)
+            for mode, found in records.items()
+            for arm in (BASE, DYNAMIC)
+        },
+        category=np.array([f"{record.source}|{record.source_category}" for record in first]),
+        configuration=np.array([record.configuration for record in first]),
+    )
+    groups = {
+        "source": np.array([record.source for record in first]),
+        "corruption": np.array([_corruption(record) for record in first]),
+    }
+    others = [mode for mode in records if mode != NATIVE]
+    policy = dict(first[0].policy)
+    return {
+        "policy": policy,
+        "substrate": runs[0].run.provenance["substrate"]["name"],
+        "case_set": runs[0].run.provenance["case_set"]["name"],
+        "pairs": {
+            "common": len(ids),
+            "planned": len(runs[0].run.planned),
+            "unsupported": dict(common.unsupported),
+        },
+        "replicates": REPLICATES,
+        "modes": {mode: _mode_json(columns, mode, records[mode]) for mode in records},
+        "effects": [_effect(columns, *effect) for effect in _effects(others)],
+        "groups": [
+            _group(columns, mode, kind, name, labels == name)
+            for mode in others
+            for kind, labels in groups.items()
+            for name in sorted(set(labels.tolist()))
+        ],
+    }
+
+
+def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
+    found: dict[str, StoredRun] = {}
+    specs: list[Json] = []
+    for run in runs:
+        if not run.records:
+            raise ReportError("A run has no measured pair, so it is not known how its images were restored.")
+        spec = dict(run.records[0].policy)
+        words = [text for text in spec.get("wrappers", ()) if text.startswith(_PREFIX)]
+        mode = words[0].removeprefix(_PREFIX) if words else NATIVE
+        spec["wrappers"] = [text for text in spec.get("wrappers", ()) if text not in words]
+        if mode in found:
+            raise ReportError(
+                f"Two runs have restore={mode!r}. Give one of each; they differ in that option alone."
+            )
+        found[mode] = run
+        specs.append(spec)
+    if NATIVE not in found or len(found) < 2:
+        raise ReportError(
+            f"The runs have restore={', '.join(map(repr, found))}, but one must be native and another "
+            "not. Play the track without --libero-max-restore as well, or with it."
+        )
+    if any(spec != specs[0] for spec in specs):
+        raise ReportError(
+            "The runs are of different policies or settings. Play one policy with "
+            "--libero-max-restore=native, always and gated."
+        )
+    return {mode: found[mode] for mode in MODES if mode in found}
+
+
+def _records(run: StoredRun, ids: Sequence[str]) -> list[PairRecord]:
+    by_id = {record.case_id: record for record in run.records}
+    return [by_id[case_id] for case_id in ids]
+
+
+def _require_sensor_noise(records: Sequence[PairRecord]) -> None:
+    other = sorted({record.event for record in records} - {"sensor_noise_onset"})
+    if other:
+        raise ReportError(
+            f"The runs hold pairs of {', '.join(other)}, but recovery is about "
+            "sensor_noise_onset. Play the track recovery, or another with -m sensor_noise_onset."
+        )
+
+
+def _corruption(record: PairRecord) -> str:
+    from pytest_libero_max.events.kinds.sensor_noise_onset import CORRUPTIONS
+
+    noise, covered = CORRUPTIONS[record.variant]
+    return f"noise {noise:g}, mask {covered:.0%}"
+
+
+def _mode_json(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Json:
+    """Rates of a mode, how often it was active, and what it cost."""
+    n = len(columns.category)
+    rates = {arm: ratio_json(Ratio(int(columns.success[mode, arm].sum()), n)) for arm in (BASE, DYNAMIC)}
+    notes = {arm: _notes(records, arm) for arm in (BASE, DYNAMIC)}
+    queries = sum(counts["queries"] for counts in notes.values() if counts)
+    seconds = sum(record.timings.get(_TIME, 0.0) for record in records)
+    return {
+        **rates,
+        "active": {
+            arm: ratio_json(Ratio(counts["active"], counts["queries"])) if counts else None
+            for arm, counts in notes.items()
+        },
+        "images": notes,
+        "seconds_per_query": number(seconds / queries) if queries else None,
+    }
+
+
+def _notes(records: Sequence[PairRecord], arm: str) -> dict[str, int] | None:
+    """The counts of an arm that was played, summed; those of replayed prefixes are not in them."""
+    counted = [record.arm(arm).notes for record in records if record.arm(arm).shares is None]
+    held = [notes for notes in counted if notes is not None]
+    return {name: sum(notes[name] for notes in held) for name in held[0]} if held else None
+
+
+_Values = Callable[[_Columns], Differences]
+
+
+def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Mode, what it is compared with, and the quantity."""
+    rows = [
+        (mode, NATIVE, quantity) for mode in reversed(others) for quantity in ("dynamic", "base", "closure")
+    ]
+    return [*rows, (GATED, ALWAYS, "dynamic")] if len(others) == 2 else rows
+
+
+def _effect(columns: _Columns, mode: str, over: str, quantity: str) -> Json:
+    if quantity == "closure":
+        values, exact = columns.closure(mode), None
+    else:
+        values = columns.gain(mode, quantity, over)
+        exact = paired_difference(int((values < 0).sum()), int((values > 0).sum()), len(values))
+    return {
+        "mode": mode,
+        "over": over,
+        "quantity": quantity,
+        **_estimate(columns, values),
+        "exact": interval_json(exact),
+    }
+
+
+def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.bool_]) -> Json:
+    """The gain in Dynamic within a group of cases."""
+    part = _Columns(
+        {key: values[rows] for key, values in columns.success.items()},
+        columns.category[rows],
+        columns.configuration[rows],
+    )
+    values = part.gain(mode, DYNAMIC)
+    exact = paired_difference(int((values < 0).sum()), int((values > 0).sum()), len(values))
+    rates = {
+        key: ratio_json(Ratio(int(part.success[which, DYNAMIC].sum()), len(values)))
+        for key, which in (("native", NATIVE), ("restored", mode))
+    }
+    return {
+        "mode": mode,
+        "kind": kind,
+        "name": name,
+        **rates,
+        **_estimate(part, values),
+        "exact": interval_json(exact),
+    }
+
+
+def _estimate(columns: _Columns, values: Differences) -> Json:
+    """A mean difference with its clustered interval, which is None where too little could vary."""
+    clusters = len(np.unique(columns.configuration))
+    changed = len(np.unique(columns.configuration[values != 0]))
+    interval = None
+    if clusters >= LEAST_TASKS and changed >= LEAST_CHANGED_TASKS:
+        found = cluster_bootstrap(
+            values,
+            columns.configuration,
+            strata=columns.category,
+            pools=columns.category,
+            replicates=REPLICATES,
+        )
+        assert found is not None
+        interval = Interval(found.lower, found.upper)
+    return {
+        "pairs": len(values),
+        "gained": int((values > 0).sum()),
+        "lost": int((values < 0).sum()),
+        "value": number(float(values.mean())),
+        "configurations": clusters,
+        "changed_configurations": changed,
+        **interval_json(interval),
+    }

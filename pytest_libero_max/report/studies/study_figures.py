@@ -1,0 +1,183 @@
+"""Figures of a study as standalone SVG documents."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.formats import interval_text, percent, points
+from pytest_libero_max.report.writers.svg import (
+    GAIN,
+    INK,
+    LOSS,
+    MUTED,
+    NEUTRAL,
+    circle,
+    document,
+    line,
+    rectangle,
+    text,
+)
+
+_ROW, _LABEL, _PLOT, _TOP = 26, 220, 420, 34
+_LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """A line of a plot.
+
+    Attributes:
+        name: What it shows.
+        color: Of the line and its points.
+        points: Place on the x axis (0 to 1), and a rate with its interval.
+    """
+
+    name: str
+    color: str
+    points: Sequence[tuple[float, Json]]
+
+
+def study_figures(study: Json | None) -> dict[str, str]:
+    """The figures of a study by the stem of their file name; none without cases.
+
+    Args:
+        study: ``report["study"]``; None for a run of no study.
+    """
+    if study is None or study["cases"] == 0:
+        return {}
+    if "settings" in study:
+        return {"cadence": cadence_plot(study)}
+    figures = {"study-contrasts": contrast_plot(study)}
+    if len(study["approach"]) > 1:
+        figures["study-strength"] = strength_plot(study)
+    return figures
+
+
+def contrast_plot(study: Json) -> str:
+    """Every contrast with its interval and its gains and losses, one row each."""
+    labels, rows = study["conditions"], study["contrasts"]
+    head = _LABEL + _PLOT + 16
+    shapes: list[str] = []
+    for tick in range(-100, 101, 50):
+        x = _signed(tick / 100)
+        shapes += [
+            line(x, _TOP, x, _TOP + _ROW * len(rows), INK if tick == 0 else "#d8dee4"),
+            text(x, _TOP - 10, f"{tick:+d}", "middle", 11, MUTED),
+        ]
+    for index, row in enumerate(rows):
+        y = _TOP + _ROW * (index + 0.5)
+        color = LOSS if row["value"] < 0 else GAIN if row["value"] > 0 else NEUTRAL
+        name = f"{labels[row['first']]} - {labels[row['second']]}"
+        interval = "n/a: all alike" if row["degenerate"] else interval_text(row, signed=True)
+        shapes += [
+            text(_LABEL - 10, y + 4, name, "end"),
+            line(_signed(row["lower"]), y, _signed(row["upper"]), y, color, 2.5),
+            circle(_signed(row["value"]), y, 5, color),
+            text(head, y + 4, f"{points(row['value'])} {interval}", color=MUTED),
+            text(head + 190, y + 4, str(row["gains"]), "end", color=GAIN),
+            text(head + 240, y + 4, str(row["losses"]), "end", color=LOSS),
+        ]
+    shapes += [
+        text(head + 190, _TOP - 10, "gain", "end", 11, MUTED),
+        text(head + 240, _TOP - 10, "loss", "end", 11, MUTED),
+    ]
+    title = f"{study['title']}: paired contrasts in percentage points, with gains and losses"
+    return document(_LABEL + _PLOT + 270, _TOP + _ROW * len(rows) + 12, title, shapes)
+
+
+def strength_plot(study: Json) -> str:
+    """Success of Reset and Mid-task by strength, with the rate of Base and its interval behind them."""
+    strengths = list(study["approach"])
+    names = [name for name in study["conditions"] if name != "base"]
+    rates = study["rates"]
+    lines = [
+        Series(
+            label,
+            color,
+            [
+                (float(strength), rates[arm])
+                for strength, arm in zip(strengths, names[offset::2], strict=True)
+            ],
+        )
+        for label, color, offset in (("Reset", LOSS, 0), ("Mid-task", GAIN, 1))
+    ]
+    ticks = [(float(strength), f"{float(strength):.0%}") for strength in strengths]
+    return _plot(
+        f"{study['title']}: success by strength", "strength of the camera change", ticks, lines, rates["base"]
+    )
+
+
+def cadence_plot(study: Json) -> str:
+    """Success in Base and Dynamic at every setting, in the order of the table."""
+    settings = study["settings"]
+    places = [(index + 0.5) / len(settings) for index in range(len(settings))]
+    ticks = list(zip(places, (setting["label"] for setting in settings), strict=True))
+    lines = [
+        Series(name, color, list(zip(places, (setting[key] for setting in settings), strict=True)))
+        for name, color, key in (("Base", NEUTRAL, "base_success"), ("Dynamic", GAIN, "dynamic_success"))
+    ]
+    return _plot(f"{study['title']}: success by setting", "setting", ticks, lines)
+
+
+def _plot(
+    title: str,
+    axis: str,
+    ticks: Sequence[tuple[float, str]],
+    lines: Sequence[Series],
+    band: Json | None = None,
+) -> str:
+    """Rates over an axis with vertical intervals; ``band`` is a rate that is drawn across."""
+    shapes: list[str] = []
+    if band is not None:
+        top, bottom = _up(band["upper"]), _up(band["lower"])
+        shapes += [
+            rectangle(_LEFT, top, _WIDTH, max(bottom - top, 1.0), "#e6eaee"),
+            line(_LEFT, _up(band["value"]), _LEFT + _WIDTH, _up(band["value"]), NEUTRAL, 1.5),
+            text(
+                _LEFT + _WIDTH + 22, _up(band["value"]) + 4, f"Base {percent(band['value'])}", color=NEUTRAL
+            ),
+        ]
+    for tick in range(0, 101, 20):
+        shapes += [
+            line(_LEFT, _up(tick / 100), _LEFT + _WIDTH, _up(tick / 100)),
+            text(_LEFT - 8, _up(tick / 100) + 4, f"{tick}%", "end", 11, MUTED),
+        ]
+    for place, words in ticks:
+        shapes.append(text(_across(place), _ABOVE + _HEIGHT + 18, words, "middle", 11, MUTED))
+    shapes.append(text(_LEFT + _WIDTH / 2, _ABOVE + _HEIGHT + 40, axis, "middle", 12, MUTED))
+    for index, series in enumerate(lines):
+        shapes += _series(series, 4.0 * index)
+        shapes += [
+            circle(_LEFT + 90 * index + 6, 14, 5, series.color),
+            text(_LEFT + 90 * index + 16, 18, series.name),
+        ]
+    return document(_LEFT + _WIDTH + 120, _ABOVE + _HEIGHT + 52, title, shapes)
+
+
+def _series(series: Series, aside: float) -> list[str]:
+    """Points with intervals, joined; moved aside a little so that equal ones are both seen."""
+    shapes: list[str] = []
+    spots = [(_across(place) + aside, rate) for place, rate in series.points]
+    for (x, rate), (next_x, following) in pairwise(spots):
+        shapes.append(line(x, _up(rate["value"]), next_x, _up(following["value"]), series.color, 1.5))
+    for x, rate in spots:
+        shapes += [
+            line(x, _up(rate["lower"]), x, _up(rate["upper"]), series.color, 2.5),
+            circle(x, _up(rate["value"]), 5, series.color),
+        ]
+    return shapes
+
+
+def _across(place: float) -> float:
+    return _LEFT + _WIDTH * place
+
+
+def _up(rate: float) -> float:
+    return _ABOVE + _HEIGHT * (1 - rate)
+
+
+def _signed(value: float) -> float:
+    return _LABEL + _PLOT * (value + 1) / 2

@@ -1,0 +1,1 @@
+"""Writers of a report: terminal, Markdown, JUnit, CSV, LaTeX, figures."""

@@ -1,0 +1,188 @@
+"""The files of a finished run, computed from its ``pairs.jsonl`` and from nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.build import REPORT_VERSION, build_report
+from pytest_libero_max.report.page.case_table import run_cases
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.studies.study_figures import study_figures
+from pytest_libero_max.report.writers import raster
+from pytest_libero_max.report.writers.figures import FIGURES
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.runs.lock import require_ended
+from pytest_libero_max.runs.media import TRACES_NAME, VIEWS, films_in, kept_beside, pictures_in
+from pytest_libero_max.runs.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
+from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, pairs_file, read_pairs
+from pytest_libero_max.runs.strict_json import decode_json
+
+REPORT_NAME = "report.json"
+MARKDOWN_NAME = "report.md"
+HTML_NAME = "report.html"
+
+
+def report_of(stored: StoredRun) -> Json:
+    """The report of a run as read from disk.
+
+    Raises:
+        ReportError: The run contradicts itself.
+    """
+    return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
+
+
+def write_reports(
+    folder: Path,
+    amend: Callable[[Json], Json] | None = None,
+    on_problem: Callable[[str], object] | None = None,
+) -> tuple[Json, list[Path]]:
+    """Compute the report of the run in ``folder`` and write it beside its pairs.
+
+    Args:
+        folder: The folder of the run.
+        amend: Returns the report with sections of the user's own.
+        on_problem: Told of each file that cannot be made or written. None: the first one is an error.
+
+    Returns:
+        The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.
+        ``outcomes.json``, which makes comparisons fast, is written as well.
+
+    Raises:
+        ReportError: The pairs cannot be read, or the files not be written.
+    """
+    pairs_path = folder / PAIRS_NAME
+    digest = file_digest(pairs_path) if pairs_path.is_file() else ""  # before reading: it may still grow
+    stored = read_pairs(folder)
+    report = report_of(stored)
+    if amend is not None:
+        report = amend(report)
+    files: dict[str, Callable[[], str]] = {
+        REPORT_NAME: lambda: report_json(report),
+        MARKDOWN_NAME: lambda: markdown(report),
+        HTML_NAME: lambda: run_page(report, stored, folder),
+        OUTCOMES_NAME: lambda: outcomes_json(RunOutcomes.of(stored), digest),
+    }
+    written = [pairs_file(folder)]
+    for name, text in files.items():
+        try:
+            write_text(folder / name, text())
+        except Exception as error:
+            if on_problem is None:
+                raise
+            on_problem(str(error) if isinstance(error, ReportError) else f"No {name}: {error!r}")
+        else:
+            written.append(folder / name)
+    return report, [path for path in written if path.name != OUTCOMES_NAME]
+
+
+def run_page(report: Json, stored: StoredRun, folder: Path) -> str:
+    """The content of ``report.html``, with links to the films and pictures in the folder of the run."""
+    regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
+    films: dict[str, list[str]] = {}
+    for view in VIEWS:
+        for item, film in films_in(folder, view).items():
+            films.setdefault(item, []).append(film)
+    measured = {record.item_id for record in stored.records}
+    films = {item: films[item] for item in sorted(measured & films.keys())}
+    cases = run_cases(stored, films, pictures_in(folder), TRACES_NAME in kept_beside(folder))
+    return html(report, regressions, replay_command(stored), films, stored, cases, pairs_file(folder).name)
+
+
+def write_figures(report: Json, folder: Path) -> list[Path]:
+    """Write the figures of a report into an existing folder: as SVG, and as PNG where the extra is installed.
+
+    Raises:
+        ReportError: They cannot be written.
+    """
+    return write_drawings(all_figures(report), folder)
+
+
+def all_figures(report: Json) -> dict[str, str]:
+    """The SVG documents of a report by the stem of their file name, those of its study included."""
+    figures = {stem: draw(report) for stem, draw in FIGURES.items()}
+    return figures | study_figures(report.get("study"))
+
+
+def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:
+    """Write SVG documents by the stem of their file name, as PNG as well where the extra is installed.
+
+    Raises:
+        ReportError: They cannot be written.
+    """
+    files = {f"{stem}.svg": svg.encode() for stem, svg in documents.items()}
+    if raster.available():
+        files |= {f"{stem}.png": raster.png_of(svg) for stem, svg in documents.items()}
+    for name, content in files.items():
+        write_bytes(folder / name, content)
+    return [folder / name for name in files]
+
+
+def report_json(report: Json) -> str:
+    """The content of ``report.json``: fields in the report's order, a final newline."""
+    return json.dumps(report, indent=1, allow_nan=False) + "\n"
+
+
+def read_report(path: Path) -> Json:
+    """Read a ``report.json`` (or the one in a folder).
+
+    Raises:
+        ReportError: It is missing, is not a report, or is of another schema version.
+    """
+    if path.is_dir():
+        path = path / REPORT_NAME
+    require_ended(path.parent)
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise ReportError(
+            f"Cannot read {path}: {error}. Give a report.json or the folder of a run."
+        ) from error
+    try:
+        report = decode_json(content, "Compute it again from its pairs.jsonl.")
+    except ReportError as error:
+        raise ReportError(f"{path}: {error}") from error
+    version = report.get("schema_version") if isinstance(report, dict) else None
+    if version != REPORT_VERSION:
+        raise ReportError(
+            f"{path} has schema_version={version!r}, but this version reads {REPORT_VERSION}. "
+            "Compute it again from its pairs.jsonl."
+        )
+    return dict(report)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above it, where it is missing.
+
+    Raises:
+        ReportError: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ReportError(f"Cannot make {folder}: {error}. Give a folder you can write to.") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file so that a reader sees the old content or the new, never half of it.
+
+    Raises:
+        ReportError: It cannot be written.
+    """
+    write_bytes(path, text.encode(errors="backslashreplace"))  # a name may hold what UTF-8 does not know
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """:func:`write_text` for any content."""
+    partial = path.with_name(path.name + ".partial")
+    try:
+        partial.write_bytes(content)
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise ReportError(f"Cannot write {path}: {error}. Give a folder you can write to.") from error

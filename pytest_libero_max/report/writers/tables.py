@@ -1,0 +1,84 @@
+"""The report's breakdowns as CSV for spreadsheets and LaTeX for papers."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.columns import COLUMNS, columns_in, headings
+from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.writers.summary import title_text
+
+ALL_PAIRS = "overall"
+
+
+def csv_text(report: Json) -> str:
+    """One row for the run and for every group, one column or three (estimate and interval) for each quantity.
+
+    After the groups come the unweighted mean over source categories (``macro``), for every source the
+    category of lowest Base success and of largest loss, and the two variants of the largest split.
+
+    Rates are fractions; a value that does not exist is empty.
+    """
+    buffer = io.StringIO()
+    rows = [dict(cells) for cells in _csv_rows(report)]
+    writer = csv.DictWriter(buffer, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def _csv_rows(report: Json) -> Iterator[Json]:
+    yield _csv_row(ALL_PAIRS, ALL_PAIRS, report["overall"])
+    for dimension in DIMENSIONS:
+        for group, row in report["by"][dimension].items():
+            yield _csv_row(dimension, group, row)
+    yield _macro_row(report["macro"]["category"])
+    for source, extremes in report["extremes"].items():
+        for what, group in extremes.items():
+            yield _csv_row(f"{what}.{source}", group, report["by"]["category"][group])
+    if report["largest_split"] is not None:
+        event = report["largest_split"]["event"]
+        for variant in report["largest_split"]["dynamic_success"]:
+            group = f"{event}-{variant}"
+            yield _csv_row("largest_split", group, report["by"]["variant"][group])
+
+
+def _macro_row(macro: Json) -> Json:
+    rates = {name: macro[name] for name in ("base_success", "dynamic_success", "paired_change")}
+    return {"dimension": "macro", "group": "category", **rates}
+
+
+def _csv_row(dimension: str, group: str, row: Json) -> Json:
+    values: Json = {"dimension": dimension, "group": group}
+    for column in COLUMNS:
+        values |= column.numbers(row)
+    return values
+
+
+def latex_text(report: Json, dimension: str = "event") -> str:
+    """A ``tabular`` of one breakdown in percent and percentage points, with the whole run as its last row."""
+    columns = columns_in("narrow")
+    rows = [*report["by"][dimension].items(), ("All pairs", report["overall"])]
+    head = (DIMENSIONS[dimension].title, *headings("narrow"))
+    lines = [
+        f"% {_escaped(title_text(report))}",
+        "% Percent; changes in percentage points with their 95% interval.",
+        *(f"% {_escaped(note)}" for note in [report["substrate"]["note"]] if note),
+        rf"\begin{{tabular}}{{l{'r' * len(columns)}}}",
+        r"\hline",
+        rf"{' & '.join(head)} \\",
+        r"\hline",
+    ]
+    for index, (group, row) in enumerate(rows):
+        if index == len(rows) - 1:
+            lines.append(r"\hline")
+        cells = (_escaped(group), *(column.latex(row) for column in columns))
+        lines.append(rf"{' & '.join(cells)} \\")
+    return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
+
+
+def _escaped(text: str) -> str:
+    return "".join(f"\\{letter}" if letter in "&%$#_{}" else letter for letter in text)

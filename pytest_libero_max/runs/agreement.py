@@ -1,0 +1,138 @@
+"""What has to agree: the pairs of a run with its plan and each other, and the pieces of one measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import OtherRunError, ReportError
+from pytest_libero_max.pairing.fields import shown
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record_checks import IDENTITY
+from pytest_libero_max.runs.plan import Run
+
+MACHINE = ("gl", "gl_device", "blas")
+"""Fingerprints in which pairs of one measurement may differ: what draws, and the kind of processor."""
+
+_MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
+"""What makes pieces one measurement."""
+
+PLACES = ("case_set.path", "policy.profile", "substrate.roots", "substrate.assets")
+"""Where things lie on a machine; what they are is told by digests."""
+
+
+class Agreement:
+    """Checks that the pairs of a run are pairs of it: as planned, and all played with the same.
+
+    Args:
+        run: The plan and the provenance.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._planned = {pair.case_id: pair for pair in run.planned}
+        self._measured: dict[str, str] = {}
+        self._first: PairRecord | None = None
+
+    def add(self, pair: PairRecord | PairError, where: str) -> None:
+        """Take in the next pair.
+
+        Args:
+            pair: A record or an error.
+            where: Names it when a later pair contradicts it.
+
+        Raises:
+            OtherRunError: It was played with another policy, other versions or another substrate.
+            ReportError: It was not planned, or not as it says it is, or has been measured before.
+        """
+        planned = self._planned.get(pair.case_id)
+        if planned is None:
+            raise ReportError(
+                f"case_id={shown(pair.case_id)} was played but not planned; a report keeps the planned "
+                "denominator. Use the manifest of the run."
+            )
+        names = IDENTITY if isinstance(pair, PairRecord) else ("item_id", "case_digest")
+        for name in names:
+            if getattr(pair, name) != getattr(planned, name):
+                raise ReportError(
+                    f"{name}={shown(getattr(pair, name))} of case_id={pair.case_id!r}, but planned was "
+                    f"{shown(getattr(planned, name))}: another case was played. Play it again."
+                )
+        if pair.case_id in self._measured:
+            raise ReportError(
+                f"case_id={pair.case_id!r} was measured before ({self._measured[pair.case_id]}); a case "
+                "counts once. Keep one of the records."
+            )
+        if isinstance(pair, PairRecord):
+            if self._first is None:
+                _require_header(self._run, pair)
+                self._first = pair
+            require_same_play(self._first, pair)
+            self._measured[pair.case_id] = where
+
+
+def require_same_play(first: PairRecord, other: PairRecord) -> None:
+    """Check that two pairs were played by the same policy and with the same instruments.
+
+    Raises:
+        OtherRunError: They were not; names every difference.
+    """
+    if first.policy == other.policy and first.fingerprints == other.fingerprints:
+        return
+    different = [
+        *differences("policy", first.policy, other.policy),
+        *differences("fingerprints", first.fingerprints, other.fingerprints, MACHINE),
+    ]
+    if different:
+        raise OtherRunError(
+            f"{first.item_id!r} and {other.item_id!r} were played with different things: "
+            f"{'; '.join(different)}. All pairs of a run are played by one policy with the same instruments. "
+            "Compare runs instead of mixing them."
+        )
+
+
+def _require_header(run: Run, record: PairRecord) -> None:
+    """Check that a record was played with what the header of its run names."""
+    asked, versions = run.provenance["policy"], run.provenance["versions"]
+    strength = run.provenance["protocol"].get("strength")
+    adaptive = asked.get("adaptive") is not None  # then the record holds H and Q of the wrapper
+    header = {
+        ("policy", "horizon"): None if adaptive else asked.get("horizon"),
+        ("policy", "query_interval"): None if adaptive else asked.get("query_interval"),
+        ("fingerprints", "adapter"): asked.get("code"),
+        ("fingerprints", "strength"): None if strength is None else f"{strength:g}",
+        ("fingerprints", "substrate"): run.provenance["substrate"]["name"],
+        **{("fingerprints", name): version for name, version in versions.items()},
+    }
+    for (part, name), wanted in header.items():
+        values = getattr(record, part)
+        if wanted is not None and name in values and values[name] != wanted:
+            raise OtherRunError(
+                f"{record.item_id!r} was played with {part}.{name}={shown(values[name])}, but the first line "
+                f"of its run says {shown(wanted)}. Play it again."
+            )
+
+
+def run_differences(one: Run, other: Run) -> list[str]:
+    """What makes two runs two measurements, for example ``versions.numpy: '2.3', '2.4'``."""
+    return [
+        text
+        for part in _MUST_AGREE
+        for text in differences(part, one.provenance.get(part, {}), other.provenance.get(part, {}), PLACES)
+    ]
+
+
+def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) -> list[str]:
+    """The fields in which two objects differ, with both values; those that only one of them has included.
+
+    Args:
+        part: Name of the objects.
+        one: The values that are named first.
+        other: The values that are named second.
+        ignored: Fields that may differ, by name or as ``part.name``.
+    """
+    return [
+        f"{part}.{name}: {shown(one.get(name))}, {shown(other.get(name))}"
+        for name in sorted({*one, *other})
+        if one.get(name) != other.get(name) and name not in ignored and f"{part}.{name}" not in ignored
+    ]

@@ -1,0 +1,238 @@
+"""Follows a run from its folder alone, also from another machine that shares the folder. Alters nothing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pytest_libero_max.benchmark.documents import Json, read_content
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.runs.lock import SeenMark, read_mark
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.progress import (
+    PairCounts,
+    Progress,
+    duration,
+    letters_text,
+    pace_parts,
+    pace_words,
+    playing_lines,
+    progress_text,
+)
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, decode_line
+
+State = Literal["running", "ended", "killed", "unknown"]
+
+_LONGEST_S = 1e9
+"""No run has lasted for thirty years."""
+
+QUIET_S = 600.0
+"""A run that has noted nothing for so long is said to be quiet. A pair takes seconds to minutes."""
+
+
+def note_of(
+    began: float,
+    now: float,
+    before: int,
+    playing: Mapping[str, float],
+    workers: Mapping[str, str] | None = None,
+) -> Json:
+    """What a run notes for its watchers, in seconds since the epoch of its own clock.
+
+    Args:
+        began: When this session began to play.
+        now: Now.
+        before: Pairs that a resumed run had already.
+        playing: When each pair was begun that is being played, by item id.
+        workers: Which worker plays it, by item id, where there are several.
+    """
+    note: Json = {"began": began, "now": now, "before": before, "playing": dict(playing)}
+    return (
+        {**note, "workers": {name: workers[name] for name in playing if name in workers}} if workers else note
+    )
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A run as it is seen at one moment.
+
+    Attributes:
+        folder: Where.
+        run: Its plan and provenance.
+        progress: How far it is.
+        mark: Its mark; None where it has ended.
+    """
+
+    folder: Path
+    run: Run
+    progress: Progress
+    mark: SeenMark | None
+
+    @property
+    def state(self) -> State:
+        """Whether it plays. ``unknown``: its lock, or that of another machine, may not be seen from here."""
+        if self.mark is None:
+            return "ended"
+        if self.mark.locked:
+            return "running"
+        return "killed" if self.mark.here and self.mark.locked is False else "unknown"
+
+    @property
+    def complete(self) -> bool:
+        """Whether every planned pair is measured."""
+        return self.progress.counts.measured >= self.progress.planned
+
+    def lines(self, now: float | None = None) -> list[str]:
+        """What there is to say of it, for people.
+
+        Args:
+            now: Seconds since the epoch, for when it will be ready; None: leave that out.
+        """
+        progress = self.progress
+        policy = self.run.provenance["policy"]["reference"]
+        lines = [
+            f"{self.folder}: {policy} on {self.run.provenance['case_set']['name']}, {self._state_text()}"
+        ]
+        pace = pace_parts(progress, now) if self._seems_to_play else []
+        lines.append(", ".join([f"{progress.done} of {progress.planned} pairs", *pace]))
+        lines.append(letters_text(progress.counts))
+        return lines + (playing_lines(progress) if self._seems_to_play else [])
+
+    @property
+    def _seems_to_play(self) -> bool:
+        """Whether it plays, or said so a short while ago where its lock cannot be seen."""
+        heard = self.mark is not None and self.mark.age_s <= QUIET_S
+        return self.state == "running" or (self.state == "unknown" and heard)
+
+    def _state_text(self) -> str:
+        if self.mark is None:
+            return "ended" if self.complete else f"ended incomplete: {self._lacks()}"
+        owner, ago = self.mark.owner, duration(self.mark.age_s)
+        if self.state == "running":
+            return f"running ({owner})" + (f", quiet for {ago}" if self.mark.age_s > QUIET_S else "")
+        if self.state == "unknown":
+            return (
+                f"last heard of {ago} ago ({owner}). Whether that process still plays cannot be seen "
+                "from here"
+            )
+        return f"killed before it ended ({owner}, {ago} ago). Give its command again with --libero-max-resume"
+
+    def _lacks(self) -> str:
+        missing = self.progress.planned - self.progress.done
+        errors = self.progress.done - self.progress.counts.measured
+        words = [f"{missing} missing"] if missing else []
+        return ", ".join(words + ([f"{errors} with an error"] if errors else []))
+
+
+def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
+    """A line for each of several runs, for example the shards of one, and a line for all of them.
+
+    Args:
+        runs: Which.
+        now: Seconds since the epoch, for when they will be ready; None: leave that out.
+    """
+    lines = [f"{seen.lines()[0]}, {progress_text(seen.progress)}" for seen in runs]
+    together = PairCounts()
+    for seen in runs:  # the same pair may be one of several runs
+        counts = seen.progress.counts
+        together.letters |= {f"{seen.folder} {name}": letter for name, letter in counts.letters.items()}
+        together.errors += counts.errors
+    playing = [seen.progress for seen in runs if seen.state == "running"]
+    pace = sum(progress.per_minute or 0.0 for progress in playing)
+    left = max((progress.seconds_left or 0.0 for progress in playing), default=0.0)
+    words = [
+        f"{len(together.letters)} of {sum(seen.progress.planned for seen in runs)} pairs of {len(runs)} runs"
+    ]
+    words += pace_words(pace, left, now) if pace else []
+    return [*lines, ", ".join([*words, letters_text(together)])]
+
+
+class Follower:
+    """Reads the pairs of a run as they are written, each once.
+
+    Args:
+        folder: The output folder of the run.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._begin_again()
+
+    def _begin_again(self) -> None:
+        self._file: tuple[int, int] | None = None
+        self._read = 0
+        self._lines = 0
+        self._run: Run | None = None
+        self._counts = PairCounts()
+
+    def look(self) -> Seen:
+        """What is to be seen now.
+
+        Raises:
+            ReportError: There is no run in the folder, or a line of it is damaged.
+        """
+        mark = read_mark(self._folder)  # first: what is written before it goes is all there is
+        self._read_on()
+        if self._run is None:
+            raise ReportError(
+                f"{self._folder} holds no run that has begun. Give the output folder of one "
+                f"(--libero-max-output, in which {PAIRS_NAME} is)."
+            )
+        return Seen(self._folder, self._run, self._progress(mark), mark)
+
+    def _progress(self, mark: SeenMark | None) -> Progress:
+        planned = self._counts.to_play
+        noted = {} if mark is None else mark.noted
+        try:
+            began, now = float(noted["began"]), float(noted["now"])
+            since = {str(name): now - float(begun) for name, begun in noted["playing"].items()}
+            before = int(noted["before"])
+            workers = {str(name): str(worker) for name, worker in noted.get("workers", {}).items()}
+        except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
+            return Progress(planned, self._counts)
+        if not all(abs(number) < _LONGEST_S for number in (now - began, before, *since.values())):
+            return Progress(planned, self._counts)  # no clock says that, NaN included
+        age_s = mark.age_s if mark is not None else 0.0
+        playing = {name: seconds + age_s for name, seconds in since.items()}
+        return Progress(planned, self._counts, before, now - began + age_s, playing, workers)
+
+    def _read_on(self) -> None:
+        plain, packed = self._folder / PAIRS_NAME, self._folder / PACKED_PAIRS_NAME
+        try:
+            if packed.exists() and not plain.exists():
+                self._begin_again()
+                self._take(read_content(packed))
+                return
+            with plain.open("rb") as file:
+                status = os.fstat(file.fileno())
+                if self._file != (status.st_dev, status.st_ino) or status.st_size < self._read:
+                    self._begin_again()  # another run has begun in the folder
+                    self._file = status.st_dev, status.st_ino
+                file.seek(self._read)
+                self._take(file.read())
+        except FileNotFoundError:
+            self._begin_again()
+        except (OSError, ValueError) as error:
+            raise ReportError(f"Cannot read the pairs in {self._folder}: {error}.") from error
+
+    def _take(self, content: bytes) -> None:
+        """Read the complete lines of what has been added."""
+        whole = content[: content.rfind(b"\n") + 1]
+        for line in whole.splitlines():
+            self._lines += 1
+            try:
+                kind, values = decode_line(line)
+                if kind == "run":
+                    self._run = Run.from_dict(values)
+                    self._counts.planned = self._run.planned
+                elif kind == "pair":
+                    self._counts.add(PairRecord.from_dict(values))
+                else:
+                    self._counts.add(PairError.from_dict(values))
+            except ReportError as error:
+                raise ReportError(f"{self._folder / PAIRS_NAME}, line {self._lines}: {error}") from error
+        self._read += len(whole)

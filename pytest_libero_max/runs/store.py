@@ -1,0 +1,411 @@
+"""``pairs.jsonl``: the durable record of a run, from which every reported number can be recomputed.
+
+The first line is the run (``"line": "run"``: provenance and the planned pairs), every other line a measured
+pair (``"line": "pair"``) or a pair that could not be measured (``"line": "error"``). Only the controller
+writes it, a line at a time, and a line is on the disk before the next pair is dealt with.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, replace
+from io import FileIO
+from pathlib import Path
+
+from pytest_libero_max.benchmark.documents import Json, read_content
+from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
+from pytest_libero_max.pairing.fields import shown
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.runs.agreement import Agreement, run_differences
+from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
+from pytest_libero_max.runs.lock import Mark, require_ended, require_free
+from pytest_libero_max.runs.media import kept_beside
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.strict_json import decode_json
+
+PAIRS_NAME = "pairs.jsonl"
+PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
+"""The same file in a published run; it is read, never written to."""
+
+COMPUTED_NAMES = ("report.json", "report.md", "report.html", "outcomes.json", "badge.json")
+"""What is computed from the pairs and lies beside them."""
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A ``pairs.jsonl`` as read.
+
+    Attributes:
+        run: The plan and provenance of its first line.
+        records: Measured pairs in the order of the file.
+        errors: Pairs that could not be measured, in the order of the file. A case played again after an
+            error has both; its record counts.
+        torn: Whether the last line was cut off by a kill and has been left out.
+        damaged: Lines that cannot be what a run has written, left out as well. Only a run that is to go on
+            is read like this; to any other reader such a line is an error.
+        state: Of the file when it was read, where the run is to go on.
+    """
+
+    run: Run
+    records: tuple[PairRecord, ...]
+    errors: tuple[PairError, ...]
+    torn: bool
+    damaged: tuple[DamagedLine, ...] = ()
+    state: FileState | None = None
+
+    @property
+    def measured(self) -> frozenset[str]:
+        """Ids of the cases that need not be played again."""
+        return frozenset(record.case_id for record in self.records)
+
+
+class PairStore:
+    """Appends pairs to ``pairs.jsonl``.
+
+    The run begins with the first pair, or with :meth:`begin`, and ends with :meth:`close`. In between the
+    folder is marked as one whose run is in progress. The file of an earlier run is set aside as
+    ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written over, and so are its traces and films
+    (``traces.1``, ``films.1``); the reports of that run are removed.
+
+    Args:
+        folder: Output folder; made if missing.
+        run: What the first line says.
+
+    Raises:
+        OptionError: The folder cannot be written to, or another run is in progress in it. Found here, before
+            anything is played.
+    """
+
+    def __init__(self, folder: Path, run: Run) -> None:
+        self.path = folder / PAIRS_NAME
+        self._run = run
+        self._file: FileIO | None = None
+        self._mark: Mark | None = None
+        self._agreement = Agreement(run)
+        self._append_to_existing = False
+        self._resumed: StoredRun | None = None
+        self._broken = False
+        require_writable(folder)
+        require_free(folder)
+
+    @classmethod
+    def resume(
+        cls, folder: Path, run: Run, stored: StoredRun | None = None
+    ) -> tuple[PairStore, StoredRun | None]:
+        """Continue the run in ``folder``, or begin it where there is none.
+
+        Damaged lines are taken out of the file when the run begins, and kept beside it; see
+        :func:`.damaged_lines.set_lines_aside`.
+
+        Args:
+            folder: Output folder.
+            run: What is to go on.
+            stored: What :func:`read_to_resume` has read there; None to read it now.
+
+        Returns:
+            The store and what it already holds, None for a new run.
+
+        Raises:
+            ReportError: The folder holds a run of other cases, or of another policy, or one that was played
+                with something else that changes results; names every difference. Or the first line is
+                damaged, which says what the run is.
+            OptionError: The folder cannot be written to, or another run is in progress in it.
+        """
+        store = cls(folder, run)
+        stored = stored or read_to_resume(folder)
+        if stored is None:
+            return store, None
+        _require_same_run(stored.run, run, store.path)
+        for record in stored.records:
+            store._agreement.add(record, str(store.path))
+        store._append_to_existing = True
+        store._resumed = stored
+        return store, stored
+
+    def begin(self) -> None:
+        """Mark the folder, set aside what an earlier run left there, and write the first line.
+
+        Raises:
+            OptionError: Another run is in progress in the folder, or has played there since this one looked.
+            DiskError: The folder cannot be written to any more.
+        """
+        if self._mark is None:
+            self._mark = Mark(self.path.parent)
+        try:
+            if self._append_to_existing:
+                self._repair()
+                self._file = self.path.open("a+b", buffering=0)
+                return
+            if self.path.exists():
+                _set_aside(self.path)
+                for name in COMPUTED_NAMES:
+                    (self.path.parent / name).unlink(missing_ok=True)
+            self._file = self.path.open("w+b", buffering=0)
+        except OSError as error:
+            raise DiskError(
+                f"Cannot write {self.path}: {error}. Make room, or give a folder you can write to."
+            ) from error
+        self._write_line(_line("run", self._run.to_dict()))
+
+    def _repair(self) -> None:
+        """Take damaged lines out of the file, which nobody else can have altered behind the lock."""
+        stored = self._resumed
+        if stored is None:
+            return
+        if FileState.of(self.path) != stored.state:
+            raise OptionError(
+                f"{self.path} was written by another run since this one looked. Give the command again."
+            )
+        if stored.damaged or stored.torn:
+            set_lines_aside(self.path, {line.number for line in stored.damaged})
+        self._resumed = None
+
+    def append(self, pair: PairRecord | PairError) -> None:
+        """Write one pair and wait until the disk has it.
+
+        Raises:
+            DiskError: The file cannot be written any more.
+            OtherRunError: The pair was played with something else than the run's other pairs.
+            ReportError: The pair is not one of the run's, was measured before, or holds what JSON does not
+                know.
+        """
+        line = _line("pair" if isinstance(pair, PairRecord) else "error", pair.to_dict())
+        self._agreement.add(pair, "now")
+        self._write_line(line)
+
+    def note(self, progress: Json) -> None:
+        """Note for whoever watches the folder how far the run is; see :class:`.following.Follower`."""
+        if self._mark is not None:
+            self._mark.note(progress)
+
+    def close(self) -> None:
+        """End the run; one without a pair still gets its first line.
+
+        Raises:
+            DiskError: The file cannot be written any more.
+        """
+        try:
+            if self._file is None:
+                self.begin()
+            elif self._is_gone():
+                self._write_again()
+        except OSError as error:
+            raise DiskError(f"Cannot write {self.path}: {error}.") from error
+        finally:
+            if self._file is not None:
+                self._file.close()
+            if self._mark is not None:
+                self._mark.remove()
+            self._file = self._mark = None
+            self._append_to_existing = True
+
+    def _write_line(self, line: bytes) -> None:
+        if self._file is None:
+            self.begin()
+        assert self._file is not None
+        if self._broken:
+            raise DiskError(
+                f"Cannot write {self.path}: an earlier write failed, and a line behind it could not be read. "
+                "Make room and resume."
+            )
+        try:
+            if self._is_gone():
+                self._write_again()
+            if self._file.write(line) != len(line):
+                raise OSError("only a part of the line was written")
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._broken = True
+            raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
+
+    def _is_gone(self) -> bool:
+        """Whether somebody has removed the file, which lives on as long as it is open."""
+        assert self._file is not None
+        return os.fstat(self._file.fileno()).st_nlink == 0
+
+    def _write_again(self) -> None:
+        assert self._file is not None
+        self._file.seek(0)
+        content = self._file.read()
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        if self._mark is not None and not self._mark.path.exists():
+            self._mark.remove()
+            self._mark = Mark(self.path.parent)
+        again = self.path.open("w+b", buffering=0)
+        again.write(content)
+        self._file.close()
+        self._file = again
+
+
+def _line(kind: str, values: Json) -> bytes:
+    try:
+        text = json.dumps({"line": kind, **values}, separators=(",", ":"), allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ReportError(
+            f"case_id={values.get('case_id')!r} holds a value JSON does not know ({error}); what leaves "
+            "a worker are finite numbers, text, lists and objects."
+        ) from error
+    return text.encode() + b"\n"
+
+
+def _set_aside(path: Path) -> None:
+    """Rename the pairs of an earlier run, and its traces and films, with the next number that is free."""
+    folder = path.parent
+    beside = kept_beside(folder)
+    named = [
+        *folder.glob("pairs.[0-9]*.jsonl"),
+        *(old for name in beside for old in folder.glob(f"{name}.*")),
+    ]
+    numbers = [int(part) for old in named if (part := old.name.split(".")[1]).isdecimal()]
+    number = max(numbers, default=0) + 1
+    path.replace(path.with_name(f"pairs.{number}.jsonl"))
+    damaged = path.with_name(DAMAGED_NAME)
+    if damaged.exists():
+        damaged.replace(path.with_name(f"pairs.{number}.damaged"))
+    for name in beside:
+        (folder / name).rename(folder / f"{name}.{number}")
+
+
+def pairs_file(path: Path) -> Path:
+    """The pairs of a run: those in a folder, packed where only these are there, or the file itself."""
+    if not path.is_dir():
+        return path
+    plain, packed = path / PAIRS_NAME, path / PACKED_PAIRS_NAME
+    return packed if packed.exists() and not plain.exists() else plain
+
+
+def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
+    """Read a ``pairs.jsonl`` or ``pairs.jsonl.gz`` (or the one in a folder), and check all that it says.
+
+    A last line without its line end was torn by a kill: it is left out, and ``torn`` says so. Damage
+    anywhere else is an error, and so are a value that a field cannot hold and values that contradict each
+    other.
+
+    Args:
+        path: The file, or its folder.
+        ended: Whether the run has to have ended. False: read what there is of one that was stopped.
+
+    Raises:
+        ReportError: The file is missing, its run is in progress or was killed, or a line is damaged; names
+            the line.
+    """
+    path = pairs_file(path)
+    if ended and path.name == PAIRS_NAME:
+        require_ended(path.parent)
+    stored = _read(path)
+    if stored.damaged:
+        raise ReportError(f"{path}, {stored.damaged[0]} {_CURE}")
+    return stored
+
+
+_CURE = (
+    "Give the command of the run again with --libero-max-resume: it sets the line aside and plays the pair "
+    "again."
+)
+
+
+def _read(path: Path) -> StoredRun:
+    """Read all lines that are what a run writes.
+
+    Raises:
+        ReportError: The file cannot be read, or its first line is damaged.
+        OtherRunError: A line is of another run.
+    """
+    try:
+        content = read_content(path)
+    except (OSError, ValueError) as error:
+        raise ReportError(
+            f"Cannot read {path}: {error}. Give a folder in which a run has written {PAIRS_NAME}."
+        ) from error
+    *lines, rest = content.split(b"\n")
+    if not lines:
+        raise ReportError(f"{path} holds no complete line: its run ended before the first pair.")
+    records: list[PairRecord] = []
+    errors: list[PairError] = []
+    damaged: list[DamagedLine] = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            kind, values = decode_line(line)
+            if (kind == "run") != (number == 1):
+                raise ReportError(f"line={kind!r}, but the run is the first line and the first line only.")
+            if kind == "run":
+                run = Run.from_dict(values)
+                agreement = Agreement(run)
+                continue
+            pair = PairRecord.from_dict(values) if kind == "pair" else PairError.from_dict(values)
+            agreement.add(pair, f"line {number}")
+        except OtherRunError as error:
+            raise OtherRunError(f"{path}, line {number}: {error}") from error
+        except ReportError as error:
+            if number == 1:
+                raise ReportError(
+                    f"{path}, line 1: {error} The first line says what the run is, and the others mean "
+                    "nothing without it: put it back from a copy, or choose another output folder."
+                ) from error
+            damaged.append(DamagedLine(number, str(error)))
+            continue
+        if isinstance(pair, PairRecord):
+            records.append(pair)
+        else:
+            errors.append(pair)
+    return StoredRun(run, tuple(records), tuple(errors), torn=bool(rest), damaged=tuple(damaged))
+
+
+def read_to_resume(folder: Path) -> StoredRun | None:
+    """What a folder holds of a run that may go on; None where it holds not even the whole first line.
+
+    Raises:
+        ReportError: The first line is damaged, or another line is of another run; names the line.
+    """
+    path = folder / PAIRS_NAME
+    state = FileState.of(path)
+    if state is None:
+        return None
+    with path.open("rb") as file:
+        begun = file.readline().endswith(b"\n")
+    return replace(_read(path), state=state) if begun else None
+
+
+def decode_line(line: bytes) -> tuple[str, Json]:
+    """What a line is, ``run``, ``pair`` or ``error``, and what it holds.
+
+    Raises:
+        ReportError: It is none of them.
+    """
+    values = decode_json(line, "The line is damaged.")
+    kind = values.pop("line", None) if isinstance(values, dict) else None
+    if kind not in ("run", "pair", "error"):
+        raise ReportError(f"line={shown(kind)}, but must be 'run', 'pair' or 'error'.")
+    return kind, values
+
+
+def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:
+    if stored.planned != wanted.planned:
+        raise ReportError(
+            f"{path} was planned with other cases ({len(stored.planned)} then, {len(wanted.planned)} now). "
+            "Resume with the same track, manifest and selection, or choose another output folder."
+        )
+    different = run_differences(stored, wanted)
+    if different:
+        raise ReportError(
+            f"{path} was played with something else than now (then, now): {'; '.join(different)}. Resume "
+            "with the same, or choose another output folder."
+        )
+
+
+def require_writable(folder: Path) -> None:
+    """Make the folder if it is missing and try to write to it.
+
+    Raises:
+        OptionError: It cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".write-probe"
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        raise OptionError(
+            f"Output folder {str(folder)!r} cannot be written to: {error}. Give a folder you can write to."
+        ) from error

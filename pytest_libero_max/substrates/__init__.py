@@ -1,0 +1,1 @@
+"""Substrates: each builds worlds, and has its catalogue of source variations."""

@@ -1,0 +1,303 @@
+"""A floor plan of each task: what stands where on the table or floor, and where there is free space.
+
+Worked out from the task tables and the designs of the objects; no simulator is involved. What stands
+somewhere is a rectangle, wide enough for every initial state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena
+from pytest_libero_max.substrates.embedded.objects import category
+from pytest_libero_max.substrates.embedded.objects.base import Link
+from pytest_libero_max.tasks.libero_tasks import Task, category_of
+from pytest_libero_max.tasks.libero_tasks import task as task_of
+from pytest_libero_max.worlds import rotations
+from pytest_libero_max.worlds.contract import Array
+
+MIN_REACH_M, MAX_REACH_M = 0.38, 0.78
+"""Horizontal distances from the robot's base between which what it has to handle must stand."""
+
+_AREA = (-0.45, 0.36, -0.45, 0.45)
+"""Range of x and y in which objects are put, m, world."""
+
+_EDGE_M = 0.06
+
+_ROUND = {
+    "akita_black_bowl",
+    "alphabet_soup",
+    "glazed_rim_porcelain_ramekin",
+    "plate",
+    "tomato_sauce",
+    "wine_bottle",
+}
+
+# Half the width of agentview's picture at unit distance, less a margin.
+_HALF_VIEW = 0.94 * math.tan(math.radians(22.5))
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """A rectangle or a disc on the table or floor.
+
+    Attributes:
+        x: Of its middle, m, world.
+        y: Of its middle, m, world.
+        half_x: Half its side along its own x axis, m.
+        half_y: Half its side along its own y axis, m.
+        yaw: Turn about the vertical, rad.
+        slack: How far it may be off in an initial state, m.
+        round: Whether it is the disc that fits into the rectangle.
+    """
+
+    x: float
+    y: float
+    half_x: float
+    half_y: float
+    yaw: float = 0.0
+    slack: float = 0.0
+    round: bool = False
+
+    def moved(self, dx: float, dy: float) -> Footprint:
+        return replace(self, x=self.x + dx, y=self.y + dy)
+
+    def gap(self, other: Footprint) -> float:
+        """Least distance between the two less what both may be off, m; negative where they overlap.
+
+        Between rectangles that are corner to corner it is a little less than that.
+        """
+        if self.round or other.round:
+            disc, body = (self, other) if self.round else (other, self)
+            radius = disc.half_x + (body.half_x if body.round else 0.0)
+            apart = _distance(body, disc.x, disc.y) - radius
+        else:
+            apart = max(_separation(self, other), _separation(other, self))
+        return apart - self.slack - other.slack
+
+    def corners(self) -> list[tuple[float, float]]:
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+        return [
+            (
+                self.x + c * a * self.half_x - s * b * self.half_y,
+                self.y + s * a * self.half_x + c * b * self.half_y,
+            )
+            for a, b in signs
+        ]
+
+
+def _distance(body: Footprint, x: float, y: float) -> float:
+    """From a point to the middle of a disc, or to the edge of a rectangle, negative within it."""
+    dx, dy = x - body.x, y - body.y
+    if body.round:
+        return math.hypot(dx, dy)
+    c, s = math.cos(body.yaw), math.sin(body.yaw)
+    u, v = abs(c * dx + s * dy) - body.half_x, abs(c * dy - s * dx) - body.half_y
+    return math.hypot(max(u, 0.0), max(v, 0.0)) if max(u, v) > 0.0 else max(u, v)
+
+
+def _separation(one: Footprint, other: Footprint) -> float:
+    """Distance along whichever of the axes of ``one`` separates the two best."""
+    c, s = math.cos(one.yaw), math.sin(one.yaw)
+    best = -math.inf
+    for (ax, ay), half in (((c, s), one.half_x), ((-s, c), one.half_y)):
+        along = [(x - one.x) * ax + (y - one.y) * ay for x, y in other.corners()]
+        best = max(best, min(along) - half, -half - max(along))
+    return best
+
+
+@cache
+def extent(name: str, opened: frozenset[str] = frozenset()) -> tuple[float, float, float, float]:
+    """Range of x and y of a category as it stands, m, relative to its origin.
+
+    Args:
+        name: Category.
+        opened: Regions whose drawers are open; an empty name opens whatever the category can open.
+    """
+    points = np.concatenate(list(_points(category(name).root, np.zeros(3), np.eye(3), opened)))
+    low, high = points.min(axis=0), points.max(axis=0)
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def _points(link: Link, origin: Array, turn: Array, opened: frozenset[str]) -> Iterator[Array]:
+    """Corners of everything that collides, with open drawers and doors at the lower end of their range."""
+    at = origin + turn @ np.asarray(link.pos)
+    if link.joint is not None and ("" in opened or any(site.name in opened for site in link.sites)):
+        axis, end = link.joint.axis, link.joint.range[0]
+        if link.joint.kind == "slide":
+            at = at + turn @ np.asarray(axis) * end
+        else:
+            turn = turn @ rotations.matrix(rotations.about(axis, end))
+    signs = np.array([(a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)], dtype=np.float64)
+    for solid in link.solids:
+        corners = (signs * np.asarray(solid.half)) @ rotations.matrix(solid.quat).T + np.asarray(solid.pos)
+        yield at + corners @ turn.T
+    for child in link.links:
+        yield from _points(child, at, turn, opened)
+
+
+def footprint_at(name: str, x: float, y: float, yaw: float = 0.0, slack: float = 0.0) -> Footprint:
+    """The footprint of a category whose origin is at (x, y)."""
+    return _placed(extent(name), x, y, yaw, slack, name in _ROUND)
+
+
+def _placed(
+    span: tuple[float, float, float, float], x: float, y: float, yaw: float, slack: float, disc: bool
+) -> Footprint:
+    low_x, high_x, low_y, high_y = span
+    c, s = math.cos(yaw), math.sin(yaw)
+    mid_x, mid_y = (low_x + high_x) / 2, (low_y + high_y) / 2
+    return Footprint(
+        x + c * mid_x - s * mid_y,
+        y + s * mid_x + c * mid_y,
+        (high_x - low_x) / 2,
+        (high_y - low_y) / 2,
+        yaw,
+        slack,
+        disc,
+    )
+
+
+@dataclass(frozen=True)
+class Floorplan:
+    """A task's table or floor.
+
+    Attributes:
+        task: The task.
+        arena: Its room.
+        standing: What stands on the surface itself, by instance.
+        carried: What rests on or in something else, by instance: what carries it.
+    """
+
+    task: Task
+    arena: Arena
+    standing: Mapping[str, Footprint]
+    carried: Mapping[str, str]
+
+    def riders(self, name: str) -> tuple[str, ...]:
+        """What rests on or in an instance, and on that."""
+        above = [rider for rider, carrier in self.carried.items() if carrier == name]
+        return tuple(rider for direct in above for rider in (direct, *self.riders(direct)))
+
+    def carrier(self, name: str) -> str:
+        """What stands on the surface with an instance: itself, or what carries it in the end."""
+        return self.carrier(self.carried[name]) if name in self.carried else name
+
+    def centre(self, name: str) -> tuple[float, float]:
+        """Where an instance's origin stands, or that of what carries it, m, world."""
+        return start_of(self.task, self.carrier(name))
+
+    def gap(self, footprint: Footprint, ignoring: Iterable[str] = ()) -> float:
+        """Least distance from everything that stands there, m."""
+        left_out = set(ignoring)
+        gaps = [footprint.gap(other) for name, other in self.standing.items() if name not in left_out]
+        return min(gaps, default=math.inf)
+
+    def inside(self, footprint: Footprint) -> bool:
+        """Whether all of it is on the surface and in view."""
+        low_x, high_x, low_y, high_y = _AREA
+        if self.arena.solids:
+            top = max(self.arena.solids, key=lambda solid: solid.half[0] * solid.half[1])
+            x, y = (self.arena.surface_pos[axis] + top.pos[axis] for axis in (0, 1))
+            low_x, high_x = max(low_x, x - top.half[0] + _EDGE_M), min(high_x, x + top.half[0] - _EDGE_M)
+            low_y, high_y = max(low_y, y - top.half[1] + _EDGE_M), min(high_y, y + top.half[1] - _EDGE_M)
+        return all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in footprint.corners())
+
+    def in_view(self, footprint: Footprint) -> bool:
+        """Whether ``agentview`` sees all of it."""
+        place, turn = (np.array(part) for part in self.arena.agentview)
+        axes = rotations.matrix((turn[0], turn[1], turn[2], turn[3]))
+        for x, y in footprint.corners():
+            right, up, back = axes.T @ (np.array([x, y, self.arena.top_z]) - place)
+            if back >= 0 or max(abs(right), abs(up)) > -back * _HALF_VIEW:
+                return False
+        return True
+
+    def reachable(self, x: float, y: float) -> bool:
+        """Whether the robot gets there with its tool pointing down."""
+        base = self.arena.robot_base_pos
+        return MIN_REACH_M <= math.hypot(x - base[0], y - base[1]) <= MAX_REACH_M
+
+
+@cache
+def floorplan(suite: str, index: int) -> Floorplan:
+    """Where everything of a task stands.
+
+    Raises:
+        SubstrateError: There is no such task.
+    """
+    task = task_of(suite, index)
+    opened: dict[str, set[str]] = {}
+    for fact in task.start:
+        if fact.predicate == "open":
+            owner = owner_of(task, fact.subject)
+            opened.setdefault(owner, set()).add(fact.subject.removeprefix(owner).removeprefix("_"))
+    standing, carried = {}, {}
+    for fact in task.start:
+        if fact.place is None:
+            continue
+        if fact.place in task.places:
+            place = task.places[fact.place]
+            kind = category(category_of(fact.subject))
+            x, y = start_of(task, fact.subject)
+            half = (place.box[2] - place.box[0]) / 2
+            slack = 0.0 if kind.fixture else abs(half - kind.spread_margin)
+            span = extent(category_of(fact.subject), frozenset(opened.get(fact.subject, ())))
+            if kind.turn is not None and not kind.fixture:
+                # It starts at any angle, so it takes all the room that it takes at one of them.
+                reach = max(math.hypot(a, b) for a in span[:2] for b in span[2:])
+                standing[fact.subject] = Footprint(x, y, reach, reach, slack=slack, round=True)
+                continue
+            disc = category_of(fact.subject) in _ROUND
+            standing[fact.subject] = _placed(span, x, y, place.yaw, slack, disc)
+        else:
+            carried[fact.subject] = owner_of(task, fact.place)
+    return Floorplan(task, ARENAS[task.arena], standing, carried)
+
+
+def spot_of(task: Task, name: str) -> tuple[float, float]:
+    """Where the middle of an instance is at the start, on whatever it rests, m, world."""
+    plan = floorplan(task.suite, task.index)
+    if name not in plan.carried:
+        return start_of(task, name)
+    carrier = plan.carried[name]
+    x, y = spot_of(task, carrier)
+    region = next(fact.place or "" for fact in task.start if fact.subject == name and fact.place)
+    if region == carrier:
+        return x, y
+    offset = _site(category(category_of(carrier)).root, np.zeros(3), region.removeprefix(f"{carrier}_"))
+    put = next(fact.place for fact in task.start if fact.subject == carrier and fact.place in task.places)
+    yaw = task.places[put or ""].yaw
+    c, s = math.cos(yaw), math.sin(yaw)
+    return x + c * offset[0] - s * offset[1], y + s * offset[0] + c * offset[1]
+
+
+def _site(link: Link, origin: Array, name: str) -> Array:
+    """Where a region is in the frame of its instance, with every drawer shut."""
+    at = origin + np.asarray(link.pos)
+    for site in link.sites:
+        if site.name == name:
+            found: Array = at + np.asarray(site.pos)
+            return found
+    inside = [_site(child, at, name) for child in link.links]
+    return next((place for place in inside if place.size), np.empty(0))
+
+
+def owner_of(task: Task, name: str) -> str:
+    """The instance that a region belongs to; an instance belongs to itself."""
+    names = (*task.objects, *task.fixtures)
+    return max((one for one in names if name == one or name.startswith(f"{one}_")), key=len)
+
+
+def start_of(task: Task, name: str) -> tuple[float, float]:
+    """The middle of the place in which an instance starts, m, world."""
+    put = next(fact.place for fact in task.start if fact.subject == name and fact.place in task.places)
+    place = task.places[put or ""]
+    x0, y0, x1, y1 = place.box
+    return (x0 + x1) / 2, (y0 + y1) / 2

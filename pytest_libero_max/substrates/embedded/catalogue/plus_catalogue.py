@@ -1,0 +1,304 @@
+"""The catalogue of LIBERO-Plus: 10,030 variations in seven categories and five levels of difficulty.
+
+How many there are of each kind for each task is LIBERO-Plus's own (:mod:`.counts`), and so are the ranges of
+the parameters where they are published: camera moves, start poses, image corruptions, slots and radii of
+layouts. What the original keeps in data files is chosen here in the same spirit: the lamps' colours,
+directions, gloss and shadows, the surfaces, and all words.
+
+Of each task's candidates for a kind (fifty for a category, as in LIBERO-Plus) a hash keeps as many as there
+are to be. Difficulty is the rank of a variation's magnitude among those of its category and suite; in
+LIBERO-Plus it comes from the success of reference policies.
+
+The registry of a suite is ordered by category, in the order of :data:`.counts.CATEGORIES`, then by task, then
+by kind and candidate. These indices are our own and not LIBERO-Plus's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+
+from pytest_libero_max.benchmark.documents import Json, slug
+from pytest_libero_max.changes.camera import OrbitCamera
+from pytest_libero_max.changes.image_corruptions import KINDS as CORRUPTIONS
+from pytest_libero_max.changes.image_corruptions import LEVELS
+from pytest_libero_max.changes.instruction import SetInstruction
+from pytest_libero_max.changes.light import SetLamps
+from pytest_libero_max.changes.material import SetTexture
+from pytest_libero_max.changes.pixels import CorruptPicture
+from pytest_libero_max.changes.robot import ARM_DOF, OffsetArm
+from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena
+from pytest_libero_max.substrates.embedded.catalogue import object_layouts as layouts
+from pytest_libero_max.substrates.embedded.catalogue import wording
+from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES, DIFFICULTY, KINDS, VARIATIONS
+from pytest_libero_max.substrates.embedded.surfaces import SURFACES, shown
+from pytest_libero_max.substrates.variation import Variation, seed, share, some, uniform
+from pytest_libero_max.tasks.libero_tasks import Task
+from pytest_libero_max.tasks.libero_tasks import task as task_of
+from pytest_libero_max.worlds.contract import Image
+
+CAMERA = "agentview"
+
+KINDS_OF = {
+    "Background Textures": ("table", "table_and_wall"),
+    "Robot Initial States": ("robot",),
+    "Camera Viewpoints": ("spherical", "distance", "orientation"),
+    "Language Instructions": ("language",),
+    "Sensor Noise": ("noise",),
+    "Objects Layout": ("add", "level"),
+    "Light Conditions": ("light",),
+}
+"""Which columns of the counts make up a category."""
+
+# Published: start of each task's fifteen degrees of azimuth, and its yaw on the spot.
+_AZIMUTH = (1, 16, 31, 46, 61, -75, -60, -45, -30, -15)
+_YAW = (2, 4, 6, 8, 10, -10, -8, -6, -4, -2)
+_ELEVATIONS = (0, 15)
+_PITCHES = (-10, -8, -6, -4, -2, 2, 4, 6, 8, 10)
+# Turns that bring the main lamp over the robot's back and over the camera: a wall stands on every other side.
+_FROM_BEHIND_DEG, _FROM_THE_FRONT_DEG = 141.0, -39.0
+_BANDS = 5
+_POSES = 500
+_POSE_SEED = 42
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A possible variation: its kind, its size (only the order counts) and its changes."""
+
+    kind: str
+    magnitude: float
+    changes: tuple[Json, ...]
+    scene: Json = field(default_factory=dict)
+
+
+@cache
+def plus_suite(suite: str) -> tuple[Variation, ...]:
+    """Every variation of a suite, in the order of its registry.
+
+    Raises:
+        SubstrateError: The suite does not exist.
+    """
+    variations: list[Variation] = []
+    for category in CATEGORIES:
+        chosen = [
+            (base, number, candidate)
+            for base in range(len(VARIATIONS[suite]))
+            for number, candidate in _chosen(suite, base, category)
+        ]
+        levels = _difficulties(suite, category, [candidate.magnitude for *_, candidate in chosen])
+        for (base, number, candidate), level in zip(chosen, levels, strict=True):
+            variations.append(
+                Variation(
+                    "plus",
+                    suite,
+                    len(variations),
+                    base,
+                    f"{task_of(suite, base).name}_{slug(category)}_{number:02d}",
+                    category,
+                    candidate.kind,
+                    level,
+                    candidate.scene,
+                    candidate.changes,
+                )
+            )
+    return tuple(variations)
+
+
+def _chosen(suite: str, base: int, category: str) -> Iterator[tuple[int, _Candidate]]:
+    """The candidates that a hash keeps, with their numbers, from 1, within the category."""
+    task = task_of(suite, base)
+    number = 0
+    for kind in KINDS_OF[category]:
+        candidates = list(enumerate(_MAKERS[kind](task), start=number + 1))
+        number += len(candidates)
+        count = VARIATIONS[suite][base][KINDS.index(kind)]
+        yield from some(candidates, count, suite, base, kind)
+
+
+def _difficulties(suite: str, category: str, magnitudes: list[float]) -> list[int | None]:
+    """Levels by rank, so many of each as LIBERO-Plus has; a hash says which are left without."""
+    *counts, none = DIFFICULTY[category][suite]
+    numbers = sorted(range(len(magnitudes)), key=lambda n: share(suite, category, "level", n))
+    levels: list[int | None] = [None] * len(magnitudes)
+    ranked = iter(sorted(numbers[none:], key=lambda n: magnitudes[n]))
+    for level, count in enumerate(counts, start=1):
+        for _ in range(count):
+            levels[next(ranked)] = level
+    return levels
+
+
+# --- what each kind consists of
+# ------------------------------------------------------------------------------------------------
+
+
+@cache
+def _room(kind: str) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
+    """The material of a room's work surface, and what that and the walls look like."""
+    arena = ARENAS[kind]
+    material, picture = ("room_table", arena.top()) if arena.solids else ("room_floor", arena.floor())
+    return material, _mean_and_spread(picture), _mean_and_spread(arena.wall())
+
+
+def _table(task: Task) -> Iterator[_Candidate]:
+    material, nominal, _ = _room(task.arena)
+    for name in SURFACES:
+        change = SetTexture(material, shown(name)).to_dict()
+        yield _Candidate("table", _contrast(name, nominal), (change,), {"surfaces": [name]})
+
+
+def _table_and_wall(task: Task) -> Iterator[_Candidate]:
+    material, nominal, wall = _room(task.arena)
+    pairs = [(one, other) for one in SURFACES for other in SURFACES if one != other]
+    for one, other in some(pairs, 23, task.name, "table_and_wall"):
+        changes = SetTexture(material, shown(one)).to_dict(), SetTexture("room_wall", shown(other)).to_dict()
+        magnitude = _contrast(one, nominal) + _contrast(other, wall)
+        yield _Candidate("table_and_wall", magnitude, changes, {"surfaces": [one, other]})
+
+
+@cache
+def _looks(name: str) -> tuple[float, ...]:
+    return _mean_and_spread(SURFACES[name]())
+
+
+def _mean_and_spread(picture: Image) -> tuple[float, ...]:
+    pixels = picture.reshape(-1, 3).astype(np.float64)
+    return (*(float(part) for part in pixels.mean(axis=0)), float(pixels.std(axis=0).mean()))
+
+
+def _contrast(name: str, nominal: tuple[float, ...]) -> float:
+    """How much a surface differs from the present one, by mean colour and by the spread of colours."""
+    return math.dist(_looks(name), nominal)
+
+
+def _pivot(arena: Arena) -> tuple[float, float, float]:
+    """LIBERO-Plus turns about a point 10 cm below a table's top in every room; here the point goes along."""
+    return (0.0, 0.0, round(max(arena.top_z - 0.1, 0.0), 6))
+
+
+def _spherical(task: Task) -> Iterator[_Candidate]:
+    pivot = _pivot(ARENAS[task.arena])
+    for elevation in _ELEVATIONS:
+        for degree in range(15):
+            azimuth = _AZIMUTH[task.index] + degree
+            change = OrbitCamera(CAMERA, pivot, float(elevation), float(azimuth)).to_dict()
+            yield _Candidate("spherical", math.hypot(azimuth, elevation) / 76.0, (change,))
+
+
+def _distance(task: Task) -> Iterator[_Candidate]:
+    pivot = _pivot(ARENAS[task.arena])
+    for percent in range(101 + 10 * task.index, 111 + 10 * task.index):
+        change = OrbitCamera(CAMERA, pivot, distance_scale=percent / 100).to_dict()
+        yield _Candidate("distance", (percent - 100) / 100, (change,))
+
+
+def _orientation(task: Task) -> Iterator[_Candidate]:
+    pivot = _pivot(ARENAS[task.arena])
+    yaw = _YAW[task.index]
+    for pitch in _PITCHES:
+        change = OrbitCamera(CAMERA, pivot, yaw_degrees=float(yaw), pitch_degrees=float(pitch)).to_dict()
+        yield _Candidate("orientation", math.hypot(yaw, pitch) / 14.2, (change,))
+
+
+def _language(task: Task) -> Iterator[_Candidate]:
+    for words in wording.rewordings(task.language):
+        change = SetInstruction(words.words, words.style).to_dict()
+        yield _Candidate("language", wording.STYLES.index(words.style) + len(words.words) / 1000, (change,))
+
+
+def _light(task: Task) -> Iterator[_Candidate]:
+    makers = (_colour, _direction, _gloss, _shadow)
+    for number in range(50):
+        strength = (number // 4 + 1) / 13
+        change = makers[number % 4](strength, (task.name, "light", number))
+        yield _Candidate("light", strength, (change.to_dict(),))
+
+
+def _colour(strength: float, where: tuple[object, ...]) -> SetLamps:
+    """Lamps of another colour and brightness: each channel between two fifths and two and a half times."""
+    channels = [uniform(-1.0, 1.0, *where, channel) for channel in range(3)]
+    widest = max(abs(channel) for channel in channels)
+    r, g, b = (round(2.5 ** (strength * channel / widest), 6) for channel in channels)
+    return SetLamps(diffuse_factor=(r, g, b))
+
+
+def _direction(strength: float, where: tuple[object, ...]) -> SetLamps:
+    """Lamps that shine from somewhere else."""
+    side = 1.0 if share(*where, "side") < 0.5 else -1.0
+    azimuth = side * (30.0 + 150.0 * strength) * uniform(0.8, 1.0, *where, "azimuth")
+    return SetLamps(azimuth_degrees=round(azimuth, 6), tilt_degrees=round(40.0 * strength, 6))
+
+
+def _gloss(strength: float, where: tuple[object, ...]) -> SetLamps:
+    """Lamps behind the robot, whose reflections reach the camera."""
+    specular = round(1.0 + 9.0 * strength, 6)
+    return SetLamps(specular=specular, azimuth_degrees=_FROM_BEHIND_DEG, tilt_degrees=10.0)
+
+
+def _shadow(strength: float, where: tuple[object, ...]) -> SetLamps:
+    """A main lamp in front that casts shadows, longer ones in stronger variations."""
+    azimuth = round(_FROM_THE_FRONT_DEG + uniform(-25.0, 25.0, *where, "azimuth"), 6)
+    tilt = round(-20.0 + 28.0 * strength, 6)
+    return SetLamps(azimuth_degrees=azimuth, tilt_degrees=tilt, cast_shadows=True)
+
+
+def _add(task: Task) -> Iterator[_Candidate]:
+    for number in range(1, 31):
+        extras, changes = layouts.added_objects(task, number)
+        yield _Candidate("add", len(extras), changes, {"extras": [list(extra) for extra in extras]})
+
+
+def _level(task: Task) -> Iterator[_Candidate]:
+    for level in range(1, layouts.LEVELS + 1):
+        for sample in range(1, 5):
+            yield _Candidate("level", level, layouts.shifted_objects(task, level, sample))
+
+
+def _robot(task: Task) -> Iterator[_Candidate]:
+    for number in range(task.index, _POSES, 10):
+        change = OffsetArm(start_offset(number), keep_clear=True).to_dict()
+        yield _Candidate("robot", number // (_POSES // _BANDS), (change,))
+
+
+def start_offset(number: int) -> tuple[float, ...]:
+    """LIBERO-Plus's 500 start poses, as (7,) joint offsets in rad from the nominal pose.
+
+    Its published recipe: directions from NumPy's legacy generator with seed 42, lengths from 0.1 rad for the
+    first hundred to 0.5 rad for the last.
+    """
+    length = 0.1 * (number // (_POSES // _BANDS) + 1)
+    return tuple(round(float(part) * length, 8) for part in _directions()[number])
+
+
+@cache
+def _directions() -> np.ndarray:
+    drawn = np.random.RandomState(_POSE_SEED).randn(_POSES, ARM_DOF)
+    directions: np.ndarray = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
+    return directions
+
+
+def _noise(task: Task) -> Iterator[_Candidate]:
+    for kind in CORRUPTIONS:
+        for level in range(1, LEVELS + 1):
+            number = seed(task.name, "noise", kind, level)
+            change = CorruptPicture(CAMERA, kind, level, number).to_dict()
+            yield _Candidate("noise", level, (change,))
+
+
+_MAKERS: dict[str, Callable[[Task], Iterator[_Candidate]]] = {
+    "table": _table,
+    "table_and_wall": _table_and_wall,
+    "spherical": _spherical,
+    "distance": _distance,
+    "orientation": _orientation,
+    "language": _language,
+    "light": _light,
+    "add": _add,
+    "level": _level,
+    "robot": _robot,
+    "noise": _noise,
+}

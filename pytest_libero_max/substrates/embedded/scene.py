@@ -1,0 +1,249 @@
+"""One scene of the embedded substrate: room, fixtures, objects, regions and goal, without the robot."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena, furnish
+from pytest_libero_max.substrates.embedded.objects import base, category
+from pytest_libero_max.substrates.embedded.objects.base import Link
+from pytest_libero_max.substrates.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
+from pytest_libero_max.tasks.libero_tasks import Task, category_of, task
+from pytest_libero_max.worlds import rotations
+from pytest_libero_max.worlds.contract import Entity, Image
+from pytest_libero_max.worlds.privileged import Fact
+
+ROBOT_INIT_QPOS = (0.0, -0.161037389, 0.0, -2.44459747, 0.0, 2.2267522, 0.7853981633974483)
+"""LIBERO's start pose of the Panda's seven joints, rad."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A named part of a surface, fixture or object.
+
+    Attributes:
+        name: As in LIBERO; also the name of its MuJoCo site.
+        target: The entity it belongs to.
+        joints: Joints of the drawer it belongs to.
+    """
+
+    name: str
+    target: str
+    joints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything a substrate needs to host a task.
+
+    Attributes:
+        suite: For example ``libero_spatial``.
+        index: The benchmark's task index.
+        name: Stem of LIBERO's BDDL file.
+        language: The benchmark's instruction.
+        mount: What the robot stands on: ``rethink`` (a pedestal behind the table) or ``ground``.
+        robot_base_pos: Position of the robot's base, m, world.
+        robot_init_qpos: The seven joint angles at reset, rad.
+        mjcf: A complete MJCF document without the robot.
+        textures: Pictures by texture name; :func:`.textures.upload` writes them into a compiled model.
+        entities: Objects in the order of their joints, then fixtures, then the surface.
+        regions: By name.
+        goal: A conjunction.
+        task: The row this scene was built from.
+    """
+
+    suite: str
+    index: int
+    name: str
+    language: str
+    mount: str
+    robot_base_pos: tuple[float, float, float]
+    robot_init_qpos: tuple[float, ...]
+    mjcf: str
+    textures: Mapping[str, Image]
+    entities: Mapping[str, Entity]
+    regions: Mapping[str, Region]
+    goal: tuple[Predicate, ...]
+    task: Task
+
+    @property
+    def key(self) -> str:
+        """``libero_spatial/0``."""
+        return f"{self.suite}/{self.index}"
+
+
+def build_scene(suite: str, index: int) -> Scene:
+    """Build the scene of a task.
+
+    Args:
+        suite: One of :data:`.tasks.SUITES`.
+        index: The benchmark's task index, from 0.
+
+    Raises:
+        SubstrateError: There is no such task.
+    """
+    row = task(suite, index)
+    arena = ARENAS[row.arena]
+    entities = _entities(row, arena)
+    regions = _regions(row)
+    document, pictures = _document(row, arena)
+    return Scene(
+        suite=suite,
+        index=index,
+        name=row.name,
+        language=row.language,
+        mount=arena.mount,
+        robot_base_pos=arena.robot_base_pos,
+        robot_init_qpos=ROBOT_INIT_QPOS,
+        mjcf=document,
+        textures=pictures,
+        entities=entities,
+        regions=regions,
+        goal=tuple(resolve(fact, entities, regions) for fact in row.goal),
+        task=row,
+    )
+
+
+def resolve(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> Predicate:
+    """Turn a predicate of names into one that can be evaluated.
+
+    Raises:
+        SubstrateError: It names something that the scene does not have.
+    """
+    subject = fact.subject
+    if fact.predicate in ("open", "close", "turnon", "turnoff"):
+        state = joint_state(fact, entities, regions)
+        joints = joints_of(subject, entities, regions)
+        return Joints(joints, state.low, state.high, state.every, state.closed)
+    body = _entity(subject, entities).body
+    place = fact.place or ""
+    if place in regions:
+        if fact.predicate == "in":
+            return In(body, place)
+        target = entities[regions[place].target]
+        return OnSite(body, place, None if target.kind == "surface" else target.body)
+    return OnObject(body, _entity(place, entities).body)
+
+
+def _entity(name: str, entities: Mapping[str, Entity]) -> Entity:
+    if name not in entities:
+        raise SubstrateError(f"{name!r} is not in this scene. {did_you_mean(name, entities)}")
+    return entities[name]
+
+
+def joint_state(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> base.JointState:
+    """What open, closed, on or off means for the joints of a fixture or of one of its regions.
+
+    Raises:
+        SubstrateError: The fixture does not exist or cannot be in such a state.
+    """
+    name = regions[fact.subject].target if fact.subject in regions else fact.subject
+    kind = category(_entity(name, entities).category)
+    if fact.predicate not in kind.states:
+        raise SubstrateError(
+            f"predicate={fact.predicate!r} means nothing for {fact.subject!r}. "
+            f"{did_you_mean(fact.predicate, kind.states)}"
+        )
+    return kind.states[fact.predicate]
+
+
+def joints_of(name: str, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> tuple[str, ...]:
+    """The joints of a fixture, or those that a region of it moves with."""
+    if name in regions:
+        return regions[name].joints
+    return tuple(f"{name}_{joint}" for joint in _joint_names(category(_entity(name, entities).category).root))
+
+
+def _entities(row: Task, arena: Arena) -> dict[str, Entity]:
+    supports = {fact.subject: fact.place for fact in row.start if fact.place is not None}
+    entities = {}
+    for instance in (*row.objects, *row.fixtures):
+        kind = category(category_of(instance))
+        entities[instance] = Entity(
+            name=instance,
+            category=kind.name,
+            kind="fixture" if kind.fixture else "object",
+            body=f"{instance}_{kind.root.name}",
+            support=_owner(supports[instance], row),
+        )
+    entities[arena.surface] = Entity(arena.surface, arena.surface, "surface", arena.surface_body)
+    return entities
+
+
+def _owner(place: str, row: Task) -> str:
+    """The entity that a place belongs to."""
+    if place in row.places:
+        return row.places[place].surface
+    return next(
+        name for name in (*row.objects, *row.fixtures) if place == name or place.startswith(f"{name}_")
+    )
+
+
+def _regions(row: Task) -> dict[str, Region]:
+    regions = {place.name: Region(place.name, place.surface) for place in row.places.values()}
+    for instance in (*row.objects, *row.fixtures):
+        for link in links(category(category_of(instance)).root):
+            joints = () if link.joint is None else (f"{instance}_{link.joint.name}",)
+            for site in link.sites:
+                regions[f"{instance}_{site.name}"] = Region(f"{instance}_{site.name}", instance, joints)
+    return regions
+
+
+def links(link: Link) -> list[Link]:
+    """A link and everything attached to it, depth first."""
+    return [link, *(deeper for child in link.links for deeper in links(child))]
+
+
+def _joint_names(root: Link) -> tuple[str, ...]:
+    return tuple(link.joint.name for link in links(root) if link.joint is not None)
+
+
+def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
+    root = ET.Element("mujoco", {"model": f"{row.suite}_{row.index}"})
+    ET.SubElement(root, "compiler", {"angle": "radian", "autolimits": "true", "inertiagrouprange": "0 0"})
+    option = {
+        "timestep": "0.002",
+        "cone": "elliptic",
+        "impratio": "20",
+        "density": "1.2",
+        "viscosity": "0.00002",
+    }
+    ET.SubElement(root, "option", option)
+    visual = ET.SubElement(root, "visual")
+    ET.SubElement(visual, "headlight", {"ambient": "0 0 0", "diffuse": "0.12 0.12 0.12", "specular": "0 0 0"})
+    ET.SubElement(visual, "map", {"znear": "0.01", "zfar": "20"})
+    ET.SubElement(root, "statistic", {"extent": "1", "center": "0 0 0.9"})
+    assets, worldbody = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
+    pictures, surface = furnish(row.arena, assets, worldbody)
+    for place in row.places.values():
+        x0, y0, x1, y1 = place.box
+        centre = ((x0 + x1) / 2, (y0 + y1) / 2, arena.region_z)
+        surface.append(base.site_element(place.name, centre, ((x1 - x0) / 2, (y1 - y0) / 2, 0.007)))
+    for name in dict.fromkeys(category_of(instance) for instance in (*row.objects, *row.fixtures)):
+        elements, shared = base.assets(category(name))
+        assets.extend(elements)
+        pictures |= shared
+    _order_textures_first(assets)
+    starts = {fact.subject: fact.place for fact in row.start if fact.place in row.places}
+    for number, instance in enumerate(row.objects):
+        kind = category(category_of(instance))
+        # Objects wait in a row beside the scene until an initial state puts them in their places.
+        waiting = (2.0, -1.0 + 0.3 * number, arena.top_z + 0.5)
+        worldbody.append(base.body(kind, instance, waiting, kind.upright))
+    for instance in row.fixtures:
+        place = row.places[starts[instance] or ""]
+        x0, y0, x1, y1 = place.box
+        kind = category(category_of(instance))
+        pos = ((x0 + x1) / 2, (y0 + y1) / 2, arena.fixture_z + kind.lift)
+        worldbody.append(base.body(kind, instance, pos, rotations.about((0, 0, 1), place.yaw)))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode"), pictures
+
+
+def _order_textures_first(assets: ET.Element) -> None:
+    """Materials refer to textures by name; a reader of the document finds them in that order."""
+    order = {"texture": 0, "mesh": 1, "material": 2}
+    assets[:] = sorted(assets, key=lambda element: order[element.tag])

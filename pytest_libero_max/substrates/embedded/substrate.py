@@ -1,0 +1,238 @@
+"""The embedded substrate: LIBERO's tasks in scenes of our own, on the installed robosuite."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.benchmark.source_digest import code_digest
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.embedded.graspable_parts import graspable_parts
+from pytest_libero_max.substrates.embedded.placement import initial_state
+from pytest_libero_max.substrates.embedded.predicates import Predicate, all_hold
+from pytest_libero_max.substrates.embedded.remodel import Remodel, remodelled, waiting_place
+from pytest_libero_max.substrates.embedded.scene import Scene, build_scene, joints_of, resolve
+from pytest_libero_max.worlds import threads
+from pytest_libero_max.worlds.contract import Array, Goal, SourceVariation
+from pytest_libero_max.worlds.privileged import Fact, GraspablePart, facts
+from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
+
+gl.prepare()
+
+import mujoco  # noqa: E402
+
+from pytest_libero_max.substrates.embedded.env import SceneEnv  # noqa: E402
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+
+NAME = "embedded"
+SCENES = 12
+"""How many compiled scenes a substrate keeps."""
+
+Starts = Callable[[int], Mapping[str, Array]]
+_AS_IT_IS = Remodel()
+_PACKAGE = Path(__file__).parents[2]
+_RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless")
+
+
+def assets_digest(package: Path) -> str:
+    """SHA-256 of everything that the scenes are made by, hexadecimal.
+
+    It is taken from the syntax trees of the code that writes the scenes, lays them out and decides their
+    goals: every number counts, comments and docstrings do not.
+
+    Args:
+        package: The folder of :mod:`pytest_libero_max`.
+    """
+    return code_digest([*(package / "substrates" / NAME).rglob("*.py"), package / "worlds" / "rotations.py"])
+
+
+class EmbeddedWorld(RobosuiteWorld):
+    """One embedded scene with its robot.
+
+    The first reset to an initial state lays it out and lets it settle; later ones copy the result.
+
+    Args:
+        task: The scene to host.
+        plan: How it differs from that of the unmodified task, if it was remodelled.
+        starts: Where the initial states of a remodelled scene come from: joint positions of the unmodified
+            one by joint name.
+    """
+
+    def __init__(self, task: Scene, plan: Remodel = _AS_IT_IS, starts: Starts | None = None) -> None:
+        name = f"{NAME}/{task.key}" + (f"+{plan.key}" if plan.key else "")
+        super().__init__(name, task.language, SceneEnv(task), task.entities)
+        self._task = task
+        self._plan = plan
+        self._given = starts
+        self._starts: dict[int, Array] = {}
+        self._variation: SourceVariation | None = None
+        self._renderer = self._new_renderer()  # it opens nothing yet; the worlds of a scene share it
+        self.reset(0)
+
+    def varied(self, variation: SourceVariation | None) -> EmbeddedWorld:
+        """The same scene under a source variation, which every reset applies.
+
+        All worlds that come from one scene share its simulator: play them one after the other, each from
+        its own reset.
+        """
+        world = copy.copy(self)
+        world._variation = variation
+        return world
+
+    @property
+    def goal(self) -> tuple[Fact, ...]:
+        """What must hold at the end, all of it, in the task's own words: for policies that are privileged."""
+        assigned = self._assigned[1]
+        return self._task.task.goal if assigned is None else facts(assigned)
+
+    def holds(self, fact: Fact) -> bool:
+        """Whether a predicate holds now, by the rules of the goal."""
+        return self._predicate(fact).holds(self._model, self._data)
+
+    def joints(self, name: str) -> tuple[str, ...]:
+        """The joints of a fixture, or those that a region of it moves with; none for other places."""
+        if name in self._task.regions or self._entities[name].kind == "fixture":
+            return joints_of(name, self._task.entities, self._task.regions)
+        return ()
+
+    @cached_property
+    def graspable_parts(self) -> Mapping[str, GraspablePart]:
+        """The parts that are made to be held, by name: for policies that are privileged."""
+        return graspable_parts(self._task)
+
+    def reset(self, init: int) -> None:
+        super().reset(init)
+        for number, (name, _) in enumerate(self._plan.extras):
+            self.park(name, waiting_place(number))
+        if self._variation is not None:
+            self._variation.apply(self)
+
+    def start(self, init: int) -> dict[str, Array]:
+        """Joint positions of an initial state by joint name, without any source variation."""
+        qpos = self._initial_qpos(init)
+        ends = [*self._model.jnt_qposadr[1:], self._model.nq]
+        return {
+            self._model.joint(number).name: qpos[self._model.jnt_qposadr[number] : end].copy()
+            for number, end in enumerate(ends)
+        }
+
+    def succeeded(self) -> bool:
+        assigned = self._assigned[1]
+        goal = self._task.goal if assigned is None else self._resolved(assigned)
+        return all_hold(goal, self._model, self._data)
+
+    def _check_goal(self, goal: Goal) -> None:
+        self._resolved(goal)
+
+    def _resolved(self, goal: Goal) -> tuple[Predicate, ...]:
+        return tuple(self._predicate(fact) for fact in facts(goal))
+
+    def _predicate(self, fact: Fact) -> Predicate:
+        return resolve(fact, self._task.entities, self._task.regions)
+
+    def _initial_qpos(self, init: int) -> Array:
+        if init not in self._starts:
+            if self._given is None:
+                # Initial states belong to the compiled scene, whatever an event has done to it since.
+                self._write_model(self._compiled)
+                scratch = mujoco.MjData(self._model)
+                self._starts[init] = initial_state(self._task, self._model, scratch, init)
+            else:
+                self._starts[init] = self._adapted(self._given(init))
+        return self._starts[init]
+
+    def _adapted(self, start: Mapping[str, Array]) -> Array:
+        """The unmodified scene's initial state in this one, joint by joint; what was added keeps qpos0."""
+        qpos: Array = self._model.qpos0.copy()
+        for name, values in start.items():
+            address = int(self._model.joint(self._plan.renamed(name)).qposadr[0])
+            qpos[address : address + values.size] = values
+        return qpos
+
+
+class EmbeddedSubstrate:
+    """Builds the scenes of tasks and of their source variations, and keeps those used last.
+
+    Args:
+        variation_of: Finds the source variation that a case of LIBERO-Plus or LIBERO-PRO plays; see
+            :func:`pytest_libero_max.substrates.variation_of`. Without it only unmodified tasks can
+            be built.
+        scenes: How many compiled scenes are kept at most; each takes some 20 MB, and 0.2 s to build anew.
+    """
+
+    name = NAME
+
+    def __init__(
+        self, variation_of: Callable[[Case], SourceVariation] | None = None, scenes: int = SCENES
+    ) -> None:
+        self._variation_of = variation_of
+        self._limit = max(scenes, 2)  # a remodelled scene and the one that it takes its starts from
+        self._worlds: dict[tuple[str, int, Remodel], EmbeddedWorld] = {}
+        self._starts: dict[tuple[str, int, int], Mapping[str, Array]] = {}
+
+    def world(self, case: Case) -> EmbeddedWorld:
+        if case.source == "libero":
+            return self._world(case.suite, case.task_index, _AS_IT_IS)
+        if self._variation_of is None:
+            raise SubstrateError(
+                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}), but this "
+                "substrate was opened without the catalogue of source variations. Open it with one."
+            )
+        return self.varied_world(self._variation_of(case))
+
+    def varied_world(self, variation: SourceVariation) -> EmbeddedWorld:
+        """The world that plays a source variation."""
+        plan = Remodel.from_dict(variation.scene)
+        return self._world(variation.suite, variation.base_index, plan).varied(variation)
+
+    def _world(self, suite: str, index: int, plan: Remodel) -> EmbeddedWorld:
+        key = (suite, index, plan)
+        if key in self._worlds and self._worlds[key].spoiled:
+            self._worlds.pop(key).close()
+        if key in self._worlds:
+            self._worlds[key] = self._worlds.pop(key)  # the last one used is the last one to go
+            return self._worlds[key]
+        scene = build_scene(suite, index)
+        if plan == _AS_IT_IS:
+            world = EmbeddedWorld(scene)
+        else:
+            starts = partial(self._start, suite, index)
+            starts(0)  # now, so that the unmodified scene is not built in the middle of building this one
+            world = EmbeddedWorld(remodelled(scene, plan), plan, starts)
+        self._worlds[key] = world
+        while len(self._worlds) > self._limit:
+            self._worlds.pop(next(iter(self._worlds))).close()
+        return world
+
+    def _start(self, suite: str, index: int, init: int) -> Mapping[str, Array]:
+        key = (suite, index, init)
+        if key not in self._starts:
+            self._starts[key] = self._world(suite, index, _AS_IT_IS).start(init)
+        return self._starts[key]
+
+    def fingerprint(self) -> Mapping[str, str]:
+        """Versions of what computes a result, the GL backend, and the digest of the scenes' code."""
+        return self._fingerprint
+
+    @cached_property
+    def _fingerprint(self) -> Mapping[str, str]:
+        packages = {package: version(package) for package in _RESULT_PACKAGES}
+        return {
+            "substrate": NAME,
+            **packages,
+            **gl.fingerprint(),
+            **threads.fingerprint(),
+            "assets": assets_digest(_PACKAGE),
+        }
+
+    def close(self) -> None:
+        for world in self._worlds.values():
+            world.close()
+        self._worlds.clear()

@@ -1,0 +1,106 @@
+"""Which sources of cases the installations on this machine play, told from their files alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.libero.installation import (
+    ASSETS_INSTALL,
+    INSTALL,
+    PLUS_INSTALL,
+    Installation,
+)
+from pytest_libero_max.substrates.libero.lacking import (
+    PLUS_NAMES,
+    PlusNeeds,
+    first_of,
+    plus_category,
+    pro_lacks,
+)
+from pytest_libero_max.substrates.libero.pro_config import SECTIONS
+from pytest_libero_max.substrates.libero.tasks import task_names, task_of
+
+_TASKS = 10
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """How much of a source plays here.
+
+    Attributes:
+        source: The source, with the category for LIBERO-PRO and LIBERO-Plus.
+        playable: Its tasks that have all they need.
+        total: Its tasks; 0 where only its installation could tell.
+        missing: What the others lack and what brings it; empty if nothing is missing.
+    """
+
+    source: str
+    playable: int
+    total: int
+    missing: str = ""
+
+    def __str__(self) -> str:
+        tasks = f"{self.playable} of {self.total} tasks play" if self.total else "does not play"
+        return f"{self.source}: {tasks}{f'. {self.missing}' if self.missing else ''}"
+
+
+def coverage(installations: Sequence[Installation]) -> Iterator[Coverage]:
+    """LIBERO, the ten categories of LIBERO-PRO, and the seven of LIBERO-Plus.
+
+    Args:
+        installations: What would be played from; may be empty.
+    """
+    pro = first_of(installations, "pro")
+    yield _libero(first_of(installations, "libero"))
+    yield from (_pro(pro, category) for category in SECTIONS)
+    yield from _plus(first_of(installations, "plus"))
+
+
+def _libero(found: Installation | None) -> Coverage:
+    total = len(SUITE_BUDGETS) * _TASKS
+    if found is None:
+        return Coverage("LIBERO", 0, total, f"Install it: `{INSTALL}` and `{ASSETS_INSTALL}`")
+    playable = sum(_has_task(found, suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS))
+    return Coverage("LIBERO", playable, total, "" if playable == total else "Restore its files")
+
+
+def _has_task(found: Installation, suite: str, index: int) -> bool:
+    try:
+        task_of(found, suite, index)
+    except SubstrateError:
+        return False
+    return True
+
+
+def _pro(found: Installation | None, category: str) -> Coverage:
+    source, total = f"LIBERO-PRO {category}", len(SUITE_BUDGETS) * _TASKS
+    if found is None:
+        return Coverage(source, 0, total, f"Install LIBERO-PRO, with its models as above: `{INSTALL}`")
+    tasks = [(suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS)]
+    lacks = [
+        pro_lacks(found, category, suite, index) if _has_task(found, suite, index) else "Restore its files"
+        for suite, index in tasks
+    ]
+    return Coverage(source, lacks.count(""), total, _first_reason(lacks))
+
+
+def _plus(found: Installation | None) -> Iterator[Coverage]:
+    if found is None:
+        for category, _ in PLUS_NAMES:
+            yield Coverage(f"LIBERO-Plus {category}", 0, 0, f"Install LIBERO-Plus: `{PLUS_INSTALL}`")
+        return
+    needs = PlusNeeds.of(found)
+    lacks: dict[str, list[str]] = {category: [] for category, _ in PLUS_NAMES}
+    for name in (name for suite in SUITE_BUDGETS for name in task_names(found, suite)):
+        found_category = plus_category(name)
+        if found_category is not None:
+            lacks[found_category].append(needs.lacking(name))
+    for kind, each in lacks.items():
+        yield Coverage(f"LIBERO-Plus {kind}", each.count(""), len(each), _first_reason(each))
+
+
+def _first_reason(lacks: Sequence[str]) -> str:
+    return next(filter(None, lacks), "")

@@ -1,0 +1,50 @@
+"""How the genuine substrate is opened and described."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from pytest_libero_max.substrates.kind import FindVariation, SubstrateKind, SubstrateOptions
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.substrates.libero.installation import Installation
+    from pytest_libero_max.worlds.contract import Substrate
+
+
+def _open(options: SubstrateOptions, variation_of: FindVariation) -> Substrate:
+    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
+
+    own = variation_of if options.variations == "own" else None
+    return LiberoSubstrate(_installations(options), options.semantics, options.instruction, own)
+
+
+def _describe(options: SubstrateOptions) -> dict[str, Any]:
+    return {
+        "installations": [str(found) for found in _installations(options)],
+        "roots": [str(root) for root in options.installations],
+        "assets": None if options.assets is None else str(options.assets),
+        "semantics": options.semantics,
+        "instruction_source": options.instruction,
+        "source_variations": options.variations,
+    }
+
+
+def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
+    from pytest_libero_max.substrates.libero.installation import find_installations
+
+    return find_installations(options.installations, assets=options.assets)
+
+
+def _lacking(
+    options: SubstrateOptions, cases: Sequence[Case], variation_of: FindVariation
+) -> Mapping[str, str]:
+    from pytest_libero_max.substrates.libero.lacking import lacking
+
+    if options.variations == "own":
+        return {}
+    return lacking(_installations(options), cases)
+
+
+KIND = SubstrateKind("libero", _open, _describe, _lacking)

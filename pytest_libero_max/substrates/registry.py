@@ -1,0 +1,56 @@
+"""The substrates there are: a folder of this package each, and those that other packages add."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.substrates.kind import SubstrateKind, SubstrateOptions
+
+ENTRY_POINT_GROUP = "pytest_libero_max.substrates"
+
+SEMANTICS = ("published", "corrected")
+"""``published`` keeps the defects of the authors' event code, since published numbers contain them."""
+
+INSTRUCTIONS = ("published", "clean")
+"""``published`` prompts of LIBERO-Plus have the name of the variation in them; ``clean`` ones do not."""
+
+SOURCE_VARIATIONS = ("installed", "own")
+"""``installed``: LIBERO-Plus's and LIBERO-PRO's own, from their installations; ``own``: in their place this
+package's, which are changes at reset."""
+
+_SUBSTRATES = "pytest_libero_max.substrates"
+
+
+def _own() -> Mapping[str, Callable[[], SubstrateKind]]:
+    folders = [name for name in modules_in(_SUBSTRATES) if "kind" in modules_in(f"{_SUBSTRATES}.{name}")]
+    return {name: _loader(name) for name in folders}
+
+
+def _loader(name: str) -> Callable[[], SubstrateKind]:
+    def load() -> SubstrateKind:
+        return _accept(name, importlib.import_module(f"{_SUBSTRATES}.{name}.kind").KIND)
+
+    return load
+
+
+def _accept(name: str, found: object) -> SubstrateKind:
+    if not isinstance(found, SubstrateKind) or found.name != name:
+        raise ValueError(f"{name} is {found!r}, but must be a SubstrateKind of that name")
+    return found
+
+
+SUBSTRATES: Registry[SubstrateKind] = Registry("substrate", ENTRY_POINT_GROUP, _own, _accept, SubstrateError)
+"""Every substrate by name. A folder of this package is one if it has a module ``kind`` with a ``KIND``."""
+
+
+def describe_substrate(name: str, options: SubstrateOptions | None = None) -> dict[str, Any]:
+    """Name and origin of a substrate, as JSON values, without building or importing anything of it.
+
+    Raises:
+        SubstrateError: There is none of that name, or a genuine installation is missing or incomplete.
+    """
+    return {"name": name, **SUBSTRATES[name].describe(options or SubstrateOptions())}

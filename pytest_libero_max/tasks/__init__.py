@@ -1,0 +1,1 @@
+"""Tasks: LIBERO's forty, and what their scenes contain."""

@@ -1,0 +1,184 @@
+"""What a task's scene contains, as far as the choice of an event depends on it.
+
+Everything is derived from the task description: typed objects and fixtures, the objects of interest, the
+goal and the declared placements. No simulator is involved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pytest_libero_max.tasks import libero_tasks as tasks
+
+
+@dataclass(frozen=True)
+class Relation:
+    """One predicate of a goal, for example ``On(akita_black_bowl_1, plate_1)``."""
+
+    predicate: str
+    arguments: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class InitialPlacement:
+    """How the task description places an object at the start.
+
+    Attributes:
+        predicate: ``On`` or ``In``.
+        region: The region or entity named.
+        support: The entity the region belongs to, or None.
+    """
+
+    predicate: str
+    region: str
+    support: str | None
+
+
+@dataclass(frozen=True)
+class TaskMetadata:
+    """The facts about one task that construction decides by.
+
+    Attributes:
+        name: File stem of the task description.
+        language: The instruction.
+        objects: Movable instances with their category.
+        fixtures: Fixed instances with their category; tables and floors are among them.
+        objects_of_interest: Names the task description marks (may be regions).
+        goal: The goal's predicates, in order; all must hold.
+        placements: Initial placement of the movable objects that have one.
+        reserved: Objects that a source variation added and that no event may use.
+    """
+
+    name: str
+    language: str
+    objects: Mapping[str, str]
+    fixtures: Mapping[str, str]
+    objects_of_interest: frozenset[str]
+    goal: tuple[Relation, ...]
+    placements: Mapping[str, InitialPlacement]
+    reserved: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def goal_entities(self) -> tuple[str, ...]:
+        """Entities the goal's arguments name, in first-seen order."""
+        named = (self.entity_of(argument) for relation in self.goal for argument in relation.arguments)
+        return tuple(dict.fromkeys(entity for entity in named if entity is not None))
+
+    @property
+    def primary_target(self) -> str | None:
+        """The first movable object that is the first argument of a goal predicate."""
+        return next(
+            (r.arguments[0] for r in self.goal if r.arguments and r.arguments[0] in self.objects), None
+        )
+
+    @property
+    def trigger_entity(self) -> str | None:
+        """The entity that an event's trigger watches: the target, or the first that the goal names."""
+        return self.primary_target or next(iter(self.goal_entities), None)
+
+    @property
+    def primary_receptacle(self) -> str | None:
+        """Where the primary target has to go: an object, a fixture or a table."""
+        for relation in self.goal:
+            if len(relation.arguments) >= 2 and relation.arguments[0] == self.primary_target:
+                receptacle = self.entity_of(relation.arguments[1])
+                if receptacle is not None:
+                    return receptacle
+        return None
+
+    @property
+    def distractors(self) -> tuple[str, ...]:
+        """Objects that neither the goal nor the task description names, sorted."""
+        cared_for = set(self.goal_entities) | self.objects_of_interest | self.reserved
+        return tuple(sorted(set(self.objects) - cared_for))
+
+    @property
+    def supported_distractors(self) -> tuple[str, ...]:
+        """The distractors with a declared support, sorted."""
+        return tuple(name for name in self.distractors if self.support(name) is not None)
+
+    @property
+    def obstacle_candidates(self) -> tuple[str, ...]:
+        """The distractors on the trigger entity's own support, sorted."""
+        support = None if self.trigger_entity is None else self.support(self.trigger_entity)
+        if support is None:
+            return ()
+        return tuple(name for name in self.supported_distractors if self.support(name) == support)
+
+    def support(self, entity: str) -> str | None:
+        """The entity that ``entity`` is declared to rest on or in at the start, or None."""
+        placement = self.placements.get(entity)
+        return None if placement is None else placement.support
+
+    def planar(self, entity: str | None) -> bool:
+        """Whether it is a movable object placed ``On`` a table or a floor, where it can be shifted."""
+        if entity is None or entity not in self.objects:
+            return False
+        placement = self.placements.get(entity)
+        if placement is None or placement.predicate.lower() != "on" or placement.support is None:
+            return False
+        surface = self.fixtures.get(placement.support, "")
+        return surface == "floor" or "table" in surface
+
+    def entity_of(self, argument: str) -> str | None:
+        """The entity a name belongs to: itself, or the longest entity name it continues with ``_``."""
+        return owner(argument, [*self.objects, *self.fixtures])
+
+
+def owner(name: str, entities: Iterable[str]) -> str | None:
+    """The longest of ``entities`` that is ``name`` or that ``name`` continues with an underscore."""
+    owners = [entity for entity in entities if name == entity or name.startswith(f"{entity}_")]
+    return max(owners, key=len, default=None)
+
+
+def metadata_from_catalog(row: Mapping[str, Any]) -> TaskMetadata:
+    """Read a row of a released task catalogue; everything that can be derived is derived again."""
+    objects, fixtures = dict(row["objects"]), dict(row["fixtures"])
+    return TaskMetadata(
+        name=row["task_name"],
+        language=row["language"],
+        objects=objects,
+        fixtures=fixtures,
+        objects_of_interest=frozenset(row["objects_of_interest"]),
+        goal=tuple(Relation(r["predicate"], tuple(r["arguments"])) for r in row["goal_relations"]),
+        placements={
+            name: InitialPlacement(p["predicate"], p["region"], owner(p["region"], [*objects, *fixtures]))
+            for name, p in row["initial_placements"].items()
+        },
+        reserved=frozenset(row.get("pro_reserved_objects", ())),
+    )
+
+
+def task_metadata(suite: str, index: int) -> TaskMetadata:
+    """What an unmodified LIBERO task contains, from the embedded substrate's task table.
+
+    The objects of interest are the goal's entities, as LIBERO marks them in these suites.
+
+    Raises:
+        SubstrateError: The table has no such suite or task.
+    """
+    row = tasks.task(suite, index)
+    objects = {name: tasks.category_of(name) for name in row.objects}
+    fixtures = {name: tasks.category_of(name) for name in row.fixtures}
+    fixtures |= {place.surface: place.surface.removeprefix("main_") for place in row.places.values()}
+    placements = {}
+    for fact in row.start:
+        if fact.subject in objects and fact.predicate in ("on", "in") and fact.place is not None:
+            support = owner(fact.place, [*objects, *fixtures])
+            placements[fact.subject] = InitialPlacement(fact.predicate.capitalize(), fact.place, support)
+    goal = tuple(
+        Relation(fact.predicate.capitalize(), tuple(a for a in (fact.subject, fact.place) if a is not None))
+        for fact in row.goal
+    )
+    named = (owner(argument, [*objects, *fixtures]) for relation in goal for argument in relation.arguments)
+    return TaskMetadata(
+        name=row.name,
+        language=row.language,
+        objects=objects,
+        fixtures=fixtures,
+        objects_of_interest=frozenset(name for name in named if name is not None),
+        goal=goal,
+        placements=placements,
+    )

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.server.batching import Batching, Desk, Waiting
+from tests.policies.server.policies import at_once
+
+Jobs = list[Waiting[int, int]]
+FOREVER_S = 60.0
+
+
+class Doubling:
+    """Answers with the double, and keeps the batches."""
+
+    def __init__(self) -> None:
+        self.batches: list[list[int]] = []
+
+    def __call__(self, jobs: Jobs) -> None:
+        self.batches.append([job.question for job in jobs])
+        for job in jobs:
+            job.answer.set_result(2 * job.question)
+
+
+def test_questions_of_all_clients_are_answered_together_without_waiting_longer() -> None:
+    doubling = Doubling()
+    desk: Desk[int, int] = Desk(Batching(8, FOREVER_S), lambda: 3, doubling)
+    with desk.open():
+        assert at_once(*(lambda number=number: desk.ask(number) for number in range(3))) == [0, 2, 4]
+    assert [sorted(batch) for batch in doubling.batches] == [[0, 1, 2]]
+
+
+def test_a_full_batch_does_not_wait() -> None:
+    doubling = Doubling()
+    desk: Desk[int, int] = Desk(Batching(2, FOREVER_S), lambda: 9, doubling)
+    with desk.open():
+        at_once(*(lambda number=number: desk.ask(number) for number in range(4)))
+    assert [len(batch) for batch in doubling.batches] == [2, 2]
+
+
+def test_a_question_waits_for_others_no_longer_than_it_may() -> None:
+    doubling = Doubling()
+    desk: Desk[int, int] = Desk(Batching(8, 0.01), lambda: 9, doubling)
+    with desk.open():
+        assert desk.ask(4) == 8
+    assert doubling.batches == [[4]]
+
+
+def test_a_mistake_while_answering_reaches_whoever_asked_and_nobody_else() -> None:
+    def answer(jobs: Jobs) -> None:
+        if jobs[0].question < 0:
+            raise RuntimeError("a mistake")
+        jobs[0].answer.set_result(1)
+
+    desk: Desk[int, int] = Desk(Batching(), lambda: 1, answer)
+    with desk.open():
+        with pytest.raises(RuntimeError, match="a mistake"):
+            desk.ask(-1)
+        assert desk.ask(0) == 1
+
+
+def test_questions_that_wait_at_the_end_are_refused() -> None:
+    entered, go_on = threading.Event(), threading.Event()
+
+    def answer(jobs: Jobs) -> None:
+        entered.set()
+        go_on.wait(10)
+        jobs[0].answer.set_result(1)
+
+    desk: Desk[int, int] = Desk(Batching(), lambda: 2, answer)
+
+    def asked() -> Any:
+        try:
+            return desk.ask(1)
+        except ServerError as error:
+            return str(error)
+
+    found: list[Any] = []
+    with desk.open():
+        threads = [threading.Thread(target=lambda: found.append(asked())) for _ in range(2)]
+        threads[0].start()
+        assert entered.wait(10)
+        threads[1].start()
+        threading.Timer(0.05, go_on.set).start()
+    for thread in threads:
+        thread.join(10)
+    assert 1 in found
+    assert asked() == "the server is being stopped"
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ((0,), "max_batch=0"),
+        ((2, -0.001), "max_wait_ms=-1"),
+        ((2, float("nan")), "max_wait_ms=nan"),
+        ((1, 0.0, True), "max_batch is 1"),
+    ],
+)
+def test_values_that_make_no_sense_are_refused(values: Any, message: str) -> None:
+    with pytest.raises(AdapterError, match=message):
+        Batching(*values)

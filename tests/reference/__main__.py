@@ -1,0 +1,8 @@
+"""Write the reference pages: ``python -m tests.reference``."""
+
+from __future__ import annotations
+
+from tests.reference import PACKAGE, write_pages
+
+for path in write_pages():
+    print(f"Written: {path.relative_to(PACKAGE.parent)}")

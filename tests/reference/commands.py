@@ -1,0 +1,52 @@
+"""The page of the ``libero-max`` command."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+
+from pytest_libero_max import cli
+from tests.reference.markdown import code, table
+
+
+def page() -> str:
+    """The text."""
+    commands = "\n\n".join(_command(name, parser, help) for name, parser, help in _commands(cli.parser()))
+    return f"# The `libero-max` command\n\nFor what is done before and after runs.\n\n{commands}\n"
+
+
+def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser, str]]:
+    """Every command, and after it the commands that it has itself."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
+            for name, command in action.choices.items():
+                yield name, command, helps[name]
+                for part, its_parser, its_help in _commands(command):
+                    yield f"{name} {part}", its_parser, its_help
+
+
+def _command(name: str, parser: argparse.ArgumentParser, help: str) -> str:
+    rows = [
+        (code(_spelling(action)), _help(action))
+        for action in parser._actions
+        if action.dest != "help" and not isinstance(action, argparse._SubParsersAction)
+    ]
+    usage = table(("Argument", "Meaning"), rows) if rows else ""
+    text = f"{help}. {parser.description or ''}".strip()
+    return f"## `libero-max {name}`\n\n{text}\n\n{usage}".strip()
+
+
+def _spelling(action: argparse.Action) -> str:
+    metavar = action.metavar
+    if metavar is None and action.choices is not None:
+        metavar = "{" + ",".join(map(str, action.choices)) + "}"
+    value = "" if metavar is None else str(metavar)
+    if not action.option_strings:
+        return f"[{value or action.dest}]" if action.nargs == "?" else value or action.dest
+    words = f"{action.option_strings[-1]} {value}".strip()
+    return f"{words} ..." if action.nargs == "+" else words
+
+
+def _help(action: argparse.Action) -> str:
+    return (action.help or "").replace("%(default)s", str(action.default)).replace("%%", "%")

@@ -1,0 +1,112 @@
+"""The page of the events: what each does to a world, with its numbers, and what is expected of a policy."""
+
+from __future__ import annotations
+
+import json
+from importlib import import_module
+from types import ModuleType
+
+from pytest_libero_max import events
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.tracks import load_track
+
+# TRIG
+from pytest_libero_max.events import triggers
+from pytest_libero_max.events.kind import EventKind
+from pytest_libero_max.events.registry import EVENTS
+from tests.reference.docstrings import constants, description, section
+from tests.reference.markdown import code, one_line, prose, table
+
+EXAMPLES = "original"
+"""The track that the examples are from."""
+
+
+_KINDS = "pytest_libero_max.events.kinds."
+"""Begins the names of the modules of this package's events; other packages may have added some."""
+
+
+def page() -> str:
+    """The text."""
+    kinds = [kind for kind in EVENTS.values() if type(kind).__module__.startswith(_KINDS)]
+    overview = table(
+        ("Event", "Family", "Severity of variant 0, 1", "Response"),
+        (
+            (f"[{kind.name}](#{kind.name})", kind.family, ", ".join(kind.severities), kind.response)
+            for kind in kinds
+        ),
+    )
+    examples = _examples()
+    return f"""# Events
+
+{prose(description(events))}
+
+Each event has two parameter variants, 0 and 1. The numbers are those of the benchmark's authors.
+
+![Each event, before and after](../../reports/events.jpg)
+
+{overview}
+
+The examples are changes of cases of the `{EXAMPLES}` track, as manifests spell them.
+
+{"".join(_kind(kind, examples) for kind in kinds)}
+## Triggers
+
+When an event happens. All cases of the tracks use `on_proximity`.
+
+{_triggers()}
+"""
+
+
+def _kind(kind: EventKind, examples: dict[tuple[str, int], Case]) -> str:
+    module = import_module(type(kind).__module__)
+    rows = [
+        ("Family", f"{kind.family} (`{kind.code}` in manifests)"),
+        ("Severity", f"{kind.severities[0]} (variant 0), {kind.severities[1]} (variant 1)"),
+        ("The task needs", kind.needs),
+        ("A policy is expected to", f"{kind.expected} (`{kind.response}`)"),
+        *_numbers(module),
+    ]
+    found = [(variant, examples.get((kind.name, variant))) for variant in (0, 1)]
+    shown = "".join(_example(variant, case) for variant, case in found if case is not None)
+    return f"## {kind.name}\n\n{prose(description(type(kind)))}\n\n{table(('', ''), rows)}\n\n{shown}"
+
+
+def _numbers(module: ModuleType) -> list[tuple[str, str]]:
+    return [(code(item.name), f"`{item.value}`. {one_line(item.text)}") for item in constants(module)]
+
+
+def _example(variant: int, case: Case) -> str:
+    change = _spelled(case.event.change)
+    return f"Variant {variant}, in `{case.item_id}`:\n\n```json\n{change}\n```\n\n"
+
+
+def _spelled(change: Json) -> str:
+    """JSON with one line for each parameter, and for each item of a list of objects."""
+    lines = []
+    for name, value in change.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            value_text = "[\n    " + ",\n    ".join(map(json.dumps, value)) + "\n  ]"
+        else:
+            value_text = json.dumps(value)
+        lines.append(f"  {json.dumps(name)}: {value_text}")
+    return "{\n" + ",\n".join(lines) + "\n}"
+
+
+def _examples() -> dict[tuple[str, int], Case]:
+    """The first case of each event and variant, by item id."""
+    found: dict[tuple[str, int], Case] = {}
+    for case in sorted(load_track(EXAMPLES).cases, key=lambda case: case.item_id):
+        found.setdefault((case.event.name, case.event.variant), case)
+    return found
+
+
+def _triggers() -> str:
+    rows = []
+    for name, trigger in triggers.TRIGGERS.items():
+        parameters = " ".join(
+            f"`{trigger.spelling.get(field, field)}`: {text}"
+            for field, text in section(trigger, "Attributes").items()
+        )
+        rows.append((code(name), one_line(description(trigger)), one_line(parameters) or "none"))
+    return table(("Type", "Fires at", "Parameters"), rows)

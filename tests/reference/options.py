@@ -1,0 +1,114 @@
+"""The page of the plugin: options, fixtures, markers, outcome letters, exit statuses."""
+
+from __future__ import annotations
+
+import inspect
+from types import ModuleType
+
+from pytest_libero_max.plugin import hooks, hookspec, ray
+from pytest_libero_max.plugin.options import OPTIONS, Option
+from pytest_libero_max.report import exit_status
+from pytest_libero_max.runs import outcome_letters
+from tests.reference.docstrings import constants, description
+from tests.reference.markdown import code, one_line, prose, table
+
+EXAMPLE = """
+def test_few_actions_are_stale(libero_max_case, libero_max_prefix, libero_max_inject, libero_max_policy):
+    evidence = libero_max_inject()  # the world is where Base met the event; now the event happens
+    assert evidence["operation"] == libero_max_case.event.change["operation"]
+    assert len(libero_max_prefix.pending) < libero_max_policy.spec.query_interval
+"""
+"""A test module of a user."""
+
+
+def page() -> str:
+    """The text."""
+    options = table(
+        ("Option", "ini key", "Default", "Meaning"),
+        (
+            (code(_usage(option)), code(option.key), _default(option), one_line(option.help))
+            for option in OPTIONS
+        ),
+    )
+    fixtures = "\n\n".join(_fixture(name) for name in ("libero_max_case", *sorted(hooks.__all__)))
+    hooks_of_ours = "\n\n".join(
+        f"**`{name}{inspect.signature(value)}`**. {prose(description(value))}".replace("'", "")
+        for name, value in vars(hookspec).items()
+        if name.startswith("pytest_libero_max_")
+    )
+    letters = table(
+        ("Letter", "Outcome"),
+        (
+            *((code(letter), outcome) for outcome, letter in outcome_letters.LETTERS.items()),
+            (code(outcome_letters.UNTRIGGERED), "the event never fired"),
+            (code(outcome_letters.ERROR), "error: the pair could not be measured"),
+        ),
+    )
+    statuses = table(
+        ("Exit status", "Meaning"),
+        ((item.value, one_line(item.text)) for item in constants(exit_status) if item.value.isdigit()),
+    )
+    return f"""# The plugin: options, fixtures, outcomes
+
+## Options
+
+Every option is also an ini key. The command line wins over the ini file, and the ini file over the default.
+
+{options}
+
+## Fixtures
+
+{fixtures}
+
+A test of your own has one item for each case of the track:
+
+```python
+{EXAMPLE.strip()}
+```
+
+```sh
+pytest test_mine.py --libero-max-policy=adapter.py
+```
+
+## Hooks
+
+{prose(description(hookspec))}
+
+{hooks_of_ours}
+
+## Outcomes
+
+Each pair is one letter on the progress line and one sentence with `-v`.
+
+{letters}
+
+## On a Ray cluster
+
+{_without_summary(ray)}
+
+## Exit statuses
+
+Those of pytest, and two of our own.
+
+{statuses}
+"""
+
+
+def _without_summary(module: ModuleType) -> str:
+    return prose(description(module).split("\n\n", maxsplit=1)[1])
+
+
+def _usage(option: Option) -> str:
+    return option.flag if option.switch else f"{option.flag}={option.metavar}"
+
+
+def _default(option: Option) -> str:
+    return code(option.default) if option.default else ""
+
+
+def _fixture(name: str) -> str:
+    if name == "libero_max_case":
+        text = "The case. A test that asks for it, also through another fixture, has one item for each case."
+    else:
+        text = description(inspect.unwrap(getattr(hooks, name)))
+    return f"**`{name}`**. {prose(text)}"

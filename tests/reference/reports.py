@@ -1,0 +1,117 @@
+"""The page of reports: every field of ``report.json``, and every quantity a gate can ask for."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+
+from pytest_libero_max import report
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report import gates
+from pytest_libero_max.report.columns import COLUMNS
+from pytest_libero_max.report.dimensions import DIMENSIONS
+from tests.reference.docstrings import description
+from tests.reference.markdown import code, one_line, prose, table
+from tests.reference.schemas import fields_of, kind_of
+
+
+def page() -> str:
+    """The text."""
+    schema, comparison = _schema("report"), _schema("comparison")
+    definitions = "\n\n".join(
+        f"### {name}\n\n{_definition(schema, name)}" for name in sorted(schema["$defs"])
+    )
+    return f"""# Reports and gates
+
+{prose(description(report))}
+
+## Gates
+
+{prose(description(gates))}
+
+### Quantities of the whole run or of a group
+
+{_quantities()}
+
+### Counts of pairs
+
+These can be decided in an incomplete run. `invalid` and `missing` are of the whole run only.
+
+{_counts(schema)}
+
+### Against another run
+
+For example `regressions_vs(reports/v1) <= 3`. The other run is the first of the comparison, the present run
+the second.
+
+{_versus(comparison)}
+
+### Scopes
+
+{_scopes()}
+
+## Fields of `report.json`
+
+Computed from `pairs.jsonl` alone. The schema is [`report.schema.json`](report.schema.json). `*` stands for
+any key and `[]` for the items of a list. A type that is not JSON's own is a definition below.
+
+{_fields(schema)}
+
+## Definitions
+
+{definitions}
+
+## Fields of a comparison
+
+`libero-max compare --json FILE` writes them. The schema:
+[`comparison.schema.json`](comparison.schema.json).
+
+{_fields(comparison)}
+"""
+
+
+def _schema(name: str) -> Json:
+    document: Json = json.loads(files(report).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
+    return document
+
+
+def _counts(schema: Json) -> str:
+    described = schema["properties"]["pairs"]["properties"]
+    return table(
+        ("Quantity", "Meaning"), ((code(name), described[name]["description"]) for name in gates.COUNTS)
+    )
+
+
+def _versus(comparison: Json) -> str:
+    described = comparison["$defs"]["contrast"]["properties"]
+    rows = ((code(f"{name}(RUN)"), described[key]["description"]) for name, (key, _) in gates.VERSUS.items())
+    return table(("Quantity", "Meaning"), rows)
+
+
+def _quantities() -> str:
+    rows = [
+        (
+            code(column.gate or column.key),
+            column.title,
+            "yes" if column.format.has_interval else "",
+            code(".".join(column.place)),
+        )
+        for column in COLUMNS
+        if column.gate is not None
+    ]
+    return table(("Quantity", "Meaning", "Interval", "Place in a row of the report"), rows)
+
+
+def _scopes() -> str:
+    return table(("Dimension", "Groups"), ((code(name), item.title) for name, item in DIMENSIONS.items()))
+
+
+def _definition(schema: Json, name: str) -> str:
+    node = schema["$defs"][name]
+    text = node.get("description", "")
+    return f"{text}\n\n{_fields(schema, name) if 'properties' in node else kind_of(node)}".strip()
+
+
+def _fields(schema: Json, definition: str | None = None) -> str:
+    rows = ((code(path), kind, one_line(text)) for path, kind, text in fields_of(schema, definition))
+    return table(("Field", "Type", "Meaning"), rows)

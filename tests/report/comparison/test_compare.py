@@ -1,0 +1,318 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.comparison.compare import common_cases, compare_folders, compare_runs
+from pytest_libero_max.report.comparison.compare_text import comparison_lines
+from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
+from pytest_libero_max.report.gates import parse_gates
+from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.store import PairStore, StoredRun
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+PAIRS = plan()
+
+
+def _run(
+    outcomes: list[tuple[bool, bool]], pairs: list[PlannedPair] = PAIRS, **provenance: Json
+) -> StoredRun:
+    records = [record_of(pair, *outcome) for pair, outcome in zip(pairs, outcomes, strict=False)]
+    return StoredRun(Run(tuple(pairs), {**PROVENANCE, **provenance}), tuple(records), (), torn=False)
+
+
+ALWAYS = [(True, True)] * 32
+"""Everything succeeds."""
+
+MIXED = [(True, True)] * 28 + [(True, False)] * 4
+"""The last four planned pairs (two events of the second source) regress."""
+
+
+def test_a_comparison_finds_the_flips_and_ranks_the_runs() -> None:
+    comparison = compare_runs({"old": _run(ALWAYS), "new": _run(MIXED)})
+    assert comparison["pairs"] == {
+        "common": 32,
+        "restricted": False,
+        "left_out": {"old": [], "new": []},
+        "unsupported": {"old": 0, "new": 0},
+    }
+    assert [(row["name"], row["rank"]) for row in comparison["runs"]] == [("old", 1.0), ("new", 2.0)]
+    (contrast,) = comparison["contrasts"]
+    assert (contrast["first_only"], contrast["second_only"]) == (4, 0)
+    assert contrast["difference"]["value"] == -0.125
+    assert contrast["p_value"] == 0.125
+    flips = comparison["flips"]
+    assert sorted(flip["case_id"] for flip in flips) == sorted(pair.case_id for pair in PAIRS[28:])
+    assert flips[0]["outcomes"] == {"old": "preserved_success", "new": "regression"}
+    assert comparison["runs"][1]["replay"][-1] == "-k"
+    assert comparison["substrate"]["scores_comparable_with_published"] is False
+
+
+def test_the_replay_command_plays_one_case_of_that_run() -> None:
+    run = _run(ALWAYS, policy={"reference": "a.py", "horizon": None, "query_interval": 2})
+    assert replay_command(run) == [
+        "pytest",
+        "--libero-max-policy=a.py",
+        "--libero-max-track=smoke",
+        "--libero-max-substrate=embedded",
+        "--libero-max-prefix=fork",
+        "--libero-max-query-interval=2",
+        "--libero-max-output=libero-max-replay",
+        "-k",
+    ]
+
+
+def test_the_replay_command_of_a_policy_behind_a_server_names_its_profile() -> None:
+    policy = {
+        "reference": "openpi://host:8000",
+        "profile": "mine.toml",
+        "horizon": None,
+        "query_interval": None,
+    }
+    command = replay_command(_run(ALWAYS, policy=policy))
+    assert command[1:3] == ["--libero-max-policy=openpi://host:8000", "--libero-max-profile=mine.toml"]
+
+
+def test_the_replay_command_of_a_genuine_run_names_all_that_it_played_on() -> None:
+    run = _run(
+        ALWAYS,
+        substrate={
+            "name": "libero",
+            "installations": ["LIBERO abc", "LIBERO-plus def"],
+            "roots": ["/srv/LIBERO", "/srv/LIBERO-plus"],
+            "assets": "/srv/assets",
+            "semantics": "corrected",
+            "instruction_source": "clean",
+            "source_variations": "own",
+        },
+        case_set={"name": "manifest mine.json", "path": "/srv/mine.json", "digest": "0", "limit": 8},
+        protocol={"prefix": "replay", "noise_floor": 4},
+        selection=Selection.choose(["a"], 8, [], (2, 3)).to_dict(),
+    )
+    assert replay_command(run) == [
+        "pytest",
+        "--libero-max-policy=scripted.py",
+        "--libero-max-manifest=/srv/mine.json",
+        "--libero-max-substrate=libero",
+        "--libero-max-libero=/srv/LIBERO",
+        "--libero-max-libero=/srv/LIBERO-plus",
+        "--libero-max-semantics=corrected",
+        "--libero-max-instruction=clean",
+        "--libero-max-source-variations=own",
+        "--libero-max-libero-assets=/srv/assets",
+        "--libero-max-prefix=replay",
+        "--libero-max-noise-floor=4",
+        "--libero-max-limit=8",
+        "--libero-max-shard=2/3",
+        "--libero-max-output=libero-max-replay",
+        "-k",
+    ]
+
+
+def test_runs_with_other_cases_are_refused_or_restricted() -> None:
+    runs = {"old": _run(ALWAYS), "new": _run(MIXED[:30])}
+    with pytest.raises(ReportError, match="2 of 'old', 2 of 'new'"):
+        compare_runs(runs)
+    comparison = compare_runs(runs, restrict=True)
+    assert comparison["pairs"]["restricted"] is True
+    assert comparison["pairs"]["common"] == 30
+    assert comparison["pairs"]["left_out"]["new"] == sorted(pair.case_id for pair in PAIRS[30:])
+    assert comparison["runs"][0]["dynamic_success"]["of"] == 30
+
+
+def test_what_cannot_be_compared_says_why() -> None:
+    with pytest.raises(ReportError, match="two or more"):
+        common_cases({"old": _run(ALWAYS)})
+    with pytest.raises(ReportError, match="embedded and libero"):
+        common_cases({"old": _run(ALWAYS), "new": _run(ALWAYS, substrate={"name": "libero"})})
+    with pytest.raises(ReportError, match="no measured case in common"):
+        common_cases({"old": _run(ALWAYS, PAIRS[:4]), "new": _run(ALWAYS, PAIRS[4:])}, restrict=True)
+    other = [PlannedPair(**{**vars(pair), "case_digest": "0" * 64}) for pair in PAIRS]
+    with pytest.raises(ReportError, match="manifests differ"):
+        common_cases({"old": _run(ALWAYS), "new": _run(ALWAYS, other)})
+
+
+def _store(folder: Path, run: StoredRun) -> Path:
+    store = PairStore(folder, run.run)
+    for record in run.records:
+        store.append(record)
+    store.close()
+    return folder
+
+
+def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> None:
+    _store(tmp_path / "old", _run(ALWAYS))
+    new = _store(tmp_path / "new", _run(MIXED))
+    gates = parse_gates(
+        [
+            "regressions_vs(old) <= 3",
+            "regressions_vs(old/report.json) <= 4",
+            "gains_vs(lost) >= 1",
+            "base_sr == 1",
+        ]
+    )
+    results = decide(gates, new, start=tmp_path)
+    assert [result.verdict for result in results] == ["failed", "passed", "undecidable", "passed"]
+    lines = gate_lines(results)
+    assert lines[0] == "gate FAIL  regressions_vs(old) <= 3: failed, it is 4."
+    assert lines[2].startswith("gate FAIL  gains_vs(lost) >= 1: undecidable, Cannot read")
+    annotations = github_annotations(results)
+    assert len(annotations) == 2
+    assert annotations[0] == (
+        "::error title=LIBERO-MAX gate failed::regressions_vs(old) <= 3: failed, it is 4."
+    )
+
+
+def test_a_run_like_its_baseline_has_the_p_value_one(tmp_path: Path) -> None:
+    _store(tmp_path / "old", _run(ALWAYS))
+    new = _store(tmp_path / "new", _run(ALWAYS))
+    results = decide(parse_gates(["p_value_vs(old) == 1", "dynamic_sr_vs(old).lower >= -15%"]), new, tmp_path)
+    assert all(result.passed for result in results)
+
+
+def test_a_baseline_of_other_cases_decides_nothing(tmp_path: Path) -> None:
+    _store(tmp_path / "old", _run(ALWAYS[:31]))
+    new = _store(tmp_path / "new", _run(ALWAYS))
+    (result,) = decide(parse_gates(["regressions_vs(old) <= 3"]), new, start=tmp_path)
+    assert result.verdict == "undecidable"
+    assert "do not share all cases" in result.reason
+
+
+def test_fourteen_runs_give_ninety_one_contrasts() -> None:
+    runs = {f"policy {n:02d}": _run([(True, index % (n + 2) > 0) for index in range(32)]) for n in range(14)}
+    comparison = compare_runs(runs)
+    assert len(comparison["contrasts"]) == 91
+    holm = [row["log10_p_value_holm"] for row in comparison["contrasts"]]
+    plain = [row["log10_p_value"] for row in comparison["contrasts"]]
+    assert all(h >= p for h, p in zip(holm, plain, strict=True) if p is not None)
+
+
+def test_a_comparison_is_said_in_a_few_lines() -> None:
+    runs = {"old": _run(ALWAYS), "new": _run(MIXED)}
+    assert "\n".join(comparison_lines(compare_runs(runs))) == COMPARISON
+    restricted = compare_runs({**runs, "new": _run(MIXED[:30])}, restrict=True)
+    assert comparison_lines(restricted)[0] == "RESTRICTED to 30 common cases; left out: 2 of old, 2 of new"
+
+
+COMPARISON = """\
+2 runs on 32 common cases
+Scores on the embedded substrate are not comparable with published ones.
+
+rank  run                      Base Dynamic             change [95%]     95% by task        lost
+   1  old                    100.0%  100.0%      +0.0 [-10.9, +10.9]             n/a        0/32
+   2  new                    100.0%   87.5%      -12.5 [-29.0, +2.8]             n/a        4/32
+
+Dynamic success, second against first     change      95% interval     95% by task   Holm p
+new against old                            -12.5     [-29.0, +2.8]             n/a    0.125
+
+Base success, second against first        change      95% interval     95% by task   Holm p
+new against old                             +0.0    [-10.9, +10.9]             n/a    1.000
+
+Paired change, second against first       change      95% interval     95% by task   Holm p
+new against old                            -12.5     [-31.3, +7.8]             n/a    0.125
+
+Dynamic success by event                  change  simultaneous 95%                   Holm p
+illumination_switch                         +0.0    [-76.4, +76.4]                    1.000
+camera_shift                                +0.0    [-76.4, +76.4]                    1.000
+visual_theme_switch                         +0.0    [-76.4, +76.4]                    1.000
+sensor_noise_onset                          +0.0    [-76.4, +76.4]                    1.000
+target_relocation                           +0.0    [-76.4, +76.4]                    1.000
+receptacle_relocation                       +0.0    [-76.4, +76.4]                    1.000
+distractor_burst                           -50.0    [-97.7, +66.6]                    1.000
+obstacle_insertion                         -50.0    [-97.7, +66.6]                    1.000
+Paired change by event                    change  simultaneous 95%                   Holm p
+illumination_switch                         +0.0  [-128.9, +128.9]                    1.000
+camera_shift                                +0.0  [-128.9, +128.9]                    1.000
+visual_theme_switch                         +0.0  [-128.9, +128.9]                    1.000
+sensor_noise_onset                          +0.0  [-128.9, +128.9]                    1.000
+target_relocation                           +0.0  [-128.9, +128.9]                    1.000
+receptacle_relocation                       +0.0  [-128.9, +128.9]                    1.000
+distractor_burst                           -50.0  [-172.6, +105.9]                    1.000
+obstacle_insertion                         -50.0  [-172.6, +105.9]                    1.000
+Holm's correction and the simultaneous intervals are over all events and pairs of runs.
+
+Paired change by event       smallest loss                      largest loss
+  old                        illumination_switch +0.0           illumination_switch +0.0
+  new                        illumination_switch +0.0           distractor_burst -50.0
+Agreement of the event profiles: n/a, no two runs have profiles that vary
+
+4 cases changed, (Base, Dynamic) in old, new:
+(1,1) (1,0)  pro-spatial-t00-distractor_burst-v0
+(1,1) (1,0)  pro-spatial-t00-distractor_burst-v1
+(1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v0
+(1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
+To play one of them again, append its name:
+  old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
+  new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
+
+The first interval of a paired change is for these tasks played again with other initial states and
+seeds. The interval by task is for other tasks of the same kind, and needs 30 tasks of which 15 have
+a changed pair.
+An interval describes how precisely these cases measure this policy. It does not cover how much the
+policy would differ if it were trained again.
+Policies differ in size, training data and serving at once. A difference between policies, or
+between families of policies, does not show which architecture or design is more robust.
+Success at the end of an episode and queries after the event are observable behaviour. They show
+sensitivity to the event, not whether the policy detected it or planned anew."""  # noqa: E501
+
+
+def test_folders_are_compared_under_their_names(tmp_path: Path) -> None:
+    old, new = _store(tmp_path / "old", _run(ALWAYS)), _store(tmp_path / "new", _run(MIXED))
+    comparison = compare_folders([old, new / "pairs.jsonl"])
+    assert [run["name"] for run in comparison["runs"]] == [str(old), str(new / "pairs.jsonl")]
+    assert len(comparison["flips"]) == 4
+    with pytest.raises(ReportError, match="given twice"):
+        compare_folders([old, old])
+
+
+def test_runs_that_differ_in_more_than_their_policy_are_warned_of() -> None:
+    other = _run(
+        MIXED, substrate={"name": "embedded", "semantics": "corrected"}, versions={"mujoco": "3.4.0"}
+    )
+    runs = {"old": _run(ALWAYS, versions={"mujoco": "3.3.7"}), "new": other}
+    comparison = compare_runs(runs)
+    assert comparison["differences"] == [
+        {"field": "substrate.semantics", "values": {"old": None, "new": "corrected"}},
+        {"field": "versions.mujoco", "values": {"old": "3.3.7", "new": "3.4.0"}},
+    ]
+    lines = comparison_lines(comparison)
+    assert "WARNING: the runs differ in versions.mujoco: old 3.3.7, new 3.4.0" in lines
+    assert not any("WARNING" in line for line in comparison_lines(compare_runs({"a": other, "b": other})))
+
+
+def test_contrasts_are_of_base_dynamic_and_the_change_and_by_event() -> None:
+    lost_base = [(False, False)] * 8 + MIXED[8:]
+    comparison = compare_runs({"old": _run(ALWAYS), "new": _run(lost_base)})
+    (dynamic,), (base,), (change,) = (
+        comparison[key] for key in ("contrasts", "base_contrasts", "change_contrasts")
+    )
+    assert [row["difference"]["value"] for row in (dynamic, base, change)] == [-0.375, -0.25, -0.125]
+    assert (change["second_lower"], change["second_higher"]) == (4, 0)
+    assert change["log10_p_value"] == pytest.approx(math.log10(2 * 0.5**4))
+    by_event = comparison["by_event"]
+    assert sum(rows["dynamic_success"][0]["cases"] for rows in by_event.values()) == 32
+    assert by_event["illumination_switch"]["dynamic_success"][0]["difference"]["value"] == -0.5
+    assert by_event["obstacle_insertion"]["paired_change"][0]["difference"]["value"] == -0.5
+
+
+def test_a_simultaneous_interval_is_as_wide_as_its_family_is_large() -> None:
+    two = compare_runs({"a": _run(ALWAYS), "b": _run(MIXED)})["contrasts"][0]["difference"]
+    assert two["simultaneous"] == {"lower": two["lower"], "upper": two["upper"]}
+    three = compare_runs({"a": _run(ALWAYS), "b": _run(MIXED), "c": _run(ALWAYS)})["contrasts"][0][
+        "difference"
+    ]
+    assert three["lower"] == two["lower"]
+    assert three["simultaneous"]["lower"] < three["lower"] < three["upper"] < three["simultaneous"]["upper"]
+
+
+def test_many_runs_count_their_contrasts_by_event() -> None:
+    runs = {name: _run(outcomes) for name, outcomes in (("a", ALWAYS), ("b", MIXED), ("c", MIXED[::-1]))}
+    lines = comparison_lines(compare_runs(runs))
+    assert "Dynamic success by event: contrasts with Holm p < 0.05" in lines
+    assert "  camera_shift             0 of 3" in lines

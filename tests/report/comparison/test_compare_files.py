@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import json
+import re
+from html import escape
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
+from pytest_libero_max.report.comparison.compare_figures import (
+    COMPARISON_FIGURES,
+    event_changes,
+    outcome_shares,
+)
+from pytest_libero_max.report.comparison.compare_files import comparison_markdown, write_comparison
+from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.page.packing import unpacked
+from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import StoredRun
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+PAIRS = plan()
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def _runs(runs: int) -> dict[str, StoredRun]:
+    """Run k loses the pairs whose number divides by k + 2, and its Base fails in two of the 32."""
+    return {
+        f"run {k} & <co>": StoredRun(
+            Run(tuple(PAIRS), PROVENANCE),
+            tuple(
+                record_of(pair, index > 1, index > 1 and index % (k + 2) > 0)
+                for index, pair in enumerate(PAIRS)
+            ),
+            (),
+            torn=False,
+        )
+        for k in range(runs)
+    }
+
+
+def _comparison(runs: int) -> Json:
+    return compare_runs(_runs(runs))
+
+
+THREE = _comparison(3)
+
+
+@pytest.mark.parametrize("figure", COMPARISON_FIGURES)
+@pytest.mark.parametrize("runs", [2, 14])
+def test_every_figure_is_well_formed_and_inside_its_frame(figure: str, runs: int) -> None:
+    root = ElementTree.fromstring(COMPARISON_FIGURES[figure](_comparison(runs)))
+    _, _, width, height = map(float, root.attrib["viewBox"].split())
+    limits = {"x": width, "x1": width, "x2": width, "cx": width, "y": height, "y1": height, "cy": height}
+    for shape in root.iter():
+        for key, limit in limits.items():
+            assert 0 <= float(shape.get(key, 0)) <= limit
+    assert "run 1 & <co>" in [shape.text for shape in root.iter(f"{SVG}text")]
+
+
+def test_the_figure_of_events_has_a_dot_for_every_run_and_the_quartiles_over_them() -> None:
+    root = ElementTree.fromstring(event_changes(THREE))
+    assert len(root.findall(f"{SVG}circle")) == 3 * 8 + 3  # and those of the legend
+    notes = [shape.text for shape in root.iter(f"{SVG}text") if shape.text and "[" in shape.text]
+    assert len(notes) == 8
+    for event, over_runs in THREE["events"].items():
+        changes = sorted(run["by_event"][event]["value"] for run in THREE["runs"])
+        assert [over_runs[key] for key in ("lowest", "median", "highest")] == changes
+        assert over_runs["lower_quartile"] == pytest.approx((changes[0] + changes[1]) / 2)
+        assert over_runs["upper_quartile"] == pytest.approx((changes[1] + changes[2]) / 2)
+
+
+def test_the_figure_of_outcomes_has_bars_as_long_as_the_shares() -> None:
+    root = ElementTree.fromstring(outcome_shares(THREE))
+    bars = [float(bar.attrib["width"]) for bar in root.findall(f"{SVG}rect")][4:]
+    assert len(bars) == 3 * 4
+    for run, start in zip(THREE["runs"], range(0, 12, 4), strict=True):
+        whole = sum(bars[start : start + 4])
+        shares = [bar / whole for bar in bars[start : start + 4]]
+        counts = ["preserved_success", "change_associated_success", "regression", "persistent_failure"]
+        assert shares == pytest.approx([run["outcomes"][key] / 32 for key in counts], abs=1e-3)
+
+
+def test_a_comparison_is_written_as_pages_with_their_figures(tmp_path: Path) -> None:
+    names = {path.name for path in write_comparison(THREE, tmp_path / "new")}
+    assert {"comparison.json", "comparison.md", "comparison.html", "event-changes.svg"} <= names
+    assert all((tmp_path / "new" / name).stat().st_size for name in names)
+    page = comparison_markdown(THREE)
+    for link in re.findall(r"\]\((\S+)\)", page):
+        assert link in names
+    for statement in STATEMENTS.values():
+        assert statement in page
+        assert escape(statement) in comparison_html(THREE)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ReportError, match=r"Cannot make .*file/new"):
+        write_comparison(THREE, tmp_path / "file" / "new")
+
+
+def test_the_page_of_a_comparison_needs_no_network_and_escapes_names() -> None:
+    page = comparison_html(THREE)
+    assert page.count("<svg") == page.count("</svg>") == 2
+    assert not re.search(r"<script|<link|url\(|src=|<co>", page)
+
+
+def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every_run(tmp_path: Path) -> None:
+    runs = {str(tmp_path / f"run{k}"): run for k, run in enumerate(_runs(2).values())}
+    item = PAIRS[2].item_id
+    for path in map(Path, runs):
+        (path / "films").mkdir(parents=True)
+        (path / "films" / f"{item}--base dynamic.mp4").touch()
+    (tmp_path / "run1" / "report.html").touch()
+    page = comparison_html(compare_runs(runs), common_cases(runs), tmp_path / "page")
+    data = json.loads(re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)[0])
+    assert data["items"] == sorted(pair.item_id for pair in PAIRS)
+    columns = {column["title"]: column for column in data["columns"]}
+    outcomes = {
+        name: dict(zip(data["items"], (column["labels"][place] for place in column["at"]), strict=True))
+        for name, column in columns.items()
+        if name in ("run0", "run1", "Changed")
+    }
+    assert [outcomes[name][item] for name in ("run0", "run1", "Changed")] == [
+        "regression",
+        "preserved_success",
+        "yes",
+    ]
+    flips = {flip["item_id"] for flip in compare_runs(runs)["flips"]}
+    assert {name for name, changed in outcomes["Changed"].items() if changed == "yes"} == flips
+    place = str(data["items"].index(item))
+    assert data["films"][place] == [
+        [f"run{k}", f"../run{k}/films/{item}--base%20dynamic.mp4"] for k in (0, 1)
+    ]
+    assert data["pages"] == [["run1", "../run1/report.html"]]
+    assert data["start"] == {"changed": "yes"}
+    assert unpacked(data["details"])[int(place)]["Runs"]["run0"]["outcome"] == "regression"
+
+
+def test_a_comparison_in_which_nothing_changed_shows_all_cases() -> None:
+    stored = next(iter(_runs(1).values()))
+    runs = {"a": stored, "b": stored}
+    page = comparison_html(compare_runs(runs), common_cases(runs))
+    assert json.loads(re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)[0])["start"] == {}

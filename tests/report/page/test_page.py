@@ -1,0 +1,177 @@
+"""What a page of a run holds beside its tables: the data of the table of cases, the events, the frame."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, run_cases
+from pytest_libero_max.report.page.document import document
+from pytest_libero_max.report.page.events import events_section
+from pytest_libero_max.report.page.evidence import flat
+from pytest_libero_max.report.page.origin import origin_rows
+from pytest_libero_max.report.page.packing import labelled, packed, unpacked
+from pytest_libero_max.report.writers.files import run_page
+from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.store import StoredRun, read_pairs
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
+
+PAIRS = plan()
+UNSUPPORTED = replace(PAIRS[9], suite="libero_goal")
+PUBLISHED = Path(__file__).parents[3] / "reports" / "smoke" / "stale_expert" / "pairs.jsonl.gz"
+MOST_BYTES_A_CASE = 600
+"""8,000 cases then take 4.8 MB; a whole page is to stay below 5 MB."""
+
+
+def _run() -> StoredRun:
+    """The first pair has no record, the second an error, the third no event, the fourth another suite."""
+    planned = [*PAIRS[:3], UNSUPPORTED, *PAIRS[10:]]
+    policy = {**record_of(PAIRS[2], True, True).policy, "suites": ["libero_spatial"], "revision": "abc"}
+    records = [
+        record_of(PAIRS[2], False, False, policy=policy, **NEVER_TRIGGERED),
+        *(record_of(pair, True, index % 2 == 0, policy=policy) for index, pair in enumerate(PAIRS[10:])),
+    ]
+    return StoredRun(Run(tuple(planned), PROVENANCE), tuple(records), (error_of(PAIRS[1]),), torn=False)
+
+
+def _column(cases: Json, key: str) -> dict[str, object]:
+    """The values of a column by item id."""
+    (column,) = (column for column in cases["columns"] if column["key"] == key)
+    values = column.get("values") or [column["labels"][place] for place in column["at"]]
+    return dict(zip(cases["items"], values, strict=True))
+
+
+def test_every_planned_pair_is_in_the_table_whatever_became_of_it() -> None:
+    run = _run()
+    cases = run_cases(run, {}, {})
+    assert cases["items"] == sorted(pair.item_id for pair in run.run.planned)
+    outcomes = _column(cases, "outcome")
+    assert [outcomes[pair.item_id] for pair in run.run.planned[:4]] == [
+        "missing",
+        "invalid",
+        "persistent_failure",
+        "unsupported",
+    ]
+    assert {*outcomes.values()} <= {*OUTCOME_TITLES}
+    assert _column(cases, "stale")[PAIRS[2].item_id] is None
+    assert _column(cases, "dynamic_steps")[PAIRS[10].item_id] == 95
+    details = dict(zip(cases["items"], unpacked(cases["details"]), strict=True))
+    assert details[PAIRS[1].item_id]["Error"]["Message"] == "qpos is not finite"
+    assert details[PAIRS[2].item_id]["Event"] == {"Happened": False}
+    assert details[PAIRS[10].item_id]["Arms"]["Success"] == {"base": True, "dynamic": True}
+    (play, draw) = cases["commands"]
+    assert (play[1].split()[0], play[1].split()[-1], play[2]) == ("pytest", "-k", "")
+    assert draw[1:] == ["libero-max show smoke", "--pictures=pictures"]
+    assert run_cases(run, {}, {}, traced=True)["commands"][1][1] == "libero-max film ."
+
+
+def test_media_are_named_by_what_tells_them_apart_and_addressed_as_a_browser_wants_it() -> None:
+    run, item = _run(), PAIRS[2].item_id
+    cases = run_cases(
+        run, {item: [f"films/{item}--base dynamic.mp4"]}, {item: [f"pictures/{item}--a-before.png"]}
+    )
+    place = str(cases["items"].index(item))
+    assert cases["films"] == {place: [["base dynamic", f"films/{item}--base%20dynamic.mp4"]]}
+    assert cases["pictures"] == {place: [["a-before", f"pictures/{item}--a-before.png"]]}
+    assert _column(cases, "film")[item] == "yes"
+    assert "film" not in [column["key"] for column in run_cases(run, {}, {})["columns"]]
+
+
+@pytest.mark.skipif(not PUBLISHED.is_file(), reason="the source distribution has no reports")
+def test_a_case_takes_little_space_on_the_page() -> None:
+    cases = run_cases(read_pairs(PUBLISHED), {}, {})
+    size = {
+        key: len(json.dumps(cases[key], separators=(",", ":"))) for key in ("items", "case_ids", "columns")
+    }
+    rows = len(json.dumps(cases["details"]["rows"], separators=(",", ":")))
+    assert (sum(size.values()) + rows) / len(cases["items"]) < MOST_BYTES_A_CASE
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-9999, 9999) | st.text(max_size=3),
+    lambda parts: st.lists(parts, max_size=3) | st.dictionaries(st.text(max_size=3), parts, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(st.lists(json_values, max_size=4))
+def test_packed_values_come_back(values: list[object]) -> None:
+    assert unpacked(packed(values)) == values
+
+
+def test_packing_says_shapes_and_texts_once_and_shortens_numbers() -> None:
+    values = packed([{"a": 0.123456, "b": "x"}, {"a": 2.0, "b": "x"}])
+    assert values == {"shapes": [{"a": 0, "b": ""}], "texts": ["x"], "rows": [[0, 0.1235, 0], [0, 2, 0]]}
+
+
+def test_names_are_in_the_order_asked_for_and_then_by_the_alphabet() -> None:
+    assert labelled(["b", "z", "a", "b"], ["z", "q"]) == {"labels": ["z", "a", "b"], "at": [2, 0, 1, 2]}
+
+
+def test_nested_values_are_named_by_their_way() -> None:
+    assert dict(flat({"a": {"b": 1, "c": {}}, "d": [2]})) == {"a.b": 1, "a.c": None, "d": [2]}
+
+
+def test_an_event_is_shown_with_its_picture_and_the_parameters_that_all_its_cases_have() -> None:
+    if not PUBLISHED.is_file():
+        pytest.skip("the source distribution has no reports")
+    stored = read_pairs(PUBLISHED)
+    planned = [pair for pair in stored.run.planned if pair.event_variant == "camera_shift-v1"]
+    records = [record for record in stored.records if record.item_id in {pair.item_id for pair in planned}]
+    (section,) = events_section(planned, records)[2:]
+    assert section.count("<article") == 1
+    assert "data:image/webp;base64," in section
+    assert "<dt>change.yaw_degrees</dt><dd>-22.0</dd>" in section
+    assert "<dt>trigger.value</dt><dd>differs between cases</dd>" in section
+    assert events_section([]) == []
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: pair.item_id)
+def test_every_event_of_the_benchmark_has_a_picture(pair: PlannedPair) -> None:
+    assert "<img" in "".join(events_section([pair]))
+
+
+def test_the_origin_says_what_was_recorded_and_what_was_not() -> None:
+    report = _report()
+    report["provenance"] = {
+        **PROVENANCE,
+        "started": "2026-05-01T12:30:00+00:00",
+        "platform": {**PROVENANCE["platform"], "processor": "A processor", "cores": 8},
+        "policy": {**PROVENANCE["policy"], "profile": "mine"},
+    }
+    rows = dict(origin_rows(report, _run()))
+    assert (rows["date"], rows["profile"]) == ("2026-05-01T12:30:00+00:00", "mine")
+    assert rows["machine"] == "Linux, x86_64, 2.36, A processor, 8 cores"
+    rows = dict(origin_rows(_report(), _run()))
+    assert rows["policy"] == "scripted, revision abc"
+    assert rows["date"] == "not recorded"
+    assert rows["machine"] == "Linux, x86_64, 2.36"
+
+
+def test_nothing_in_the_data_ends_its_element() -> None:
+    page = document("a < b", ["<p>text</p>"], {"items": ["</script><b>&"]})
+    assert page.count("</script>") == 2
+    data = re.search(r"id='cases-data'>(.*?)</script>", page, re.S)
+    assert data is not None
+    assert json.loads(data[1]) == {"items": ["</script><b>&"]}
+
+
+def test_a_page_may_run_its_own_script_and_load_from_its_own_folder_alone() -> None:
+    page = run_page(_report(), _run(), Path("nowhere"))
+    assert "default-src 'none'" in page
+    assert "script-src 'sha256-" in page
+    assert set(re.findall(r"https?://[^'\"<\s]*", page)) <= {"http://www.w3.org/2000/svg"}
+    assert "script-src 'none'" in document("plain", [])
+
+
+def _report() -> Json:
+    run = _run()
+    return build_report(run.records, run.errors, run.run.planned, run.run.provenance)

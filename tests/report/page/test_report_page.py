@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.writers.figures import FIGURES
+from pytest_libero_max.report.writers.files import write_figures
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
+
+PAIRS = plan(per_cell=2)
+RECORDS = records_of(PAIRS)
+FULL = build_report(RECORDS, [], PAIRS, PROVENANCE)
+PARTIAL = build_report(RECORDS[3:], [error_of(PAIRS[0])], PAIRS, PROVENANCE)
+EMPTY = build_report([], [error_of(pair) for pair in PAIRS], PAIRS, PROVENANCE)
+ALIKE = build_report(
+    [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS], [], PAIRS, PROVENANCE
+)
+REPORTS = {"full": FULL, "partial": PARTIAL, "empty": EMPTY, "alike": ALIKE}
+REPLAY = ["pytest", "--libero-max-policy=a.py", "-k"]
+
+
+class _Balance(HTMLParser):
+    """Fails on a tag that is closed wrongly or never."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "br", "img"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.mark.parametrize("name", REPORTS)
+def test_a_page_is_whole_and_needs_no_network(name: str) -> None:
+    page = html(REPORTS[name], ["item"], REPLAY)
+    parser = _Balance()
+    parser.feed(page)
+    parser.close()
+    assert parser.open == []
+    assert not re.search(r"<script|<link|url\(|src=", page)  # without a run there is no table of its cases
+    assert set(re.findall(r"href='([^']*)'", page)) <= {"pairs.jsonl"}
+    assert set(re.findall(r"https?://[^'\"<\s]*", page)) <= {"http://www.w3.org/2000/svg"}
+    assert "nan" not in re.sub(r"[Pp]rovenance|font[^;}]*", "", page)
+    assert "None" not in page
+
+
+def test_a_page_says_what_is_wrong_first() -> None:
+    page = html(PARTIAL, [], REPLAY)
+    assert page.index("INCOMPLETE: 61 of 64") < page.index("Base success")
+    assert "qpos is not finite" in page
+    assert "Missing pairs" in page
+    assert "INCOMPLETE" not in html(FULL, [], REPLAY)
+
+
+def test_a_page_lists_regressions_with_the_way_to_see_them() -> None:
+    page = html(FULL, ["first", "second"], REPLAY)
+    assert "2 pairs succeed in Base and fail in Dynamic" in page
+    assert "<code>pytest --libero-max-policy=a.py -k NAME</code>" in page
+    assert "<li><code>second</code></li>" in page
+
+
+def test_a_page_links_the_film_of_each_pair_that_has_one() -> None:
+    films = {"second": ["films/second--base dynamic.mp4"], "third": ["films/third--base.webp"]}
+    page = html(FULL, ["first", "second"], REPLAY, films)
+    assert "<li><code>first</code></li>" in page
+    assert "<li><code>second</code> <a href='films/second--base%20dynamic.mp4'>film</a></li>" in page
+    assert "Films of 1 other pairs" in page
+    assert "<li><code>third</code> <a href='films/third--base.webp'>film</a></li>" in page
+    assert "Films of" not in html(FULL, ["first"], REPLAY)
+
+
+def test_what_others_wrote_is_escaped() -> None:
+    policy = {**RECORDS[0].policy, "name": "<b>bold</b>"}
+    report = build_report(
+        [record_of(pair, True, True, policy=policy) for pair in PAIRS], [], PAIRS, PROVENANCE
+    )
+    page = html(report, ["<i>"], REPLAY)
+    assert "<b>bold" not in page
+    assert "&lt;b&gt;bold" in page
+    assert "<i>" not in page
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+@pytest.mark.parametrize("name", REPORTS)
+def test_every_figure_is_well_formed_and_inside_its_frame(figure: str, name: str) -> None:
+    root = ElementTree.fromstring(FIGURES[figure](REPORTS[name]))
+    _, _, width, height = map(float, root.attrib["viewBox"].split())
+    for shape in root.iter():
+        for key, limit in (
+            ("x", width),
+            ("x1", width),
+            ("x2", width),
+            ("cx", width),
+            ("y", height),
+            ("cy", height),
+        ):
+            if key in shape.attrib:
+                assert 0 <= float(shape.attrib[key]) <= limit
+
+
+def test_an_arrow_goes_from_base_to_dynamic() -> None:
+    pairs = [pair for pair in PAIRS if pair.event == "camera_shift"]
+    records = [record_of(pair, True, index % 2 == 0) for index, pair in enumerate(pairs)]
+    root = ElementTree.fromstring(FIGURES["base-to-dynamic"](build_report(records, [], pairs, PROVENANCE)))
+    lines = [
+        shape.attrib for shape in root if shape.tag.endswith("line") and shape.attrib["stroke-width"] != "1"
+    ]
+    rings = [float(shape.attrib["cx"]) for shape in root if shape.tag.endswith("circle")]
+    assert [float(line["x1"]) for line in lines] == rings == [640.0, 640.0]
+    assert [float(line["x2"]) for line in lines] == [430.0, 430.0]
+
+
+def test_figures_are_written_as_files(tmp_path: Path) -> None:
+    paths = write_figures(FULL, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
+    assert (tmp_path / "paired-change.svg").read_text() == FIGURES["paired-change"](FULL)

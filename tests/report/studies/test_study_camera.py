@@ -1,0 +1,228 @@
+"""Camera timing and strength through the report, with the paper's printed counts and intervals."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.studies.study_figures import study_figures
+from pytest_libero_max.report.studies.study_tables import study_csv
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import summary_lines
+from tests.report.studies.studied import Cell, study_of
+
+PRINTED = 0.0005 + 1e-9
+"""Half a unit of the last printed decimal, as a share."""
+
+
+def cell(source: str, outcomes: str, count: int, near: bool = True, stale: int = 2) -> Cell:
+    """Cases that ended so in Base, Reset and Mid-task: ``101`` fails in Reset alone."""
+    base, reset, middle = (letter == "1" for letter in outcomes)
+    return Cell(source, {"base": base, "reset": reset, "dynamic": middle}, count, near, stale)
+
+
+# X-VLA. The marginals of each source, the 2 and 106 discordant cases and the approaches of Reset are printed;
+# that the 7 cases that only Mid-task solves are of plus is not, and moves no printed decimal.
+XVLA = [
+    cell("plus", "111", 10),
+    cell("plus", "110", 2, stale=3),
+    cell("plus", "101", 54, near=False),
+    cell("plus", "101", 22),
+    cell("plus", "100", 436),
+    cell("plus", "001", 7, near=False),
+    cell("plus", "000", 169, near=False),
+    cell("pro", "111", 1),
+    cell("pro", "101", 20, near=False),
+    cell("pro", "101", 10),
+    cell("pro", "100", 127, near=False),
+    cell("pro", "000", 139, near=False),
+    cell("pro", "000", 3),
+]
+
+
+@pytest.fixture(scope="module")
+def report() -> Json:
+    planned, records, provenance = study_of(XVLA, {"name": "camera-timing"})
+    return build_report(records, [], planned, provenance)
+
+
+def test_the_papers_rates_and_intervals(report: Json) -> None:
+    printed = {"base": (682, 65.4, 71.0), "reset": (13, 0.6, 2.0), "dynamic": (124, 10.4, 14.5)}
+    for arm, (count, lower, upper) in printed.items():
+        rate = report["study"]["rates"][arm]
+        assert (rate["count"], rate["of"]) == (count, 1000)
+        assert (100 * rate["lower"], 100 * rate["upper"]) == pytest.approx((lower, upper), abs=100 * PRINTED)
+    by_source = {arm: rate["by_source"] for arm, rate in report["study"]["rates"].items()}
+    counts = {arm: [rates[source]["count"] for source in ("plus", "pro")] for arm, rates in by_source.items()}
+    assert counts == {"base": [524, 158], "reset": [12, 1], "dynamic": [93, 31]}
+
+
+@pytest.mark.parametrize("policy", ["pi05", "himem_wam"])
+def test_the_papers_rates_and_intervals_of_other_policies(policy: str) -> None:
+    tables = json.loads((Path(__file__).parents[2] / "stats" / "paper_tables.json").read_text())["camera"]
+    printed = dict(zip(("base", "reset", "dynamic"), tables[policy].values(), strict=True))
+    cells = [
+        Cell(source, {arm: number < row[source] for arm, row in printed.items()}, 1)
+        for source, cases in (("plus", 700), ("pro", 300))
+        for number in range(cases)
+    ]
+    planned, records, provenance = study_of(cells, {"name": "camera-timing"})
+    study = build_report(records, [], planned, provenance)["study"]
+    for arm, row in printed.items():
+        rate = study["rates"][arm]
+        assert f"{100 * rate['value']:.1f}" == f"{row['rate']:.1f}"
+        assert [f"{100 * rate[end]:.1f}" for end in ("lower", "upper")] == [
+            f"{end:.1f}" for end in row["interval"]
+        ]
+        assert {source: cell["count"] for source, cell in rate["by_source"].items()} == {
+            source: row[source] for source in ("plus", "pro")
+        }
+
+
+def test_the_papers_contrast_of_mid_task_and_reset(report: Json) -> None:
+    found = report["study"]["contrasts"][0]
+    assert (found["first"], found["second"]) == ("dynamic", "reset")
+    assert (found["gains"], found["losses"]) == (113, 2)
+    assert found["value"] == 0.111
+    assert (found["lower"], found["upper"]) == pytest.approx((0.092, 0.131), abs=PRINTED)
+    assert found["by_source"]["plus"]["value"] == pytest.approx(0.116, abs=PRINTED)
+    assert found["by_source"]["pro"]["value"] == pytest.approx(0.100, abs=PRINTED)
+    assert found["exact"]["lower"] < found["lower"]
+    groups = found["by_groups"]
+    assert (groups["reference_tasks"]["groups"], groups["reference_tasks"]["replicates"]) == (40, 50_000)
+    assert (groups["source_tasks"]["groups"], groups["configurations"]["groups"]) == (80, 1000)
+    for group in groups.values():
+        assert 0.08 < group["lower"] < 0.111 < group["upper"] < 0.15
+
+
+def test_the_papers_approach_counts(report: Json) -> None:
+    approach = report["study"]["approach"]["1"]
+    assert approach["reset"] == {
+        "failed_never_entered": 516,
+        "failed_entered": 471,
+        "succeeded_never_entered": 0,
+        "succeeded_entered": 13,
+    }
+    assert approach["base_and_middle_succeed_reset_fails"] == {"cases": 106, "reset_never_entered": 74}
+    assert approach["base_and_reset_succeed_middle_fails"] == {
+        "cases": 2,
+        "with_a_query_after_the_event": 2,
+        "without_stale_actions": 0,
+    }
+
+
+def test_many_cases_need_no_warning(report: Json) -> None:
+    assert "With fewer than 30 cases" not in markdown(report)
+
+
+def test_joint_outcomes_add_up_to_the_cases(report: Json) -> None:
+    rows = report["study"]["outcomes"]
+    assert sum(row["cases"] for row in rows) == 1000
+    kept = next(row for row in rows if row["success"] == {"base": True, "reset": False, "dynamic": True})
+    assert kept["cases"] == 106
+    assert [row["cases"] for row in rows] == sorted((row["cases"] for row in rows), reverse=True)
+
+
+def test_other_reports_stay_those_of_the_pair() -> None:
+    cells = [cell("plus", "101", 6), cell("pro", "110", 4), cell("pro", "000", 2)]
+    planned, records, provenance = study_of(cells, {"name": "camera-timing"})
+    report = build_report(records, [], planned, provenance)
+    plain = build_report(records, [], planned, {**provenance, "protocol": {"prefix": "fork"}})
+    assert {**plain, "provenance": None} == {
+        key: None if key == "provenance" else value for key, value in report.items() if key != "study"
+    }
+
+
+# Himem-WAM lost 34 Base-and-Reset successes in Mid-task, 5 of them without a stale action.
+
+
+def test_stale_actions_of_lost_cases() -> None:
+    cells = [cell("plus", "110", 5, stale=0), cell("plus", "110", 29, stale=4), cell("pro", "111", 600)]
+    planned, records, provenance = study_of(cells, {"name": "camera-timing"})
+    study = build_report(records, [], planned, provenance)["study"]
+    assert study["approach"]["1"]["base_and_reset_succeed_middle_fails"] == {
+        "cases": 34,
+        "with_a_query_after_the_event": 34,
+        "without_stale_actions": 5,
+    }
+
+
+def seven(source: str, outcomes: str, count: int) -> Cell:
+    """Base, then Reset and Mid-task at 25%, 50% and 100%."""
+    names = ("base", "reset_25", "dynamic_25", "reset_50", "dynamic_50", "reset", "dynamic")
+    return Cell(source, dict(zip(names, (letter == "1" for letter in outcomes), strict=True)), count)
+
+
+def test_seven_outcomes_within_and_between_strengths() -> None:
+    cells = [seven("plus", "1111111", 20), seven("plus", "1110101", 12), seven("pro", "1110100", 8)]
+    cells += [seven("pro", "1010000", 5), seven("plus", "0000000", 5)]
+    planned, records, provenance = study_of(cells, {"name": "camera-strength"})
+    study = build_report(records, [], planned, provenance)["study"]
+    assert list(study["conditions"].values()) == [
+        "Base",
+        "Reset 25%",
+        "Mid-task 25%",
+        "Reset 50%",
+        "Mid-task 50%",
+        "Reset 100%",
+        "Mid-task 100%",
+    ]
+    counts = {arm: rate["count"] for arm, rate in study["rates"].items()}
+    assert counts == {
+        "base": 45,
+        "reset_25": 40,
+        "dynamic_25": 45,
+        "reset_50": 20,
+        "dynamic_50": 40,
+        "reset": 20,
+        "dynamic": 32,
+    }
+    contrasts = {(row["first"], row["second"]): row for row in study["contrasts"]}
+    assert len(contrasts) == 9 + 6
+    assert contrasts["dynamic_50", "reset_50"]["gains"] == 20
+    assert contrasts["reset", "reset_25"]["losses"] == 20
+    gaps = {(row["first"], row["second"]): row["value"] for row in study["gap_contrasts"]}
+    assert gaps == pytest.approx({("0.5", "0.25"): 0.3, ("1", "0.25"): 0.14, ("1", "0.5"): -0.16})
+    assert list(study["approach"]) == ["0.25", "0.5", "1"]
+
+
+@pytest.mark.parametrize("name", ["camera-timing", "camera-strength"])
+@pytest.mark.parametrize("cells", [[], [seven("plus", "1111111", 1)], [seven("pro", "1010000", 3)]])
+def test_every_writer_prints_a_study_of_any_size(name: str, cells: list[Cell]) -> None:
+    planned, records, provenance = study_of(cells, {"name": name})
+    report = build_report(records, [], planned, provenance)
+    schema = json.loads(
+        resources.files("pytest_libero_max.report").joinpath("report.schema.json").read_text()
+    )
+    jsonschema.Draft202012Validator(schema).validate(json.loads(json.dumps(report)))
+    for text in (markdown(report), html(report, [], ["pytest"]), "\n".join(summary_lines(report))):
+        assert ("Reset" in text) == bool(cells)
+        assert ("With fewer than 30 cases" in text) == bool(cells)
+    assert study_csv(report["study"]).startswith("place,value\nname,camera-")
+    assert bool(study_figures(report["study"])) == bool(cells)
+
+
+def test_few_groups_decide_nothing() -> None:
+    planned, records, provenance = study_of([cell("plus", "101", 12)], {"name": "camera-timing"})
+    (contrast, *_) = build_report(records, [], planned, provenance)["study"]["contrasts"]
+    assert contrast["degenerate"]
+    assert contrast["exact"]["lower"] < 1.0
+    assert contrast["by_groups"]["reference_tasks"]["lower"] is None
+
+
+def test_an_unknown_study_and_a_missing_arm_are_named() -> None:
+    planned, records, provenance = study_of([cell("plus", "101", 2)], {"name": "camera-timing"})
+    with pytest.raises(ReportError, match="is none that this version knows"):
+        build_report(
+            records, [], planned, {**provenance, "protocol": {"study": {"name": "weather", "settings": None}}}
+        )
+    with pytest.raises(ReportError, match="was not played in an arm 'reset_25'"):
+        build_report(records, [], planned, {**provenance, "protocol": {"study": {"name": "camera-strength"}}})

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import pytest
+
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.writers.power_text import Expectation, expectations_of, power_lines
+from tests.report.made_up import PROVENANCE, plan, records_of
+
+POWER = """\
+Smallest loss (percentage points) that the exact McNemar test resolves at level 0.05,
+by track and power; n/a where even losing every Base success would not be resolved
+
+                         Base   gain smoke 80% smoke 90%  lite 80%  lite 90%   max 80%   max 90%
+overall                 80.0%   3.0%     -29.1     -34.5      -3.1      -3.6      -0.8      -1.0
+camera_shift            80.0%   3.0%       n/a       n/a     -12.1     -14.5      -2.7      -3.2
+
+Smallest gain that it resolves; n/a where even gaining every Base failure would not be resolved
+
+                         Base   loss smoke 80% smoke 90%  lite 80%  lite 90%   max 80%   max 90%
+overall                 80.0%   3.0%       n/a       n/a      +3.1      +3.6      +0.8      +1.0
+camera_shift            80.0%   3.0%       n/a       n/a     +12.1     +14.5      +2.7      +3.2
+
+Pairs needed to resolve a change of -5.0 points:
+overall                367 at 80% power, 474 at 90% power
+camera_shift           367 at 80% power, 474 at 90% power"""
+
+
+def test_what_the_tracks_resolve() -> None:
+    expected = (Expectation("overall", 0.8, 0.03), Expectation("camera_shift", 0.8, 0.03))
+    assert "\n".join(power_lines(expected, change=-0.05)) == POWER
+
+
+def test_an_earlier_run_gives_the_expectations() -> None:
+    pairs = plan(per_cell=3)
+    report = build_report(records_of(pairs), [], pairs, PROVENANCE)
+    expected = expectations_of(report)
+    assert [one.name for one in expected] == ["overall", *report["by"]["event"]]
+    assert expected[0].base == report["overall"]["base_success"]["value"]
+    outcomes = report["overall"]["outcomes"]
+    fewer = min(outcomes["change_associated_success"], outcomes["regression"])
+    assert expected[0].gain == fewer / len(pairs)
+    assert expectations_of(build_report([], [], pairs, PROVENANCE)) == ()
+
+
+def test_a_change_beyond_base_success_is_impossible() -> None:
+    lines = power_lines((Expectation("overall", 0.1, 0.0),), change=-0.2)
+    assert lines[-1] == "overall                impossible: at most 10.0% of the pairs can regress"
+
+
+def test_a_gain_needs_as_many_pairs_as_a_loss_of_the_same_size() -> None:
+    expected = (Expectation("overall", 0.5, 0.02),)
+    assert power_lines(expected, change=0.1)[-1] == power_lines(expected, change=-0.1)[-1]
+    assert "impossible" not in power_lines(expected, change=0.1)[-1]
+
+
+def test_a_gain_beyond_base_failures_is_impossible() -> None:
+    lines = power_lines((Expectation("overall", 0.9, 0.02),), change=0.2)
+    assert lines[-1] == "overall                impossible: at most 10.0% of the pairs can gain"
+
+
+def test_a_perfect_policy_can_only_lose() -> None:
+    lines = power_lines((Expectation("overall", 1.0, 0.0),))
+    assert lines[-1].split()[3:] == ["n/a"] * 6
+    assert lines[4].split()[3:] != ["n/a"] * 6
+
+
+@pytest.mark.parametrize(("base", "gain"), [(0.8, 0.3), (1.2, 0.0), (0.5, -0.1), (float("nan"), 0.0)])
+def test_impossible_expectations_are_refused(base: float, gain: float) -> None:
+    with pytest.raises(OptionError, match="gain <= 1 - base"):
+        Expectation("overall", base, gain)

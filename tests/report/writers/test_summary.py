@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+from itertools import cycle
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.formats import p_text
+from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import summary_lines
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
+
+PAIRS = plan()
+
+
+def _records() -> list[PairRecord]:
+    outcomes = cycle(
+        [(True, True), (True, False), (True, True), (False, False), (True, False), (False, True)]
+    )
+    records = [record_of(pair, *outcome) for pair, outcome in zip(PAIRS, outcomes, strict=False)]
+    return [record_of(PAIRS[0], False, False, **NEVER_TRIGGERED), *records[1:]]
+
+
+COMPLETE = """\
+scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded):
+32 of 32 planned pairs played
+Scores on the embedded substrate are not comparable with published ones.
+
+Base success                    65.6% [48.3, 79.6]  21/32
+Dynamic success                 46.9% [30.9, 63.6]  15/32
+Paired change                   -18.8 pp [-43.7, +8.9]   McNemar p = 0.210
+Paired change by task           n/a: too few tasks (1, with a changed pair 1)
+Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 11   (0,0) 6
+Base successes lost             52.4% [32.4, 71.7]  11/21   retained 71.4%
+Event fired                     31/32   query after it 31/32
+Stale actions                   mean 2.00   median 2
+
+Event                           Pairs     Base  Dynamic                   Change      Lost
+illumination_switch                 4    50.0%    25.0%     -25.0 [-90.4, +69.1]       2/2
+camera_shift                        4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
+visual_theme_switch                 4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
+sensor_noise_onset                  4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
+target_relocation                   4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
+receptacle_relocation               4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
+distractor_burst                    4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
+obstacle_insertion                  4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
+Written: out/pairs.jsonl, out/report.json"""
+
+INCOMPLETE = """\
+INCOMPLETE: 30 of 32 planned pairs played, 1 invalid, 1 missing. No score.
+scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded):
+30 of 32 planned pairs played
+Scores on the embedded substrate are not comparable with published ones.
+
+Over the 30 played pairs only:
+Base success                    66.7% [48.8, 80.8]  20/30
+Dynamic success                 50.0% [33.2, 66.8]  15/30
+Paired change                   -16.7 pp [-42.8, +12.0]   McNemar p = 0.302
+Paired change by task           n/a: too few tasks (1, with a changed pair 1)
+Outcomes (Base, Dynamic)        (1,1) 10   (0,1) 5   (1,0) 10   (0,0) 5
+Base successes lost             50.0% [29.9, 70.1]  10/20   retained 75.0%
+Event fired                     30/30   query after it 30/30
+Stale actions                   mean 2.00   median 2
+
+Event                           Pairs     Base  Dynamic                   Change      Lost
+illumination_switch            2 of 4    50.0%    50.0%      +0.0 [-97.5, +97.5]       1/1"""
+
+NOTHING = """\
+INCOMPLETE: 0 of 32 planned pairs played, 31 invalid, 1 missing. No score.
+scripted.py on embedded, 32 cases of track smoke (selection not recorded):
+0 of 32 planned pairs played
+Scores on the embedded substrate are not comparable with published ones.
+
+No pair was played; there is nothing to report."""
+
+ALL_ALIKE = """\
+scripted (H=10 Q=5) on libero, 32 cases of track smoke (selection not recorded):
+32 of 32 planned pairs played
+
+Base success                    0.0% [0.0, 10.7]  0/32
+Dynamic success                 0.0% [0.0, 10.7]  0/32
+Paired change                   +0.0 pp [-10.9, +10.9]   McNemar p = 1.000
+Paired change by task           n/a: too few tasks (1, with a changed pair 0)
+Outcomes (Base, Dynamic)        (1,1) 0   (0,1) 0   (1,0) 0   (0,0) 32
+Base successes lost             n/a  0/0   retained n/a
+Event fired                     0/32   query after it 0/32
+Stale actions                   mean n/a   median n/a
+
+Event                           Pairs     Base  Dynamic                   Change      Lost
+illumination_switch *               4     0.0%     0.0%      +0.0 [-60.2, +60.2]       0/0"""
+
+
+def _text(records: list[PairRecord], *paths: str, provenance: Json = PROVENANCE) -> str:
+    return "\n".join(summary_lines(build_report(records, [], PAIRS, provenance), paths))
+
+
+def test_a_complete_run() -> None:
+    assert _text(_records(), "out/pairs.jsonl", "out/report.json") == COMPLETE
+
+
+def test_an_incomplete_run_says_so_first() -> None:
+    report = build_report(_records()[2:], [error_of(PAIRS[0])], PAIRS, PROVENANCE)
+    text = "\n".join(summary_lines(report))
+    assert text.startswith(INCOMPLETE)
+    assert markdown(report).splitlines()[2].startswith("**INCOMPLETE: 30 of 32")
+
+
+def test_a_run_in_which_nothing_could_be_played() -> None:
+    report = build_report([], [error_of(pair) for pair in PAIRS[1:]], PAIRS, PROVENANCE)
+    assert "\n".join(summary_lines(report)) == NOTHING
+    markdown(report)
+
+
+def test_without_denominators_no_number_is_invented() -> None:
+    records = [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS]
+    text = _text(records, provenance={**PROVENANCE, "substrate": {"name": "libero"}})
+    assert text.startswith(ALL_ALIKE)
+    assert text.endswith("* Base success is too low to fall: a small change is no sign of robustness there.")
+
+
+def test_the_summary_fits_a_terminal() -> None:
+    pairs = plan(per_cell=250)
+    records = [record_of(pair, index % 3 > 0, index % 2 > 0) for index, pair in enumerate(pairs)]
+    lines = summary_lines(build_report(records[:-9], [], pairs, PROVENANCE))
+    assert len(lines) <= 25
+    assert max(map(len, lines)) <= 100
+
+
+def test_a_p_value_is_never_printed_as_zero() -> None:
+    assert p_text({"p_value": 0.25, "log10_p_value": -0.602}) == "p = 0.250"
+    assert p_text({"p_value": 0.0, "log10_p_value": -470.25}) == "p = 5.6e-471"
+    assert p_text({"p_value": None, "log10_p_value": None}) == "n/a"
+
+
+def test_markdown_has_a_table_per_breakdown() -> None:
+    text = markdown(build_report(_records(), [], PAIRS, PROVENANCE))
+    title = "scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded)"
+    assert text.startswith(f"# {title}\n")
+    assert "| camera_shift | 4 of 4 | 75.0% [30.1, 95.4]  3/4 |" in text
+    for title in ("Event", "Family", "Suite", "Source", "Source category", "Severity", "Difficulty"):
+        assert f"## {title}\n\n| {title} | Pairs played |" in text
+
+
+def test_markdown_carries_every_statement_whatever_was_played() -> None:
+    for records in ([], _records()):
+        text = markdown(build_report(records, [], PAIRS, PROVENANCE))
+        for statement in STATEMENTS.values():
+            assert f"- {statement}\n" in text
+
+
+def test_markdown_has_averages_extremes_and_results_given_a_response() -> None:
+    report = build_report(_records(), [], PAIRS, PROVENANCE)
+    text = markdown(report)
+    for row in highlight_rows(report):
+        assert f"| {' | '.join(row)} |" in text
+    assert "| Event | Base success | Dynamic success | Paired change |" in text

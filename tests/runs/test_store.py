@@ -1,0 +1,349 @@
+from __future__ import annotations
+
+import gzip
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import OptionError, OtherRunError, ReportError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PairStore, read_pairs
+from tests.report.made_up import POLICY, PROVENANCE, error_of, plan, record_of
+
+
+@pytest.fixture
+def run() -> Run:
+    return Run(tuple(plan()), PROVENANCE)
+
+
+def test_what_is_appended_is_read_back(tmp_path: Path, run: Run) -> None:
+    records = [record_of(pair, True, index % 2 == 0) for index, pair in enumerate(run.planned[:5])]
+    error = error_of(run.planned[5])
+    store = PairStore(tmp_path, run)
+    pairs: list[PairRecord | PairError] = [*records[:3], error, *records[3:]]
+    for pair in pairs:
+        store.append(pair)
+    store.close()
+    stored = read_pairs(tmp_path)
+    assert stored.run == run
+    assert stored.records == tuple(records)
+    assert stored.errors == (error,)
+    assert not stored.torn
+    assert stored.measured == {record.case_id for record in records}
+
+
+def test_a_line_is_on_disk_before_the_next_pair(tmp_path: Path, run: Run) -> None:
+    store = PairStore(tmp_path, run)
+    assert not store.path.exists()
+    store.append(record_of(run.planned[0], True, True))
+    assert len(read_pairs(store.path, ended=False).records) == 1
+    store.close()
+
+
+def test_a_run_without_a_pair_still_says_what_was_planned(tmp_path: Path, run: Run) -> None:
+    PairStore(tmp_path, run).close()
+    assert read_pairs(tmp_path).run == run
+
+
+def test_every_cut_of_the_last_line_loses_that_pair_and_no_other(tmp_path: Path, run: Run) -> None:
+    store = PairStore(tmp_path, run)
+    for pair in run.planned[:2]:
+        store.append(record_of(pair, True, False))
+    store.close()
+    content = store.path.read_bytes()
+    last = content.rindex(b"\n", 0, -1) + 1
+    for cut in (last + 1, last + 40, len(content) - 1):
+        store.path.write_bytes(content[:cut])
+        stored = read_pairs(store.path)
+        assert stored.torn
+        assert [record.case_id for record in stored.records] == [run.planned[0].case_id]
+
+
+def test_damage_before_the_end_is_an_error_with_its_line(tmp_path: Path, run: Run) -> None:
+    store = PairStore(tmp_path, run)
+    for pair in run.planned[:2]:
+        store.append(record_of(pair, True, False))
+    store.close()
+    lines = store.path.read_text().splitlines(keepends=True)
+    store.path.write_text(lines[0] + lines[1][:50] + "\n" + lines[2])
+    with pytest.raises(ReportError, match=r"pairs\.jsonl, line 2: not JSON"):
+        read_pairs(store.path)
+
+
+def test_an_unknown_field_is_an_error_with_its_line(tmp_path: Path, run: Run) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, False))
+    store.close()
+    lines = store.path.read_text().splitlines()
+    values = {**json.loads(lines[1]), "famly": "geometry"}
+    store.path.write_text(f"{lines[0]}\n{json.dumps(values)}\n")
+    with pytest.raises(ReportError, match=r"line 2: .*famly.*Did you mean 'family'"):
+        read_pairs(store.path)
+
+
+def test_a_second_run_line_is_refused(tmp_path: Path, run: Run) -> None:
+    PairStore(tmp_path, run).close()
+    path = tmp_path / "pairs.jsonl"
+    path.write_text(path.read_text() * 2)
+    with pytest.raises(ReportError, match="the run is the first line and the first line only"):
+        read_pairs(path)
+
+
+def test_a_missing_file_says_where_it_was_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(ReportError, match=r"Cannot read .*pairs\.jsonl"):
+        read_pairs(tmp_path)
+
+
+def test_packed_pairs_are_read_where_there_are_no_others(tmp_path: Path, run: Run) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, False))
+    store.close()
+    plain = read_pairs(tmp_path)
+    packed = tmp_path / "pairs.jsonl.gz"
+    packed.write_bytes(gzip.compress(store.path.read_bytes(), mtime=0))
+    store.path.unlink()
+    assert read_pairs(tmp_path) == read_pairs(packed) == plain
+    packed.write_bytes(packed.read_bytes()[:-20])
+    with pytest.raises(ReportError, match=r"Cannot read .*pairs\.jsonl\.gz"):
+        read_pairs(tmp_path)
+
+
+def test_an_earlier_run_is_kept(tmp_path: Path, run: Run) -> None:
+    first = PairStore(tmp_path, run)
+    first.append(record_of(run.planned[0], True, True))
+    first.close()
+    before = first.path.read_bytes()
+    second = PairStore(tmp_path, run)
+    assert first.path.read_bytes() == before, "nothing is touched before the first pair arrives"
+    second.close()
+    assert (tmp_path / "pairs.1.jsonl").read_bytes() == before
+    assert read_pairs(tmp_path).records == ()
+
+
+def test_resuming_continues_behind_a_torn_line(tmp_path: Path, run: Run) -> None:
+    store = PairStore(tmp_path, run)
+    for pair in run.planned[:3]:
+        store.append(record_of(pair, True, True))
+    store.close()
+    os.truncate(store.path, store.path.stat().st_size - 10)
+    resumed, stored = PairStore.resume(tmp_path, run)
+    assert stored is not None
+    assert stored.torn
+    assert stored.measured == {pair.case_id for pair in run.planned[:2]}
+    resumed.append(record_of(run.planned[2], True, False))
+    resumed.close()
+    after = read_pairs(tmp_path)
+    assert not after.torn
+    assert [record.case_id for record in after.records] == [pair.case_id for pair in run.planned[:3]]
+
+
+def test_resuming_nothing_begins_a_run(tmp_path: Path, run: Run) -> None:
+    (tmp_path / "pairs.jsonl").write_bytes(b'{"line":"run","sch')
+    store, stored = PairStore.resume(tmp_path, run)
+    store.close()
+    assert stored is None
+    assert read_pairs(tmp_path).run == run
+
+
+def test_resuming_other_cases_or_another_policy_is_refused(tmp_path: Path, run: Run) -> None:
+    PairStore(tmp_path, run).close()
+    with pytest.raises(ReportError, match=r"other cases \(32 then, 31 now\)"):
+        PairStore.resume(tmp_path, Run(run.planned[1:], run.provenance))
+    other = {**run.provenance, "policy": {**run.provenance["policy"], "query_interval": 1}}
+    with pytest.raises(ReportError, match="another output folder"):
+        PairStore.resume(tmp_path, Run(run.planned, other))
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_playing(tmp_path: Path, run: Run) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OptionError, match="cannot be written to"):
+        PairStore(tmp_path / "file" / "out", run)
+
+
+def test_a_case_is_planned_once(run: Run) -> None:
+    with pytest.raises(ReportError, match="planned twice"):
+        Run((*run.planned, run.planned[0]), run.provenance)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), b"bytes", object()])
+def test_a_pair_that_is_no_json_is_refused_and_harms_no_other(
+    tmp_path: Path, run: Run, value: object
+) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, True))
+    with pytest.raises(ReportError, match=f"{run.planned[1].case_id}.*a value JSON does not know"):
+        store.append(record_of(run.planned[1], True, True, evidence={"moved_m": value}))
+    store.append(record_of(run.planned[2], True, True))
+    store.close()
+    assert [record.case_id for record in read_pairs(tmp_path).records] == [
+        run.planned[0].case_id,
+        run.planned[2].case_id,
+    ]
+
+
+@pytest.mark.parametrize("written", [0, 20])
+def test_after_a_failed_write_nothing_is_put_behind_the_damage(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch, written: int
+) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, True))
+    whole = store.path.stat().st_size
+
+    def full(descriptor: int) -> None:
+        os.truncate(store.path, whole + written)
+        raise OSError("No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(ReportError, match=r"No space left on device\. Is the disk full"):
+            store.append(record_of(run.planned[1], True, True))
+    with pytest.raises(ReportError, match="an earlier write failed"):
+        store.append(record_of(run.planned[2], True, True))
+    store.close()
+    stored = read_pairs(tmp_path)
+    assert stored.torn == (written > 0)
+    assert [record.case_id for record in stored.records] == [run.planned[0].case_id]
+
+
+def _copies(folder: Path, run: Run, change: Callable[[Json], object]) -> Path:
+    """A run of two pairs, the second of which has been changed by hand."""
+    store = PairStore(folder, run)
+    for pair in run.planned[:2]:
+        store.append(record_of(pair, True, False))
+    store.close()
+    lines = store.path.read_text().splitlines()
+    values = json.loads(lines[2])
+    change(values)
+    store.path.write_text("\n".join([*lines[:2], json.dumps(values)]) + "\n")
+    return store.path
+
+
+def _base(values: Json) -> Json:
+    base: Json = values["arms"]["base"]
+    return base
+
+
+def _dynamic(values: Json) -> Json:
+    dynamic: Json = values["arms"]["dynamic"]
+    return dynamic
+
+
+def _never_triggered(values: Json) -> None:
+    _dynamic(values).update(firings=[], response_step=None, stale_actions=None)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda values: values.update(max_steps="220"),
+            "max_steps='220' of the pair record, but must",
+        ),
+        (lambda values: values.update(variant=True), "variant=True of the pair record, but must be 0 or 1"),
+        (lambda values: _base(values).update(success=1), "success=1 of the arm, but must be true or false"),
+        (
+            lambda values: _base(values).update(steps=None),
+            "steps=None of arm 'base', which every",
+        ),
+        (lambda values: _base(values).update(steps=221), "steps=221 of arm 'base', but max_steps=220"),
+        (_never_triggered, "the event never came, but Base and Dynamic differ"),
+        (lambda values: _dynamic(values).update(response_step=22), "a response comes after the event"),
+        (lambda values: _dynamic(values).update(stale_actions=3), "stale_actions=3, but 2 actions"),
+        (lambda values: _dynamic(values).update(firings=[]), "of an arm in which nothing happened"),
+        (lambda values: _base(values).update(steps=22), "the event came after 23 steps"),
+        (
+            lambda values: _dynamic(values).update(shares="base"),
+            "'dynamic' differs from 'base', which",
+        ),
+        (lambda values: values.update(event="camera_shift"), "event='camera_shift' .* planned was 'illumin"),
+        (lambda values: values.update(source="libero"), "source='libero' .* planned was 'plus'"),
+        (lambda values: values.update(case_id="another"), "case_id='another' was played but not planned"),
+        (lambda values: values["policy"].update(revision="b"), "policy.revision: None, 'b'"),
+        (lambda values: values["policy"].update(horizon=0), "but must be a policy's spec"),
+        (lambda values: values["fingerprints"].update(mujoco="3.4"), "fingerprints.mujoco: None, '3.4'"),
+    ],
+)
+def test_a_record_that_contradicts_itself_or_its_run_is_refused_with_its_line(
+    tmp_path: Path, run: Run, change: Callable[[Json], object], message: str
+) -> None:
+    path = _copies(tmp_path, run, change)
+    with pytest.raises(ReportError, match=rf"pairs\.jsonl, line 3: .*{message}"):
+        read_pairs(path)
+
+
+def test_what_draws_and_the_kind_of_processor_may_differ(tmp_path: Path, run: Run) -> None:
+    path = _copies(tmp_path, run, lambda values: values["fingerprints"].update(blas="Zen", gl="osmesa"))
+    assert len(read_pairs(path).records) == 2
+
+
+def test_a_case_with_two_records_is_refused_with_both_lines(tmp_path: Path, run: Run) -> None:
+    path = _copies(tmp_path, run, lambda values: None)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines, lines[1]]))
+    with pytest.raises(ReportError, match=r"line 4: .* was measured before \(line 2\)"):
+        read_pairs(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ({"versions": {**PROVENANCE["versions"], "mujoco": "3.2"}}, "fingerprints.mujoco='3.3'.*says '3.2'"),
+        ({"policy": {**PROVENANCE["policy"], "code": "a"}}, "fingerprints.adapter='b'.*says 'a'"),
+        ({"policy": {**PROVENANCE["policy"], "horizon": 4}}, "policy.horizon=10.*says 4"),
+        ({"substrate": {"name": "tiny"}}, "fingerprints.substrate='embedded'.*says 'tiny'"),
+    ],
+)
+def test_records_agree_with_the_header(tmp_path: Path, run: Run, header: Json, message: str) -> None:
+    store = PairStore(tmp_path, Run(run.planned, {**PROVENANCE, **header}))
+    prints = {"substrate": "embedded", "mujoco": "3.3", "adapter": "b"}
+    with pytest.raises(OtherRunError, match=message):
+        store.append(record_of(run.planned[0], True, True, fingerprints=prints))
+    store.close()
+
+
+DIFFERENCES: list[tuple[Json, str]] = [
+    ({"policy": {**PROVENANCE["policy"], "code": "b"}}, "policy.code: None, 'b'"),
+    ({"versions": {**PROVENANCE["versions"], "numpy": "2.4"}}, "versions.numpy: None, '2.4'"),
+    ({"substrate": {"name": "embedded", "semantics": "corrected"}}, "substrate.semantics: None, 'corrected'"),
+    (
+        {"substrate": {"name": "embedded", "instruction_source": "clean"}},
+        "substrate.instruction_source: ",
+    ),
+    ({"protocol": {"prefix": "replay"}}, "protocol.prefix: 'fork', 'replay'"),
+    ({"case_set": {**PROVENANCE["case_set"], "digest": "1"}}, "case_set.digest: "),
+]
+
+
+@pytest.mark.parametrize(("header", "message"), DIFFERENCES)
+def test_resuming_with_something_else_names_the_difference(
+    tmp_path: Path, run: Run, header: Json, message: str
+) -> None:
+    PairStore(tmp_path, run).close()
+    with pytest.raises(ReportError, match=f"{message}.*another output folder"):
+        PairStore.resume(tmp_path, Run(run.planned, {**PROVENANCE, **header}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"policy": {**POLICY, "revision": "b"}}, "policy.revision: None, 'b'"),
+        ({"fingerprints": {"substrate": "embedded", "blas_threads": "2"}}, "blas_threads: None, '2'"),
+        ({"fingerprints": {"substrate": "embedded", "assets": "1"}}, "fingerprints.assets: None, '1'"),
+    ],
+)
+def test_pairs_of_a_resumed_run_are_played_like_the_others(
+    tmp_path: Path, run: Run, changes: Json, message: str
+) -> None:
+    store = PairStore(tmp_path, run)
+    store.append(record_of(run.planned[0], True, True))
+    store.close()
+    resumed, _ = PairStore.resume(tmp_path, run)
+    with pytest.raises(OtherRunError, match=message):
+        resumed.append(record_of(run.planned[1], True, True, **changes))
+    resumed.close()
+    assert len(read_pairs(tmp_path).records) == 1

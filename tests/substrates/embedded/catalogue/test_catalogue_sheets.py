@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+
+from pytest_libero_max.substrates.embedded.catalogue.catalogue_sheets import write_pro_sheet
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+
+
+def test_every_category_has_its_picture_under_its_name(tmp_path: Path) -> None:
+    substrate = EmbeddedSubstrate()
+    write_pro_sheet(tmp_path / "pro.png", substrate, picks=(("libero_object", 3),), columns=4, size=96)
+    substrate.close()
+    sheet = cv2.imread(str(tmp_path / "pro.png"))
+    assert sheet is not None
+    caption, tall = 4 * 16, 4 * 16 + 96
+    rows = -(-len(CATEGORIES) // 4)
+    assert sheet.shape == (rows * tall, 4 * 96, 3)
+    for number in range(4 * rows):
+        row, column = divmod(number, 4)
+        tile = sheet[row * tall : (row + 1) * tall, column * 96 : (column + 1) * 96]
+        if number < len(CATEGORIES):
+            assert tile[:caption].min() < 128  # words
+            assert tile[caption:, :-1].std() > 10  # a picture
+        else:
+            assert (tile == 255).all()

@@ -1,0 +1,105 @@
+"""The packages of ``.ci/genuine.txt`` as they are installed, with no folder named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.manifests import load_manifest
+from pytest_libero_max.benchmark.sampling import stratified
+from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, load_track, track_names
+from pytest_libero_max.construction.configurations import Configuration, cell_of
+from pytest_libero_max.construction.genuine import SOURCES
+from pytest_libero_max.construction.release import read_unexamined
+from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
+from pytest_libero_max.substrates.libero.coverage import coverage
+from pytest_libero_max.substrates.libero.installation import importable, installed_assets
+from pytest_libero_max.substrates.libero.lacking import lacking
+from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
+from pytest_libero_max.worlds.contract import NOOP_ACTION
+from tests.construction.test_official import MANIFEST, OFFICIAL
+from tests.substrates.libero.made_up import pro_case
+
+SUITE = "libero_object"
+CLASSIFICATION = OFFICIAL.parent / "libero_plus" / "task_classification.json"
+
+pytestmark = pytest.mark.skipif(
+    installed_assets() is None or not importable("liberoplus"),
+    reason="needs the packages of .ci/genuine.txt: LIBERO-PRO's, with its models, and LIBERO-Plus's",
+)
+
+
+def test_libero_pro_and_libero_plus_are_whole_but_for_what_no_package_has() -> None:
+    found = {one.source: one for one in coverage(LiberoSubstrate().installations)}
+    for source, one in found.items():
+        if "Plus" not in source:
+            assert (one.playable, one.total) == (40, 40), source
+    assert sum(one.total for source, one in found.items() if "Plus" in source) == 10_030
+    assert found["LIBERO-Plus Light Conditions"].playable == 0
+    layouts = found["LIBERO-Plus Objects Layout"]
+    assert (layouts.playable, layouts.total) == (696, 1525)
+
+
+def test_a_case_of_each_source_plays_on_its_own_data() -> None:
+    substrate = LiberoSubstrate()
+    worlds = {
+        "LIBERO": substrate.task_world(SUITE, 0, 195),
+        "object": substrate.world(pro_case("object", SUITE, 0)),
+        "task": substrate.world(pro_case("task", SUITE, 0)),
+        "Camera Viewpoints": substrate.plus_world(SUITE, 646, 195),
+    }
+    digests = set()
+    for world in worlds.values():
+        world.reset(0)
+        world.step(NOOP_ACTION)
+        assert not world.succeeded()
+        digests.add(world.digest())
+    assert len(digests) == len(worlds)
+    assert "alphabet_soup_1" in worlds["LIBERO"].entities
+    assert worlds["task"].language == "Pick the cream cheese and place it in the basket"
+    assert worlds["Camera Viewpoints"].language.endswith("view 0 0 100 2 4 initstate 0")
+    substrate.close()
+
+
+@pytest.mark.skipif(not MANIFEST.is_file(), reason="the released manifests are not here")
+def test_every_released_case_is_made_again_from_the_packages_and_may_play() -> None:
+    installations, released = LiberoSubstrate().installations, load_manifest(MANIFEST)
+    for case, made in _made_again(released, InstalledCatalogue(installations), ["pro"]):
+        theirs = {**case.record, "substrate_variant": dict(case.record["substrate_variant"])}
+        del theirs["substrate_variant"]["source_revision"]  # of the data set; a package has a version
+        assert made.record == theirs
+    assert lacking(installations, released) == {}
+
+
+@pytest.mark.skipif(not CLASSIFICATION.is_file(), reason="LIBERO-Plus's classification is not here")
+def test_the_frozen_genuine_cases_are_made_again_from_the_packages() -> None:
+    catalogue = InstalledCatalogue(LiberoSubstrate().installations, CLASSIFICATION)
+    tracks = (load_track(f"{GENUINE}/{name}") for name in track_names(FOLDER / GENUINE))
+    frozen = [case for track in tracks for case in stratified(track.cases, 320)]
+    for case, made in _made_again(frozen, catalogue, SOURCES):
+        assert made.record == case.record
+
+
+def test_the_frozen_genuine_cases_play_but_for_those_that_were_not_examined() -> None:
+    installations, unexamined = LiberoSubstrate().installations, read_unexamined(FOLDER / GENUINE)
+    for name in track_names(FOLDER / GENUINE):
+        cases = load_track(f"{GENUINE}/{name}").cases
+        lacks = lacking(installations, cases)
+        without_wand = {case_id for case_id, reason in lacks.items() if "Wand" in reason}
+        assert lacks.keys() - without_wand == {case.case_id for case in cases} & unexamined.keys()
+
+
+def _made_again(
+    cases: Iterable[Case], catalogue: InstalledCatalogue, sources: Iterable[str]
+) -> Iterator[tuple[Case, Case]]:
+    """Each case, and the one that is made from what is installed."""
+    tasks = {
+        (one.source, one.category, one.suite, one.index): one
+        for source in sources
+        for one in catalogue.variations(source)
+    }
+    for case in cases:
+        task = tasks[case.source, case.source_category, case.suite, case.task_index]
+        yield case, Configuration(task, case.init_state_index, catalogue).case(cell_of(case))
