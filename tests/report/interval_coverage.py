@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from pytest_libero_max.stats.coverage import (
+from pytest_libero_max.stats.paired_difference import exact
+from tests.stats.coverage import (
     ALIKE_SUCCESSES,
     DRAWS,
     NEWCOMBE_DRAWS,
@@ -25,7 +26,7 @@ from pytest_libero_max.stats.coverage import (
     unconditional_coverage,
     wilson_coverage,
 )
-from pytest_libero_max.stats.paired_difference import agresti_min, exact, tango
+from tests.stats.other_intervals import agresti_min, tango
 
 LEAST = 0.93
 """Coverage below this is marked."""

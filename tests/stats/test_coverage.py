@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pytest_libero_max.stats.coverage import (
+from pytest_libero_max.stats.intervals import mean_change
+from pytest_libero_max.stats.paired_difference import exact
+from tests.stats.coverage import (
     agresti_min_coverage,
     all_bounds,
     bootstrap_coverage,
@@ -16,9 +18,8 @@ from pytest_libero_max.stats.coverage import (
     unconditional_coverage,
     wilson_coverage,
 )
-from pytest_libero_max.stats.intervals import mean_change
-from pytest_libero_max.stats.paired_difference import exact, newcombe
-from pytest_libero_max.stats.unconditional import tables
+from tests.stats.other_intervals import newcombe
+from tests.stats.unconditional import tables
 
 
 def test_wilson_covers_on_average_what_it_says() -> None:

@@ -8,17 +8,14 @@ from scipy import stats
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.paired_difference import (
-    agresti_min,
     exact,
     exact_holds,
-    newcombe,
     paired_difference,
     paired_differences,
-    tango,
-    tango_score,
 )
 from pytest_libero_max.stats.significance import mcnemar
-from pytest_libero_max.stats.unconditional import tables, tail_probabilities, unconditional
+from tests.stats.other_intervals import agresti_min, newcombe, tango, tango_score
+from tests.stats.unconditional import tables, tail_probabilities, unconditional
 
 
 @st.composite

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
-from pytest_libero_max.stats.paired_difference import FloatArray, tango_score
+from pytest_libero_max.stats.paired_difference import FloatArray
+from tests.stats.other_intervals import tango_score
 
 NUISANCE = 101
 """Values of P(1, 0) over which the largest tail is looked for."""

@@ -16,17 +16,9 @@ from scipy import stats
 
 from pytest_libero_max.stats.intervals import Interval, mean_change, wilson
 from pytest_libero_max.stats.outcomes import Ratio
-from pytest_libero_max.stats.paired_difference import (
-    Bounds,
-    FloatArray,
-    agresti_min,
-    exact,
-    exact_holds,
-    newcombe,
-    tango,
-    tango_score,
-)
-from pytest_libero_max.stats.unconditional import tables, tail_probabilities
+from pytest_libero_max.stats.paired_difference import Bounds, FloatArray, exact, exact_holds
+from tests.stats.other_intervals import agresti_min, newcombe, tango, tango_score
+from tests.stats.unconditional import tables, tail_probabilities
 
 Counts = NDArray[np.int64]
 Method = Callable[[int, float, float], float]
