@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 ABOVE_RADIUS_M = 0.08
 
-_GRIPPER = "gripper0"
-
 
 def distance_m(one: Array, other: Array) -> float:
     """Euclidean distance of two points (3,) in m: the only definition by which proximity is decided.
@@ -200,10 +198,9 @@ class AfterGrasp(Trigger):
 
     def fires(self, moment: Moment) -> bool:
         world = moment.world
-        touching = world.contacts(self.entity)
-        if moment.step == 0 or _GRIPPER not in touching or world.entities[self.entity].support in touching:
+        if moment.step == 0 or world.entities[self.entity].support in world.contacts(self.entity):
             return False
-        return fingers_touching(world, self.entity) >= 2
+        return world.fingers_on(self.entity) >= 2
 
 
 @register
@@ -257,42 +254,6 @@ class BudgetFraction(Trigger):
 
     def fires(self, moment: Moment) -> bool:
         return moment.step >= self.share * moment.budget
-
-
-def fingers_touching(world: World, entity: str) -> int:
-    """How many fingers touch an entity now.
-
-    A finger is what moves on the last joint of a branch of the gripper, with everything fixed to it.
-    """
-    model, data = world.model, world.data
-    root = int(model.body_rootid[model.body(world.entities[entity].body).id])
-    finger_of = _fingers(model)
-    touching: set[int] = set()
-    for pair in data.contact.geom[: data.ncon]:
-        bodies = [int(model.geom_bodyid[geom]) for geom in pair]
-        for one, other in (bodies, bodies[::-1]):
-            if int(model.body_rootid[one]) == root and other in finger_of:
-                touching.add(finger_of[other])
-    return len(touching)
-
-
-def _fingers(model: Any) -> dict[int, int]:
-    """For each body of a finger, the body that the finger's joint moves."""
-    gripper = [body for body in range(model.nbody) if model.body(body).name.startswith(f"{_GRIPPER}_")]
-    parent = {body: int(model.body_parentid[body]) for body in gripper}
-    jointed = {body for body in gripper if model.body_jntnum[body]}
-
-    def above(body: int) -> list[int]:
-        """The body and its ancestors within the gripper, the nearest first."""
-        chain = []
-        while body in parent:
-            chain.append(body)
-            body = parent[body]
-        return chain
-
-    carriers = {ancestor for body in jointed for ancestor in above(body)[1:]}
-    tips = jointed - carriers
-    return {body: tip for body in gripper for tip in above(body) if tip in tips}
 
 
 def _require_name(kind: str, value: object) -> None:

@@ -291,6 +291,14 @@ class World(Protocol):
         """Sorted names of what touches the entity now: entities, ``robot0``, ``gripper0``."""
         ...
 
+    def fingers_on(self, entity: str) -> int:
+        """Number of the gripper's fingers that touch the entity now.
+
+        Raises:
+            EntityError: No such entity.
+        """
+        ...
+
     # What changes use. Nothing else writes to a world from outside.
 
     def alter(self, field: str, index: int | slice, value: Any) -> None:

@@ -36,6 +36,7 @@ from pytest_libero_max.worlds.contract import (
 )
 from pytest_libero_max.worlds.guard import ModelGuard
 from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.robot import OWNERS, PANDA, Robot
 
 gl.prepare()  # MuJoCo reads the backend while it is imported
 
@@ -105,7 +106,7 @@ class MujocoWorld(ABC):
         model: The compiled model, already complete; its current values are what a reset restores.
         data: Its data.
         entities: What a case can name. Objects need exactly one free joint on their root body.
-        robot_prefixes: Body name prefixes and the name under which :meth:`contacts` reports them.
+        robot: The names of the robot's parts.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class MujocoWorld(ABC):
         model: mujoco.MjModel,
         data: mujoco.MjData,
         entities: Mapping[str, Entity],
-        robot_prefixes: Mapping[str, str] | None = None,
+        robot: Robot = PANDA,
     ) -> None:
         self._scene = scene
         self._language = language
@@ -134,8 +135,8 @@ class MujocoWorld(ABC):
         self._joint = {
             name: self._free_joint(name) for name, entity in self._entities.items() if entity.kind == "object"
         }
-        prefixes = robot_prefixes or {"robot0_": "robot0", "mount0_": "robot0", "gripper0_": "gripper0"}
-        self._owner = self._geom_owners(prefixes)
+        self._owner = self._geom_owners(OWNERS)
+        self._finger = self._geom_fingers(robot.finger_joints)
 
     # What a subclass adds.
 
@@ -339,6 +340,12 @@ class MujocoWorld(ABC):
         pairs = self._owner[self._data.contact.geom[: self._data.ncon]]
         touching = {int(other) for pair in pairs if number in pair for other in pair}
         return tuple(sorted(self._owner_names[other] for other in touching - {number, -1}))
+
+    def fingers_on(self, entity: str) -> int:
+        number = self._owner_names.index(self._known(entity))
+        pairs = self._data.contact.geom[: self._data.ncon]
+        fingers = self._finger[pairs[:, ::-1]][self._owner[pairs] == number]
+        return len(set(fingers.tolist()) - {-1})
 
     def alter(self, field: str, index: int | slice, value: Any) -> None:
         if field not in ALTERABLE:
@@ -582,6 +589,16 @@ class MujocoWorld(ABC):
                 owner_of_body[body] = owner_of_body[parent]
         owners: NDArray[np.int64] = owner_of_body[self._model.geom_bodyid]
         return owners
+
+    def _geom_fingers(self, joints: Sequence[str]) -> NDArray[np.int64]:
+        """Return for each geom the number of the finger that it is part of, or -1."""
+        finger_of_body = np.full(self._model.nbody, -1)
+        moved = {int(self._model.joint(name).bodyid[0]): number for number, name in enumerate(joints)}
+        for body in range(1, self._model.nbody):
+            parent = finger_of_body[int(self._model.body_parentid[body])]
+            finger_of_body[body] = moved.get(body, parent)
+        fingers: NDArray[np.int64] = finger_of_body[self._model.geom_bodyid]
+        return fingers
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -23,7 +23,6 @@ from pytest_libero_max.events.triggers import (
     StepsAfter,
     Trigger,
     distance_m,
-    fingers_touching,
     register,
     trigger_from_dict,
 )
@@ -184,7 +183,7 @@ def test_a_grasp_is_two_fingers_and_no_support(world: TinyWorld) -> None:
     ):
         *_, step = steer(world, place, grip)
         lifted = "main_table" not in world.contacts("box_1")
-        seen.append((fingers_touching(world, "box_1"), lifted, trigger.fires(moment(world, step))))
+        seen.append((world.fingers_on("box_1"), lifted, trigger.fires(moment(world, step))))
         if seen[-1][-1]:
             assert not trigger.fires(moment(world, 0))
     assert seen == [
@@ -204,5 +203,5 @@ def test_one_finger_is_no_grasp(world: TinyWorld) -> None:
             pass
     world.place("box_1", np.add(world.position("box_1"), (0.0, 0.0, 0.005)))
     assert world.contacts("box_1") == ("gripper0",)
-    assert fingers_touching(world, "box_1") == 1
+    assert world.fingers_on("box_1") == 1
     assert not AfterGrasp("box_1").fires(moment(world, 5))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import EntityError, SubstrateError
 from pytest_libero_max.substrates.embedded.robot import outline
 from pytest_libero_max.substrates.embedded.scene import ROBOT_INIT_QPOS, build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
@@ -195,3 +195,32 @@ def test_an_outline_keeps_the_farthest_corners() -> None:
     inside = np.random.default_rng(0).uniform(-0.9, 0.9, (50, 3))
     kept = outline(np.concatenate([inside, corners]), 60)
     assert {tuple(point) for point in kept} == {tuple(corner) for corner in corners}
+
+
+def fingers_by_name(world: EmbeddedWorld, entity: str) -> set[str]:
+    """The fingers in contact with an entity, from the names of the bodies."""
+    model, data = world.model, world.data
+    root = model.body(world.entities[entity].body).id
+    parts = {"leftfinger": "left", "joint1_tip": "left", "rightfinger": "right", "joint2_tip": "right"}
+    found = set()
+    for pair in data.contact.geom[: data.ncon]:
+        bodies = model.geom_bodyid[pair]
+        if root in model.body_rootid[bodies]:
+            names = [model.body(int(body)).name for body in bodies]
+            found |= {side for part, side in parts.items() if any(name.endswith(part) for name in names)}
+    return found
+
+
+def test_the_fingers_that_touch_an_object_are_counted(table: EmbeddedWorld) -> None:
+    table.reset(0)
+    grip = table.end_effector()
+    seen = set()
+    for offset in np.linspace(-0.12, 0.12, 25):
+        table.place("akita_black_bowl_1", np.add(grip, (0.0, offset, -0.02)))
+        fingers = fingers_by_name(table, "akita_black_bowl_1")
+        assert table.fingers_on("akita_black_bowl_1") == len(fingers)
+        seen.add(frozenset(fingers))
+    assert {frozenset(), frozenset({"left"}), frozenset({"right"}), frozenset({"left", "right"})} <= seen
+    assert table.fingers_on("plate_1") == 0
+    with pytest.raises(EntityError, match="akita_black_bowl"):
+        table.fingers_on("akita_black_bowl")

@@ -18,6 +18,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.robot import Robot
 
 gl.prepare()
 
@@ -133,6 +134,8 @@ _ENTITIES = {
     )
 }
 
+_HAND = Robot(finger_joints=("finger_1", "finger_2"))
+
 
 class TinyWorld(MujocoWorld):
     """A floating hand over a table; see the module's text.
@@ -145,7 +148,7 @@ class TinyWorld(MujocoWorld):
 
     def __init__(self) -> None:
         model = mujoco.MjModel.from_xml_string(_MJCF)
-        super().__init__("tiny/0", LANGUAGE, model, mujoco.MjData(model), _ENTITIES)
+        super().__init__("tiny/0", LANGUAGE, model, mujoco.MjData(model), _ENTITIES, _HAND)
         self._site = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "gripper0_grip_site"))
         self._hand = [int(model.joint(f"hand_{axis}").qposadr[0]) for axis in "xyz"]
         self._hand_dofs = [int(model.joint(f"hand_{axis}").dofadr[0]) for axis in "xyz"]
