@@ -22,9 +22,9 @@ def add_commands(commands: Commands) -> None:
         "plan",
         help="How long pairs will take with so many workers and policy servers, and what is the bottleneck",
         description="Learns from the timings of a run what steps, images and queries take and how many of "
-        "them each task needs, and simulates the queues of a fleet that plays. A worker is as fast as one of "
-        "that run: each needs a processor core of its own. The start of the workers and of the policy, the "
-        "collection and the final report come on top.",
+        "them each task needs, and computes how long the slowest part of a fleet takes. A worker is as fast "
+        "as one of that run: each needs a processor core of its own. The start of the workers and of the "
+        "policy, the collection and the final report come on top.",
     )
     plan.add_argument("run_folder", type=Path, metavar="RUN", help="The run that is learnt from")
     what = plan.add_mutually_exclusive_group()

@@ -1,36 +1,33 @@
-"""How long a fleet of workers and policy servers plays pairs: their queues, event by event.
+"""Time that a fleet of workers and policy servers needs for pairs: the slowest of its three parts.
 
-A worker takes the next pair when it is free. With policy servers it computes, asks, waits in one queue for
-a free server, computes on, and so on; the queries of a pair are spread evenly over its own computation.
-The process that owns the run takes in one record after another, and no worker waits for it.
+Workers take the next pair when they are free. With servers each query costs a worker the time of one answer,
+as if no other worker asked; the servers answer batches without a pause; the process that owns the run
+takes in one record after another. These are the asymptotic bounds of a closed queueing network (P. J. Denning
+and J. P. Buzen (1978), Computing Surveys 10:225-261). A real fleet is slower where two parts are about as
+busy: ``reports/cost.md`` says by how much.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
 
 from pytest_libero_max.costs.model import Cost
-
-MOST_CALLS = 1_500_000
-"""With servers so many queries are played event by event. The pairs behind them keep the pace of those."""
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """What plays.
+    """Workers, policy servers and what they need.
 
     Attributes:
         workers: Processes that play pairs, each on a processor core of its own.
         servers: Policy servers, which answer one batch at a time; 0: each worker has the policy in it.
-        query_s: What a query takes, alone; None: what it took in the run that was measured.
+        query_s: Seconds of a query that is answered alone; None: as in the run that was measured.
         batch: Queries that a server answers together.
-        batch_s: What a full batch takes; None: as much as one query. What is between is interpolated.
-        record_s: What the process that owns the run needs for a pair: to receive, check and write it.
-        start_s: What passes before a worker begins its first pair.
+        batch_s: Seconds of a full batch; None: those of one query. In between they are interpolated.
+        record_s: Seconds that the process that owns the run needs to receive, check and write a pair.
+        start_s: Seconds before a worker begins its first pair.
     """
 
     workers: int
@@ -41,8 +38,8 @@ class Fleet:
     record_s: float = 0.0
     start_s: float = 0.0
 
-    def answer_s(self, queries: int) -> float:
-        """What so many queries take that a server answers together."""
+    def answer_s(self, queries: float) -> float:
+        """Seconds of an answer to this many queries at once."""
         alone = self.query_s or 0.0
         if self.batch_s is None or self.batch == 1:
             return alone
@@ -51,172 +48,72 @@ class Fleet:
 
 @dataclass(frozen=True)
 class Played:
-    """How a fleet played.
+    """Time that a fleet needs, and what its parts do meanwhile.
 
     Attributes:
         seconds: From the start of the workers until the last record is written.
-        computing: Share of the workers' time in which they played, the policy in them included.
-        waiting: Share of it in which they waited for a policy server or its answer.
-        serving: Share of the servers' time in which they answered.
-        writing: Share of the time in which the process that owns the run took in records.
-        batch: Mean number of queries that were answered together.
-        simulated: How many pairs were played event by event; the others keep their pace.
+        bottleneck: ``workers``, ``policy servers`` or ``controller``: the part that needs longest.
+        computing: Share of the workers' time in which they play, the policy in them included.
+        serving: Share of the servers' time in which they answer.
+        writing: Share of the time in which the process that owns the run takes in records.
     """
 
     seconds: float
+    bottleneck: str
     computing: float
-    waiting: float
     serving: float
     writing: float
-    batch: float
-    simulated: int
-
-    @property
-    def bottleneck(self) -> str:
-        """What is busiest: ``workers``, ``policy servers`` or ``controller``."""
-        shares = {"workers": self.computing, "policy servers": self.serving, "controller": self.writing}
-        return max(shares, key=lambda name: shares[name])
 
 
 def play(costs: Sequence[Cost], fleet: Fleet) -> Played:
-    """Play pairs in their order.
+    """Return the time that a fleet needs for pairs that it plays in their order.
 
     Args:
-        costs: What each pair costs; at least one.
+        costs: Expected cost of each pair; at least one.
         fleet: What plays them.
     """
-    return _with_servers(costs, fleet) if fleet.servers else _without_servers(costs, fleet)
-
-
-def _without_servers(costs: Sequence[Cost], fleet: Fleet) -> Played:
-    free = [fleet.start_s] * fleet.workers
-    ends, busy = [], 0.0
-    for cost in costs:
-        policy_s = cost.policy_s if fleet.query_s is None else cost.calls * fleet.query_s
-        end = heapq.heappop(free) + cost.worker_s + policy_s
-        busy += cost.worker_s + policy_s
-        heapq.heappush(free, end)
-        ends.append(end)
-    seconds = _written(ends, fleet.record_s)
+    calls = sum(cost.calls for cost in costs)
+    policy_s = [cost.policy_s if fleet.query_s is None else cost.calls * fleet.query_s for cost in costs]
+    pairs_s = [cost.worker_s + seconds for cost, seconds in zip(costs, policy_s, strict=True)]
+    computing_s = sum(cost.worker_s for cost in costs) + (0.0 if fleet.servers else sum(policy_s))
+    serving_s = 0.0
+    if fleet.servers:
+        think_s = computing_s / max(calls, 1.0)
+        batch = _batch(think_s, fleet)
+        serving_s = calls / batch * fleet.answer_s(batch) / fleet.servers
+    needs = {
+        "workers": _in_turn(pairs_s, fleet),
+        "policy servers": fleet.start_s + serving_s,
+        "controller": fleet.start_s + min(pairs_s) + len(costs) * fleet.record_s,
+    }
+    bottleneck = max(needs, key=lambda name: needs[name])
+    seconds = max(needs[bottleneck], needs["workers"] + fleet.record_s)
     return Played(
         seconds=seconds,
-        computing=busy / (seconds * fleet.workers),
-        waiting=0.0,
-        serving=0.0,
+        bottleneck=bottleneck,
+        computing=computing_s / (seconds * fleet.workers),
+        serving=serving_s / seconds,
         writing=len(costs) * fleet.record_s / seconds,
-        batch=1.0,
-        simulated=len(costs),
     )
 
 
-def _written(ends: Sequence[float], record_s: float) -> float:
-    """When the last of some records is written that are written one after the other."""
-    written = 0.0
-    for end in sorted(ends):
-        written = max(written, end) + record_s
-    return written
+def _batch(think_s: float, fleet: Fleet) -> float:
+    """Mean number of queries that a busy server answers together.
 
-
-def _with_servers(costs: Sequence[Cost], fleet: Fleet) -> Played:
-    some = costs[:: max(ceil(sum(cost.calls for cost in costs) / MOST_CALLS), 1)]
-    queue = _Queue(some, fleet)
-    queue.run()
-    seconds = _written(queue.ends, fleet.record_s)
-    # The others are played while all workers are busy, at the pace of these while all workers were.
-    others = len(costs) - len(some)
-    pace_s = max((queue.last_begin - fleet.start_s) / len(some), fleet.record_s)
-    time_of_workers = seconds * fleet.workers
-    return Played(
-        seconds=seconds + others * pace_s,
-        computing=sum(cost.worker_s for cost in some) / time_of_workers,
-        waiting=queue.waiting_s / time_of_workers,
-        serving=queue.serving_s / (seconds * fleet.servers),
-        writing=len(some) * fleet.record_s / seconds,
-        batch=queue.answered / max(queue.batches, 1),
-        simulated=len(some),
-    )
-
-
-class _Queue:
-    """Workers that compute and ask, and the servers they ask.
-
-    Attributes:
-        ends: When each pair ended.
-        last_begin: When the last pair was begun.
-        waiting_s: How long workers waited, summed over them.
-        serving_s: How long servers answered, summed over them.
-        answered: Queries.
-        batches: Batches in which they were answered.
+    While a batch is answered, the next one gathers: a worker is in the one, on average for half of the time
+    in the other, or computes for ``think_s`` before it asks again.
     """
-
-    def __init__(self, costs: Sequence[Cost], fleet: Fleet) -> None:
-        self.ends: list[float] = []
-        self.last_begin = fleet.start_s
-        self.waiting_s = self.serving_s = 0.0
-        self.answered = self.batches = 0
-        self._fleet = fleet
-        self._next = iter(costs)
-        self._events: list[_Event] = []
-        self._number = 0
-        self._asked: deque[tuple[int, float]] = deque()  # which worker, since when
-        self._idle = fleet.servers
-        self._calls = [0] * fleet.workers  # still to be asked in the pair of a worker
-        self._computes_s = [0.0] * fleet.workers  # before each of them, and after the last
-
-    def run(self) -> None:
-        """Play all pairs."""
-        for worker in range(self._fleet.workers):
-            self._begin(worker, self._fleet.start_s)
-        while self._events:
-            now, _, happens, workers = heapq.heappop(self._events)
-            happens(now, workers)
-
-    def _at(self, when: float, happens: _Happens, workers: tuple[int, ...]) -> None:
-        self._number += 1  # what happens at the same time happens in the order in which that was known
-        heapq.heappush(self._events, (when, self._number, happens, workers))
-
-    def _begin(self, worker: int, now: float) -> None:
-        """A worker begins the next pair, if there is one."""
-        cost = next(self._next, None)
-        if cost is not None:
-            self.last_begin = now
-            self._calls[worker] = round(cost.calls)
-            self._computes_s[worker] = cost.worker_s / (self._calls[worker] + 1)
-            self._compute(worker, now)
-
-    def _compute(self, worker: int, now: float) -> None:
-        self._at(now + self._computes_s[worker], self._ask if self._calls[worker] else self._end, (worker,))
-
-    def _ask(self, now: float, workers: tuple[int, ...]) -> None:
-        self._asked += [(worker, now) for worker in workers]
-        self._serve(now)
-
-    def _serve(self, now: float) -> None:
-        """A server takes what waits, if one is free and something waits."""
-        if not self._idle or not self._asked:
-            return
-        taken = [self._asked.popleft() for _ in range(min(len(self._asked), self._fleet.batch))]
-        answer_s = self._fleet.answer_s(len(taken))
-        self._idle -= 1
-        self.batches += 1
-        self.answered += len(taken)
-        self.serving_s += answer_s
-        self.waiting_s += sum(now + answer_s - since for _, since in taken)
-        self._at(now + answer_s, self._answer, tuple(worker for worker, _ in taken))
-
-    def _answer(self, now: float, workers: tuple[int, ...]) -> None:
-        self._idle += 1
-        for worker in workers:
-            self._calls[worker] -= 1
-            self._compute(worker, now)
-        self._serve(now)
-
-    def _end(self, now: float, workers: tuple[int, ...]) -> None:
-        self.ends.append(now)
-        for worker in workers:
-            self._begin(worker, now)
+    batch, workers = 1.0, fleet.workers / fleet.servers
+    for _ in range(50):  # of a fixed-point iteration that converges in fewer
+        answer_s = fleet.answer_s(batch)
+        together = workers * answer_s / (1.5 * answer_s + think_s) if answer_s else 1.0
+        batch = min(float(fleet.batch), max(together, 1.0))
+    return batch
 
 
-_Happens = Callable[[float, tuple[int, ...]], None]
-_Event = tuple[float, int, _Happens, tuple[int, ...]]
-"""When, a number of its own, what happens, and to which workers."""
+def _in_turn(pairs_s: Sequence[float], fleet: Fleet) -> float:
+    """Seconds until workers that each take the next pair have played all."""
+    free = [fleet.start_s] * fleet.workers
+    for seconds in pairs_s:
+        heapq.heapreplace(free, free[0] + seconds)
+    return max(free)

@@ -1,4 +1,4 @@
-"""How long pairs will take, from the timings of a run that is measured, in words."""
+"""Text of ``libero-max plan``: the time that pairs will take, from the timings of a measured run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pytest_libero_max.runs.store import StoredRun
 
 
 def learn(stored: StoredRun) -> CostModel:
-    """What the measured pairs of a run say of costs.
+    """Return a cost model learnt from the measured pairs of a run.
 
     Raises:
         ReportError: It has none.
@@ -37,13 +37,13 @@ def playable(pairs: Iterable[PlannedPair], stored: StoredRun) -> list[PlannedPai
 
 
 def plan_lines(stored: StoredRun, pairs: Iterable[PlannedPair], what: str, fleet: Fleet) -> list[str]:
-    """What there is to say of a fleet that plays pairs.
+    """Return the lines on a fleet that plays pairs.
 
     Args:
-        stored: The run that is learnt from.
-        pairs: What the fleet plays.
+        stored: The run to learn from.
+        pairs: The pairs to play.
         what: Their name.
-        fleet: Who plays.
+        fleet: The fleet.
 
     Raises:
         ReportError: The run has no measured pair, or its policy plays none of these.
@@ -61,7 +61,7 @@ def plan_lines(stored: StoredRun, pairs: Iterable[PlannedPair], what: str, fleet
         f"{what}, {len(chosen)} pairs with {_fleet_words(fleet)}:",
         f"  {duration(played.seconds)}, {60.0 * len(chosen) / played.seconds:.4g} pairs/min",
         *_shares(played, fleet),
-        *_larger(costs, fleet, played),
+        _larger(costs, fleet),
     ]
 
 
@@ -87,15 +87,10 @@ def _fleet_words(fleet: Fleet) -> str:
 
 
 def _shares(played: Played, fleet: Fleet) -> list[str]:
-    """What everybody does with the time, and who has too much to do."""
-    idle = max(1.0 - played.computing - played.waiting, 0.0)
-    words = [f"play {played.computing:.0%} of their time"]
-    words += [f"wait for answers {played.waiting:.0%}"] if fleet.servers else []
-    words += [f"have nothing to do {idle:.0%}"]
-    lines = [("workers", ", ".join(words))]
+    """Lines on how busy each part of the fleet is, and which one is the bottleneck."""
+    lines = [("workers", f"play {played.computing:.0%} of their time")]
     if fleet.servers:
-        batch = f", {played.batch:.1f} queries together" if fleet.batch > 1 else ""
-        lines.append(("policy servers", f"answer {played.serving:.0%} of the time{batch}"))
+        lines.append(("policy servers", f"answer {played.serving:.0%} of the time"))
     lines.append(("controller", f"takes in records {played.writing:.1%} of the time"))
     return [f"  {name:<15} {text}{_mark(name, played)}" for name, text in lines]
 
@@ -104,22 +99,17 @@ def _mark(name: str, played: Played) -> str:
     return "  <- the bottleneck" if name == played.bottleneck else ""
 
 
-def _larger(costs: Sequence[Cost], fleet: Fleet, played: Played) -> list[str]:
-    """What more of something would bring."""
+def _larger(costs: Sequence[Cost], fleet: Fleet) -> str:
+    """Line on the time with twice the workers or servers."""
     twice = {"workers": replace(fleet, workers=2 * fleet.workers)}
     if fleet.servers:
         twice["policy servers"] = replace(fleet, servers=2 * fleet.servers)
     words = [f"twice the {name}: {duration(play(costs, larger).seconds)}" for name, larger in twice.items()]
-    lines = [f"  with {', with '.join(words)}"]
-    if played.simulated < len(costs):
-        lines.append(
-            f"  {played.simulated} of these pairs were played event by event; the others keep their pace"
-        )
-    return lines
+    return f"  with {', with '.join(words)}"
 
 
 def shard_lines(stored: StoredRun, cases: Sequence[Case], count: int) -> list[str]:
-    """How well the parts of ``--libero-max-shard`` share the work, as it is expected.
+    """Return the line on how evenly the parts of ``--libero-max-shard`` share the expected work.
 
     Raises:
         ReportError: The run has no measured pair, or its policy plays none of the cases.

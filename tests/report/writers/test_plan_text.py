@@ -35,7 +35,7 @@ def test_a_plan_says_how_long_and_what_is_the_bottleneck(
     assert "32 measured pairs" in text
     assert "take a worker 4.80 s, and 32 calls of the policy, which took 3.20 s" in text
     assert "32 pairs with 2 workers, the policy in each of them:\n  2 min, 15 pairs/min\n" in text
-    assert "workers         play 100% of their time, have nothing to do 0%  <- the bottleneck" in text
+    assert "workers         play 100% of their time  <- the bottleneck" in text
     assert main(["plan", run, "--workers=16", "--servers=1"]) == 0
     text = capsys.readouterr().out
     assert "16 workers, 1 policy server, 100 ms a query:\n  2 min" in text
