@@ -1,28 +1,19 @@
-"""A run as it is published: its pairs, packed, and what follows from them."""
+"""A published run: its packed pairs, from which every report follows, and its report in Markdown."""
 
 from __future__ import annotations
 
 import gzip
-from collections.abc import Mapping
 from pathlib import Path
 
-from pytest_libero_max.benchmark.documents import Json, read_content
+from pytest_libero_max.benchmark.documents import read_content
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.writers.files import (
-    MARKDOWN_NAME,
-    REPORT_NAME,
-    all_figures,
-    make_folder,
-    report_json,
-    report_of,
-    write_bytes,
-)
+from pytest_libero_max.report.writers.files import MARKDOWN_NAME, make_folder, report_of, write_bytes
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, pairs_file, read_pairs
 
 
 def publish(run: Path, folder: Path) -> list[Path]:
-    """Write the packed pairs of a finished run, its report and its figures.
+    """Write the packed pairs of a finished run and its report in Markdown.
 
     The same pairs give the same files.
 
@@ -39,7 +30,7 @@ def publish(run: Path, folder: Path) -> list[Path]:
         raise ReportError(
             f"{run} is incomplete: {report['headline']['reason']}. Continue it with --libero-max-resume."
         )
-    files = published_files(report)
+    files = {MARKDOWN_NAME: markdown(report).encode()}
     try:
         files[PACKED_PAIRS_NAME] = gzip.compress(read_content(pairs_file(run)), mtime=0)
     except OSError as error:
@@ -48,19 +39,3 @@ def publish(run: Path, folder: Path) -> list[Path]:
     for name, content in files.items():
         write_bytes(folder / name, content)
     return [folder / name for name in files]
-
-
-def published_files(report: Json) -> dict[str, bytes]:
-    """What is published beside the pairs, by file name: the report and its figures."""
-    figures = {f"{stem}.svg": drawn for stem, drawn in all_figures(report).items()}
-    files = {
-        REPORT_NAME: report_json(report),
-        MARKDOWN_NAME: markdown(report) + _shown(figures),
-        **figures,
-    }
-    return {name: text.encode() for name, text in files.items()}
-
-
-def _shown(figures: Mapping[str, str]) -> str:
-    pictures = "\n".join(f"![{name.removesuffix('.svg')}]({name})\n" for name in figures)
-    return f"\n## Figures\n\n{pictures}"
