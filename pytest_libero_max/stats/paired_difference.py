@@ -27,7 +27,7 @@ Bounds = tuple[FloatArray, FloatArray]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
 _FAR = 1e-13
 """Mass left out at each end of a distribution that is integrated over."""
-_PRECISION = 1e-11
+PRECISION = 1e-11
 """How closely a bound is found."""
 _DECIMALS = 9
 """Of a reported bound, so that it is the same on every machine."""
@@ -91,32 +91,17 @@ def exact(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
     return -bounds[: n.size].reshape(n.shape), bounds[n.size :].reshape(n.shape)
 
 
-def exact_holds(
-    difference: float, losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: float = CONFIDENCE
-) -> NDArray[np.bool_]:
-    """Whether the interval of :func:`exact` holds a difference; cheaper than the interval itself."""
-    down, up, n = checked_counts(losses, gains, pairs)
-    held = np.empty(n.size, dtype=np.bool_)
-    for rows in _chunks(n.size):
-        some = [counts.ravel()[rows] for counts in (up, down, n)]
-        at = np.full(len(some[0]), difference)
-        above = _Products(some[0], some[1], some[2], at >= 0).exceed(at)
-        below = _Products(some[1], some[0], some[2], at <= 0).exceed(-at)
-        held[rows] = np.minimum(above, below) >= (1 - confidence) / 2 - _PRECISION
-    return held.reshape(n.shape)
-
-
 def _upper_bounds(up: FloatArray, down: FloatArray, n: FloatArray, tail: float) -> FloatArray:
     """Where the probability to exceed falls to ``tail``."""
     positive = _beta_exceeds(up + 1, down, np.full_like(n, 0.5)) >= tail
     bounds = np.empty_like(n)
-    for rows in _chunks(n.size):
-        products = _Products(up[rows], down[rows], n[rows], positive[rows])
+    for rows in chunks(n.size):
+        products = Products(up[rows], down[rows], n[rows], positive[rows])
         bounds[rows] = _falling_roots(products, tail)
     return bounds
 
 
-class _Products:
+class Products:
     """The random variables ``T (2 B - 1)`` of several counts, each on one side of zero.
 
     ``B`` is Beta(up + 1, down). With m = up + down discordant pairs, ``T`` is Beta(m + 1, n - m) for the
@@ -134,9 +119,9 @@ class _Products:
         self.most = special.betainccinv(self.first, self.second, _FAR)
         self.norm = special.betaln(self.first, self.second)
 
-    def where(self, rows: NDArray[np.intp]) -> _Products:
+    def where(self, rows: NDArray[np.intp]) -> Products:
         """Some of them."""
-        some = object.__new__(_Products)
+        some = object.__new__(Products)
         some.__dict__.update({name: values[rows] for name, values in vars(self).items()})
         return some
 
@@ -170,7 +155,7 @@ def _beta_exceeds(first: FloatArray, second: FloatArray, value: FloatArray) -> F
     return result
 
 
-def _falling_roots(products: _Products, level: float) -> FloatArray:
+def _falling_roots(products: Products, level: float) -> FloatArray:
     """Values at which falling probabilities meet ``level``, found on the nearly linear probit scale."""
     target = special.ndtri(level)
 
@@ -185,12 +170,13 @@ def _falling_roots(products: _Products, level: float) -> FloatArray:
     rows = np.flatnonzero(excess(roots, np.arange(roots.size)) < 0)
     if rows.size:
         bracket = (low[rows], roots[rows])
-        found = elementwise.find_root(excess, bracket, args=(rows,), tolerances={"xatol": _PRECISION})
+        found = elementwise.find_root(excess, bracket, args=(rows,), tolerances={"xatol": PRECISION})
         roots[rows] = found.x
     return roots
 
 
-def _chunks(size: int) -> list[slice]:
+def chunks(size: int) -> list[slice]:
+    """Return slices of at most 4,096 rows, which bound the memory of an integration."""
     return [slice(start, start + _CHUNK) for start in range(0, size, _CHUNK)]
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from pytest_libero_max.tasks import libero_tasks as tasks
 
@@ -131,24 +130,6 @@ def owner(name: str, entities: Iterable[str]) -> str | None:
     """The longest of ``entities`` that is ``name`` or that ``name`` continues with an underscore."""
     owners = [entity for entity in entities if name == entity or name.startswith(f"{entity}_")]
     return max(owners, key=len, default=None)
-
-
-def metadata_from_catalog(row: Mapping[str, Any]) -> TaskMetadata:
-    """Read a row of a released task catalogue; everything that can be derived is derived again."""
-    objects, fixtures = dict(row["objects"]), dict(row["fixtures"])
-    return TaskMetadata(
-        name=row["task_name"],
-        language=row["language"],
-        objects=objects,
-        fixtures=fixtures,
-        objects_of_interest=frozenset(row["objects_of_interest"]),
-        goal=tuple(Relation(r["predicate"], tuple(r["arguments"])) for r in row["goal_relations"]),
-        placements={
-            name: InitialPlacement(p["predicate"], p["region"], owner(p["region"], [*objects, *fixtures]))
-            for name, p in row["initial_placements"].items()
-        },
-        reserved=frozenset(row.get("pro_reserved_objects", ())),
-    )
 
 
 def task_metadata(suite: str, index: int) -> TaskMetadata:

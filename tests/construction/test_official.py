@@ -13,7 +13,8 @@ from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.records import scenario_record
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.events.registry import eligible_events, resolve_event
-from pytest_libero_max.tasks.contents import TaskMetadata, metadata_from_catalog, task_metadata
+from pytest_libero_max.tasks.contents import TaskMetadata, task_metadata
+from tests.construction.official_catalog import metadata_from_catalog
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", REPOSITORY.parent / "shared" / "official"))

@@ -9,12 +9,11 @@ from scipy import stats
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.paired_difference import (
     exact,
-    exact_holds,
     paired_difference,
     paired_differences,
 )
 from pytest_libero_max.stats.significance import mcnemar
-from tests.stats.other_intervals import agresti_min, newcombe, tango, tango_score
+from tests.stats.other_intervals import agresti_min, exact_holds, newcombe, tango, tango_score
 from tests.stats.unconditional import tables, tail_probabilities, unconditional
 
 

@@ -49,9 +49,6 @@ PLUS_REQUIREMENTS = ("filelock",)
 
 REQUIREMENTS_INSTALL = "pip install easydict future pyyaml matplotlib cloudpickle gymnasium networkx filelock"
 
-NOISE_REQUIREMENTS = ("skimage", "wand")
-"""What LIBERO-Plus's sensor noise needs besides; Wand also needs ImageMagick's libraries."""
-
 NOISE_CURE = "`pip install scikit-image wand`, and Debian's libmagickwand-dev or ImageMagick's own libraries"
 
 _ASSETS_CURES = {

@@ -13,8 +13,9 @@ from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.substrates.embedded.catalogue.counts import SUITES
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import ANOTHER_GOAL, CATEGORIES, pro_suite
 from pytest_libero_max.substrates.lookup import catalogue, variation_metadata
-from pytest_libero_max.tasks.contents import Relation, metadata_from_catalog, task_metadata
+from pytest_libero_max.tasks.contents import Relation, task_metadata
 from pytest_libero_max.tasks.libero_tasks import task
+from tests.construction.official_catalog import metadata_from_catalog
 
 PRO = catalogue("pro")
 OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", Path(__file__).parents[5] / "shared" / "official"))
