@@ -60,7 +60,7 @@ def test_the_track_is_that_of_the_substrate(
     options: SubstrateOptions,
     expected: str,
 ) -> None:
-    monkeypatch.setattr("pytest_libero_max.substrates.lacking", only_unmodified)
+    monkeypatch.setattr("pytest_libero_max.substrates.opening.lacking", only_unmodified)
     assert fitting_track(name, substrate, options) == expected
 
 
@@ -68,7 +68,7 @@ def test_the_default_is_what_any_libero_plays_where_smoke_lacks_something(
     genuine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "pytest_libero_max.substrates.lacking",
+        "pytest_libero_max.substrates.opening.lacking",
         lambda name, cases, options: {case.case_id: "it" for case in cases[:1]},
     )
     assert fitting_track(None, "libero", ANY) == case_support.PLAIN_TRACK
@@ -77,7 +77,7 @@ def test_the_default_is_what_any_libero_plays_where_smoke_lacks_something(
 def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_named(
     genuine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pytest_libero_max.substrates.lacking", only_unmodified)
+    monkeypatch.setattr("pytest_libero_max.substrates.opening.lacking", only_unmodified)
     require_fit("track original", load_track("original").cases, "libero", ANY)
     with pytest.raises(OptionError) as raised:
         require_fit("track lite", load_track("lite").cases, "libero", ANY)
@@ -89,7 +89,7 @@ def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_nam
 
 
 def test_what_is_not_installed_can_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pytest_libero_max.substrates.lacking", only_unmodified)
+    monkeypatch.setattr("pytest_libero_max.substrates.opening.lacking", only_unmodified)
     cases = load_track("lite").cases
     fit = fitting_cases("track lite", cases, "libero", ANY)
     assert fit == tuple(case for case in cases if case.source == "pro")
