@@ -1,22 +1,85 @@
 """Every exception this package raises on purpose.
 
-A message names what was seen, the rule, and what to do next.
+A message names what was seen, the rule, and what to do next. The attributes of an error hold the same data::
+
+    raise ManifestError(
+        f"{path}: {field}={value!r}, but must be at least 1.", field=field, value=value, path=path
+    )
 """
 
 from __future__ import annotations
 
 import difflib
+import pickle
 from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Self
 
 MOST_NAMED = 40
-"""Up to so many known words are listed in full."""
+"""Number of known words up to which all are listed."""
 
 CLOSEST = 4
-"""How many of more words are named."""
+"""Number of words that are named where there are more."""
 
 
 class LiberoMaxError(Exception):
-    """Root of the family. None of these is ever a failure of the policy under test."""
+    """Root of the family. None of these is ever a failure of the policy under test.
+
+    An error can be pickled; a ``value`` that cannot arrives as its ``repr``.
+
+    Args:
+        text: The message, complete without the attributes.
+        field: See the attribute; the others likewise.
+
+    Attributes:
+        field: Name of the field or option at fault, in the spelling of its file: ``protocol.arms``,
+            ``--libero-max-shard``. None where no single one is at fault.
+        value: What was seen there.
+        path: The file, None where there is none.
+        line: Number of the line in the file, from 1.
+    """
+
+    def __init__(
+        self,
+        text: str = "",
+        *,
+        field: str | None = None,
+        value: Any = None,
+        path: Path | str | None = None,
+        line: int | None = None,
+    ) -> None:
+        super().__init__(text)
+        self.field = field
+        self.value = value
+        self.path = None if path is None else Path(path)
+        self.line = line
+
+    def within(
+        self, where: str, *, field: str | None = None, path: Path | str | None = None, line: int | None = None
+    ) -> Self:
+        """Return this error with a place in front of its text: ``raise error.within(...) from error``.
+
+        Args:
+            where: The place in words, for example ``cases.json, line 3``.
+            field: Replaces None; a field that is known already is kept. ``path`` and ``line`` likewise.
+            path: The file.
+            line: Number of the line in the file, from 1.
+        """
+        return type(self)(
+            f"{where}: {self}",
+            field=self.field or field,
+            value=self.value,
+            path=self.path or path,
+            line=self.line or line,
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        state = dict(self.__dict__)
+        try:
+            pickle.dumps(self.value)
+        except Exception:  # a value of a user's adapter may fail in any way
+            state["value"] = repr(self.value)
+        return (type(self), self.args, state)
 
 
 class OptionError(LiberoMaxError):
@@ -91,7 +154,7 @@ class OtherRunError(ReportError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A sentence or two that name the closest known word and, as far as they are few, the others.
+    """Return a sentence or two with the closest known word and, where they are few, all the others.
 
     Args:
         name: What was written.

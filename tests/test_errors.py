@@ -1,10 +1,53 @@
 from __future__ import annotations
 
 import difflib
+import pickle
+from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.errors import CLOSEST, MOST_NAMED, did_you_mean
+from pytest_libero_max.errors import (
+    CLOSEST,
+    MOST_NAMED,
+    LiberoMaxError,
+    ManifestError,
+    ServerError,
+    did_you_mean,
+)
+
+
+def test_an_error_carries_its_data_through_a_pickle() -> None:
+    error = pickle.loads(
+        pickle.dumps(ManifestError("a.json: n=0.", field="n", value=[0], path="a.json", line=3))
+    )
+    assert type(error) is ManifestError
+    assert (str(error), error.field, error.value) == ("a.json: n=0.", "n", [0])
+    assert (error.path, error.line) == (Path("a.json"), 3)
+
+
+def test_a_value_without_a_pickle_arrives_as_text() -> None:
+    error = LiberoMaxError("a generator", value=(_ for _ in ()))
+    assert "generator" in pickle.loads(pickle.dumps(error)).value
+    assert "generator" in repr(error.value)
+
+
+def test_a_place_is_put_before_an_error_and_what_is_known_is_kept() -> None:
+    inner = ManifestError("n=0, but must be at least 1.", field="n", value=0)
+    outer = inner.within("a.json, line 2", field="cases[0]", path="a.json", line=2)
+    assert type(outer) is ManifestError
+    assert str(outer) == "a.json, line 2: n=0, but must be at least 1."
+    assert (outer.field, outer.value, outer.path, outer.line) == ("n", 0, Path("a.json"), 2)
+    assert LiberoMaxError().args == ("",)
+
+
+def test_the_kinds_of_errors_carry_data_in_the_same_way(tmp_path: Path) -> None:
+    for kind in (*_kinds(LiberoMaxError),):
+        assert pickle.loads(pickle.dumps(kind("text", path=tmp_path))).path == tmp_path, kind
+    assert ServerError in {*_kinds(LiberoMaxError)}
+
+
+def _kinds(kind: type[LiberoMaxError]) -> list[type[LiberoMaxError]]:
+    return [kind, *(below for child in kind.__subclasses__() for below in _kinds(child))]
 
 
 def test_a_few_known_words_are_all_named() -> None:
