@@ -1,4 +1,4 @@
-"""What a machine has and lacks for each substrate, with the commands that help."""
+"""Checks of a machine for each substrate, with the commands that mend them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Finding:
 
     Attributes:
         level: ``missing`` where something cannot be done without it, ``note`` where it is worth knowing.
-        text: What was found, or what to do.
+        text: The finding, or its cure.
     """
 
     level: Level
@@ -44,7 +44,7 @@ def diagnose(options: SubstrateOptions | None = None) -> list[Finding]:
     """Look at packages, rendering, memory, disk and genuine installations. Nothing of LIBERO is imported.
 
     Args:
-        options: Where to look for installations; by default where ``import libero`` would.
+        options: Installations to check; by default those of ``import libero``.
     """
     options = options or SubstrateOptions()
     return [*_packages(), *_rendering(), *_resources(), *_installations(options)]

@@ -157,7 +157,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a sentence or two with the closest known word and, where they are few, all the others.
 
     Args:
-        name: What was written.
+        name: The name as written.
         known: Every valid spelling.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What this machine has for a run: memory and room on the disk."""
+"""Resources of this machine for a run: memory and disk space."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 GIB = 2**30
 
 WORKER_BYTES = int(0.8 * GIB)
-"""What a process that plays the embedded scenes with images takes: 0.75 GiB at most of what was measured."""
+"""Memory of a process that plays the embedded scenes with images: at most 0.75 GiB was measured."""
 
 GENUINE_WORKER_BYTES = int(3.2 * GIB)
 """The same with LIBERO's own models: what a process has after seven scenes, two of which it keeps."""
@@ -40,7 +40,7 @@ def available_bytes() -> int | None:
 
 
 def private_bytes() -> int | None:
-    """What a limit on memory counts of this process; None where the kernel does not tell."""
+    """Memory of this process that a limit counts; None where the kernel does not tell."""
     return _kib_of(Path("/proc/self/status"), "VmData")
 
 

@@ -26,7 +26,7 @@ class Registry(Generic[T]):
     """Named entries in a fixed order: the package's own first, then those of other packages by name.
 
     Args:
-        noun: What an entry is called in messages, for example ``event``.
+        noun: Word for an entry in messages, for example ``event``.
         group: Entry-point group by which other packages add theirs.
         own: Returns a function that loads the entry, for each name of the package's own, in order. It is
             called on first use.

@@ -113,7 +113,7 @@ def cases(
     Args:
         draw: Given by Hypothesis.
         entities: The world's entities; by default those of the tiny world.
-        events: Where the events come from; by default :func:`events` of the entities.
+        events: Strategy of the events; by default :func:`events` of the entities.
         suites: LIBERO suites; they decide the step budget.
     """
     event = draw(events if events is not None else _events_of(entities))
@@ -262,7 +262,7 @@ def scripted_policies(
     Args:
         draw: Given by Hypothesis.
         max_horizon: Largest H.
-        memory: Whether it remembers (and offers ``snapshot`` and ``restore``); None draws both.
+        memory: True if it remembers (and offers ``snapshot`` and ``restore``); None draws both.
         cameras: The images it asks for; none by default, so that nothing is rendered.
         drift: (3,) added to the translation of every action, to make it reach something.
     """

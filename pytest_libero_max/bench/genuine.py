@@ -81,7 +81,7 @@ def measure_genuine(
     """Time control steps and one pair of the original track, of a suite, on a genuine scene.
 
     Args:
-        substrate: Where the scene comes from.
+        substrate: The substrate that builds the scene.
         suite: Of which suite the first ``camera_shift`` pair of the original track is played.
         steps: Control steps to measure, with random actions.
         repeats: Pairs to measure; 0 leaves them out.
@@ -178,7 +178,7 @@ def play_there(env: Any, world: LiberoWorld, case: Case, rollouts: Sequence[Arra
     Args:
         env: The package's wrapper.
         world: Ours, for the initial state.
-        case: Where they begin.
+        case: The case in which they begin.
         rollouts: (n, 7) actions of each.
     """
     ends = []

@@ -139,7 +139,7 @@ def final_positions(world: EmbeddedWorld, case: Case, pair: Pair) -> NDArray[np.
     Args:
         world: It is reset and left at the end of the arm.
         case: A case whose event moves nothing.
-        pair: What was played of it.
+        pair: The measured pair.
 
     Raises:
         SimulatorError: The hand is not where the arm left it.

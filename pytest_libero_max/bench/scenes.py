@@ -1,4 +1,4 @@
-"""What each scene costs: building its model, stepping it, drawing it."""
+"""Cost of each scene: building its model, stepping it, drawing it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OpenScene = Callable[[str, int], AbstractContextManager[MujocoWorld]]
 """Makes the world of a task, by suite and number, and closes it."""
 
 SCENES = sum(len(tasks(suite)) for suite in SUITE_BUDGETS)
-"""How many :func:`measure_scenes` measures."""
+"""Sizes of the samples of :func:`measure_scenes`."""
 
 _WARM_UP = 3
 

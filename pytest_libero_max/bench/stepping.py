@@ -1,4 +1,4 @@
-"""How long a control step takes: ours, robosuite's, and the bare physics of it, in one run.
+"""Time of a control step: ours, robosuite's, and the bare physics of it, in one run.
 
 Everything is measured in turns, step by step, on the same scene along the same trajectory. The clock is
 the processor time of the whole process, render threads included: what one core with nothing else to do
@@ -61,12 +61,12 @@ class StepTimes:
 
     @property
     def times_robosuite(self) -> float:
-        """How many of our steps fit into one of robosuite's without cameras."""
+        """Number of our steps that fit into one of robosuite's without cameras."""
         return self.robosuite / self.lean
 
     @property
     def times_robosuite_images(self) -> float | None:
-        """How many of our steps fit into one of robosuite's with both cameras."""
+        """Number of our steps that fit into one of robosuite's with both cameras."""
         return None if self.robosuite_images is None else self.robosuite_images / self.lean
 
     @property
@@ -102,9 +102,9 @@ def measure_stepping(
     Args:
         suite: Suite of the scene.
         index: Task of the suite.
-        steps: How many to measure.
+        steps: Number of steps to measure.
         size: Side of the images in pixels.
-        images: Whether to measure images too; without OpenGL they are left out in any case.
+        images: True if to measure images too; without OpenGL they are left out in any case.
 
     Raises:
         SimulatorError: Our step and robosuite's did not arrive at the same state, so that their times

@@ -17,7 +17,7 @@ from pytest_libero_max.errors import ManifestError, did_you_mean
 Json = dict[str, Any]
 
 MOST_BYTES = 2**31
-"""What a packed file may unpack to. A run of 8,000 pairs has some 50 MB."""
+"""Largest size, bytes, that a packed file may unpack to. A run of 8,000 pairs has some 50 MB."""
 
 _PART = 2**20
 

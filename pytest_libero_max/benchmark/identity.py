@@ -30,7 +30,7 @@ class Identity:
     """Which configuration a case stands for, apart from its event.
 
     Attributes:
-        source: Where the task comes from.
+        source: Source of the task.
         suite: For example ``libero_spatial``.
         task_index: Index in the source's registry.
         init_state_index: Which initial state.

@@ -16,9 +16,9 @@ class ReleasedFile:
 
     Attributes:
         file: Its name.
-        benchmark_id: What it calls itself.
+        benchmark_id: Its own id.
         version: Its ``benchmark_version``.
-        cases: How many cases it has.
+        cases: Number of its cases.
         sha256: Of its content, hexadecimal.
     """
 
@@ -88,11 +88,11 @@ RELEASED = (
 
 @dataclass(frozen=True)
 class Recognition:
-    """What a manifest has to do with a released one.
+    """Relation of a manifest to a released one.
 
     Attributes:
         released: The released file that it is, or is like.
-        identical: Whether it is that file, byte for byte.
+        identical: True if it is that file, byte for byte.
     """
 
     released: ReleasedFile
@@ -110,7 +110,7 @@ def recognise(content: bytes, path: Path, benchmark_id: str | None = None) -> Re
     Args:
         content: The manifest's bytes, unpacked.
         path: The file; a name like that of a released one, with or without ``.gz``, makes it like that one.
-        benchmark_id: What it calls itself; the id of a released one does so as well.
+        benchmark_id: Its own id; that of a released one is recognised as well.
     """
     digest = hashlib.sha256(content).hexdigest()
     for released in RELEASED:

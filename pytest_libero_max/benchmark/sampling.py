@@ -47,7 +47,7 @@ def _cell(case: Case) -> Cell:
 
 
 def _shares(cell: Cell) -> tuple[object, ...]:
-    """What one case of the cell counts towards, the most important first."""
+    """Quotas that one case of the cell counts towards, the most important first."""
     event, variant, source, suite = cell
     return event, (event, variant), variant, source, suite, cell
 

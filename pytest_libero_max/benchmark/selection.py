@@ -31,16 +31,16 @@ class Shards:
 
 @dataclass(frozen=True)
 class Selection:
-    """What a run plays of its case set.
+    """The part of its case set that a run plays.
 
     Attributes:
-        asked: What was asked for, as the command line spells it, for example ``-k camera_shift``. Where runs
+        asked: User's selection, as the command line spells it, for example ``-k camera_shift``. Where runs
             of different selections were merged: one entry for each, in brackets.
         chosen: Number of cases that the run plays.
         of: Number of cases of the whole track or manifest.
         digest: SHA-256 of the sorted ids of the chosen cases, hexadecimal.
         shards: Which shards these are; None where the cases were not divided, or where all shards are here.
-        merged: Whether this is several runs joined, so that a shard that is not here is missing.
+        merged: True if this is several runs joined, so that a shard that is not here is missing.
     """
 
     asked: tuple[str, ...]
@@ -59,7 +59,7 @@ class Selection:
         Args:
             case_ids: Ids of the chosen cases, in any order.
             of: Number of cases of the whole track or manifest.
-            asked: What was asked for, apart from the shard.
+            asked: The user's selection, apart from the shard.
             shard: Number and count, for example ``(1, 4)``.
         """
         ids = sorted(case_ids)
@@ -68,7 +68,7 @@ class Selection:
 
     @property
     def whole(self) -> bool:
-        """Whether these are all cases of the track or manifest."""
+        """True if these are all cases of the track or manifest."""
         return self.chosen == self.of
 
     @property

@@ -20,7 +20,7 @@ def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
     Args:
         cases: All cases.
         index: Which part, from 1.
-        count: How many parts.
+        count: Number of parts.
 
     Raises:
         OptionError: A part would be empty; whichever is asked for, so that no part is played in vain.

@@ -15,7 +15,7 @@ _INSTALLED = Path(__file__).resolve().parents[1] / "tracks"
 _CHECKOUT = Path(__file__).resolve().parents[2] / "cases"
 
 FOLDER = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
-"""Where the tracks are: the build copies ``cases`` into the package; a checkout has ``cases`` alone."""
+"""Folder of the tracks: the build copies ``cases`` into the package; a checkout has ``cases`` alone."""
 
 GENUINE = "genuine"
 """The folder of the tracks on the genuine scenes; ``genuine/smoke`` is the name of one."""
@@ -39,7 +39,7 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
 
     Args:
         name: One of :func:`track_names`; with ``genuine/`` before it, one of those on the genuine scenes.
-        folder: Where the tracks are.
+        folder: Folder of the tracks.
 
     Raises:
         OptionError: There is no such track; suggests the closest.
@@ -68,7 +68,7 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
 
 
 def is_manifest_path(name: str) -> bool:
-    """Whether cases are named by the path of a manifest; otherwise it is a track."""
+    """True if cases are named by the path of a manifest; otherwise it is a track."""
     return Path(name).suffix in (".json", ".gz")
 
 

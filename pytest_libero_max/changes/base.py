@@ -10,20 +10,20 @@ from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import World
 
 Factor = str
-"""What a change may touch: ``camera:<name>``, ``light``, ``material``, ``pixels``, ``robot``,
+"""Factors that a change may touch: ``camera:<name>``, ``light``, ``material``, ``pixels``, ``robot``,
 ``instruction``, or ``pose:<entity>``."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a change found and what it left, as plain JSON values.
+    """Evidence of a change: the values before and after it, as plain JSON values.
 
     Attributes:
         operation: Name of the change's operation.
-        factors: What it was allowed to touch, sorted.
+        factors: Factors that it was allowed to touch, sorted.
         before: Measured values just before, by name with unit suffix.
         after: The same names, just after.
-        saved: What only a reversal needs, as plain JSON values. No record holds it.
+        saved: Values that only a reversal needs, as plain JSON values. No record holds it.
     """
 
     operation: str
@@ -77,7 +77,7 @@ class Change(Protocol):
         stays as it is.
 
         Args:
-            evidence: What :meth:`apply` returned.
+            evidence: The result of :meth:`apply`.
 
         Raises:
             ChangeError: The evidence is of another change, or the change cannot be taken back; says why.

@@ -31,7 +31,7 @@ class ShiftCamera(ManifestFields):
             is the world for LIBERO's fixed cameras.
         yaw_degrees: Turn about the z axis of that frame, counter-clockwise seen from above.
         delta_fovy_degrees: Added to the vertical field of view, which must stay within 5 to 150.
-        calibration: How the parameters were chosen; a note.
+        calibration: Rule by which the parameters were chosen; a note.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -130,7 +130,7 @@ def _camera_reversal(change: ShiftCamera | OrbitCamera | PlaceCamera, evidence: 
 
 
 def measure_camera(world: World, index: int) -> dict[str, Any]:
-    """Where a camera is, for the evidence."""
+    """Pose of a camera, for the evidence."""
     model = world.model
     return {
         "camera_position_m": [float(value) for value in model.cam_pos[index]],
@@ -152,7 +152,7 @@ class OrbitCamera(ManifestFields):
 
     Attributes:
         camera: A camera that the world itself carries, for example ``agentview``.
-        pivot_m: What it turns about and moves away from.
+        pivot_m: Point that it turns about and moves away from.
         elevation_degrees: Upwards.
         azimuth_degrees: Counter-clockwise seen from above.
         distance_scale: Factor on the distance from the pivot, above 0.

@@ -143,7 +143,7 @@ def plasma(side: int, decay: float, stream: Stream) -> Picture:
     Args:
         side: A power of two.
         decay: Above 1; the larger, the smoother.
-        stream: Where the roughness comes from.
+        stream: Source of the roughness.
     """
     field = np.zeros((side, side))
     step, rough = side, _FOG_ROUGHNESS

@@ -18,8 +18,8 @@ class SetInstruction(ManifestFields):
     """Give the same task in other words.
 
     Attributes:
-        instruction: What the policy is told from now on.
-        style: How the words were found; a note that no policy sees.
+        instruction: The policy's instruction from now on.
+        style: Kind of the rewording; a note that no policy sees.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -59,7 +59,7 @@ class SetTask(ManifestFields):
     """Give another task in the same scene: a goal and its instruction.
 
     Attributes:
-        instruction: What the policy is told from now on.
+        instruction: The policy's instruction from now on.
         goal: Predicates that must all hold, for example ``[["on", "akita_black_bowl_2", "plate_1"]]``.
 
     Raises:

@@ -157,7 +157,7 @@ class CoverEntity(ManifestFields):
     Materials belong to a category, so every instance of the entity's category looks like that afterwards.
 
     Attributes:
-        entity: What to cover.
+        entity: The entity to cover.
         rgb: Colour, 0 to 1; multiplies the texture.
         texture: Name of a texture that the scene has loaded; None paints without any.
 

@@ -1,4 +1,4 @@
-"""What the evidence of several changes says of a world."""
+"""Measurements that the evidence of several changes shares."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def filter_records(world: World) -> list[dict[str, Any]]:
 
 
 def measure_poses(world: World, names: Iterable[str]) -> dict[str, Any]:
-    """Where the entities named are, for the evidence."""
+    """Positions of the entities named, for the evidence."""
     poses = {name: world.pose(name) for name in names}
     return {
         "position_m": {name: [float(v) for v in position] for name, (position, _) in poses.items()},

@@ -157,8 +157,8 @@ class Glare:
 
     Attributes:
         strength: 0 to 1; at 1 its middle is white.
-        across: Where its middle is, share of the width from the left.
-        up: Where its middle is, share of the height from the bottom.
+        across: Position of its middle, share of the width from the left.
+        up: Position of its middle, share of the height from the bottom.
         radius: Distance at which a third of it is left, share of the width.
     """
 
@@ -291,8 +291,8 @@ class SetGlare(ManifestFields):
 
     Attributes:
         strength: 0 to 1.
-        across: Where its middle is, share of the picture's width from the left, 0 to 1.
-        up: Where its middle is, share of the picture's height from the lower edge of an upright picture.
+        across: Position of its middle, share of the picture's width from the left, 0 to 1.
+        up: Position of its middle, share of the picture's height from the lower edge of an upright picture.
         radius: Distance at which a third of it is left, share of the picture's width, above 0.
 
     Raises:

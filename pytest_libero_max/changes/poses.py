@@ -43,10 +43,10 @@ class MoveObject(ManifestFields):
     Attributes:
         object: The entity to move.
         delta_position_m: Added to its position, world frame.
-        support_entity: What it stands on before and after; a note.
+        support_entity: Its support before and after; a note.
         distance_m: Length of the move; a note.
         direction_xy: Direction of the move, unit vector; a note.
-        calibration: How the direction was chosen; a note.
+        calibration: Rule by which the direction was chosen; a note.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -117,7 +117,7 @@ class RemoveObject(ManifestFields):
 
     Attributes:
         object: The object to take out.
-        offworld_position_m: Where it is kept meanwhile, world frame.
+        offworld_position_m: Position at which it is kept meanwhile, world frame.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -161,15 +161,15 @@ class RemoveObject(ManifestFields):
 
 @dataclass(frozen=True)
 class Placement(ManifestFields):
-    """Where an object that was taken out comes back.
+    """Place at which an object that was taken out comes back.
 
     Attributes:
         object: The object.
         relative_to: The anchor: an entity whose position at that moment is the origin of the offset.
         offset_m: From the anchor to the object, world frame.
         preserve_initial_z: Keep the height the object had when it was taken out, whatever the offset's z.
-        support_entity: What it then stands on; a note.
-        placement_rule: How the offset was chosen; a note.
+        support_entity: Its support then; a note.
+        placement_rule: Rule by which the offset was chosen; a note.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -228,8 +228,8 @@ class InsertDistractors(ManifestFields):
     All or nothing: it cannot be scaled to anything between.
 
     Attributes:
-        placements: Where each of them comes back; every object once.
-        distractor_count: How many there are.
+        placements: Place at which each of them comes back; every object once.
+        distractor_count: Number of distractors.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -278,7 +278,7 @@ class PutObject(ManifestFields):
     All or nothing: it cannot be scaled to anything between.
 
     Attributes:
-        object: What to put.
+        object: The object to move.
         onto: The entity it is to rest on: a table, a floor, a fixture or another object.
         relative_to: The entity whose position is the origin of the offset; None for the world's origin.
         offset_xy_m: From there to the object, world frame.
@@ -455,7 +455,7 @@ def _pose_reversal(
 
 
 def _moved(evidence: Evidence, name: str) -> bool:
-    """Whether a change has altered the pose of an entity, or brought it into the scene or out of it."""
+    """True if a change has altered the pose of an entity, or brought it into the scene or out of it."""
     before, after = evidence.before, evidence.after
     poses = any(before[key][name] != after[key][name] for key in ("position_m", "quaternion_wxyz"))
     return poses or (name in before["taken_out"]) != (name in after["taken_out"])

@@ -25,7 +25,7 @@ Pose = tuple[str, tuple[float, ...]]
 
 @dataclass(frozen=True)
 class Reversal:
-    """What takes a change back: it writes the values again that were there before the change.
+    """Reversal of a change: writes the values again that were there before the change.
 
     A change's ``reverted`` makes it from the evidence of ``apply``; it belongs to the scene in which the
     change was applied. Objects come back to exactly where they were before the change, at rest, wherever
@@ -34,7 +34,7 @@ class Reversal:
 
     Attributes:
         reverts: Operation of the change that is taken back.
-        factors: What it may touch: the factors of that change.
+        factors: Factors that it may touch: those of that change.
         rows: Model fields to write.
         filters: Pixel filters to remove, as :func:`~.measuring.filter_records` describes them.
         placed: Entities to place, or to bring back where they have been taken out.
@@ -158,6 +158,6 @@ def added_filters(evidence: Evidence) -> tuple[Mapping[str, Any], ...]:
 
 
 def former_poses(evidence: Evidence, names: Sequence[str]) -> tuple[Pose, ...]:
-    """Where entities were before a change."""
+    """Poses of entities before a change."""
     before = evidence.before
     return tuple((name, (*before["position_m"][name], *before["quaternion_wxyz"][name])) for name in names)

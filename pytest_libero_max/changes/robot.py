@@ -79,7 +79,7 @@ class OffsetArm(ManifestFields):
 
 
 def _touching(world: World) -> bool:
-    """Whether the robot touches anything that has a name."""
+    """True if the robot touches anything that has a name."""
     return any(_ROBOT & set(world.contacts(name)) for name in world.entities if name not in world.parked)
 
 

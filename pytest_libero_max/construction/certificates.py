@@ -11,7 +11,7 @@ from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import World
 
 Ending = Literal["solved", "not_triggered", "base_unsolved", "unsolved"]
-"""How the expert did: it completes the Dynamic episode; it never comes near the trigger entity; it completes
+"""Endings: the expert completes the Dynamic episode; it never comes near the trigger entity; it completes
 the task neither with the event nor without it; it completes it without the event only."""
 
 ENDINGS: tuple[Ending, ...] = get_args(Ending)
@@ -19,10 +19,10 @@ ENDINGS: tuple[Ending, ...] = get_args(Ending)
 
 @dataclass(frozen=True)
 class Certificate:
-    """How the expert did on a case: proof that it can be done, or that this expert cannot do it.
+    """Result of the expert on a case: proof that it can be done, or that this expert cannot do it.
 
     Attributes:
-        ending: How its Dynamic episode ended.
+        ending: Ending of its Dynamic episode.
         trigger_step: Policy steps before the event; None where it did not happen.
         steps: Policy steps of the Dynamic episode; None where the event did not happen.
     """
@@ -33,7 +33,7 @@ class Certificate:
 
     @property
     def solved(self) -> bool:
-        """Whether the expert completes the case."""
+        """True if the expert completes the case."""
         return self.ending == "solved"
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What an event can be put on: a source variation with an initial state."""
+"""Configurations that can host an event: a source variation with an initial state."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ PRO_STATES = 10
 
 
 class Catalogue(Hashable, Protocol):
-    """Where variations come from: the embedded scenes, or an installation."""
+    """Origin of variations: the embedded scenes, or an installation."""
 
     def variations(self, source: str) -> tuple[Variation, ...]:
         """Every variation of ``plus`` or ``pro``, in order."""
         ...
 
     def metadata(self, variation: Variation) -> TaskMetadata:
-        """What the scene of a variation contains."""
+        """Return the contents of a variation's scene."""
         ...
 
     def variant(self, variation: Variation) -> Json | None:
-        """What a manifest says of it in ``substrate_variant``, if anything."""
+        """Return the manifest's ``substrate_variant`` of it, if any."""
         ...
 
 
@@ -55,7 +55,7 @@ EMBEDDED: Catalogue = _Embedded()
 
 
 class Cell(NamedTuple):
-    """What the benchmark gives every part of equally many cases."""
+    """Parts of the benchmark that have equally many cases."""
 
     category: str
     event: str
@@ -79,7 +79,7 @@ class Configuration(NamedTuple):
         return Identity(variation.source, variation.suite, variation.index, self.init, category)
 
     def case_id(self, cell: Cell) -> str:
-        """What :meth:`case` will be called."""
+        """Id of the case that :meth:`case` makes."""
         return self.identity.case_id(cell.event, cell.draw)
 
     def case(self, cell: Cell) -> Case:
@@ -126,7 +126,7 @@ def _events_of(task: TaskMetadata) -> frozenset[str]:
 
 
 def eligibility_lines(origin: Catalogue = EMBEDDED) -> list[str]:
-    """How many variations of each source category can host each event: what a command prints."""
+    """Lines on the number of variations of each source category that can host each event."""
     lines = [
         f"{'category':<30}{'tasks':>7}" + "".join(f"{event.split('_')[0]:>12}" for event in BENCHMARK_EVENTS)
     ]

@@ -48,13 +48,13 @@ Found = TypeVar("Found", Preflight, Certificate)
 
 @dataclass(frozen=True)
 class Progress:
-    """How far the work is.
+    """Progress of the work.
 
     Attributes:
-        verb: What is done to them: ``examined`` or ``certified``.
+        verb: Kind of work: ``examined`` or ``certified``.
         done: Cases done, also those of an interrupted run before.
         total: Cases to do in all.
-        good: How many of those done pass the preflight, or are solved.
+        good: Number of those done that pass the preflight, or are solved.
         per_minute: Cases done a minute since this run began; None before the first one.
     """
 
@@ -66,7 +66,7 @@ class Progress:
 
     @property
     def ended(self) -> bool:
-        """Whether all is done."""
+        """True if all is done."""
         return self.done == self.total
 
     def __str__(self) -> str:
@@ -89,11 +89,11 @@ class Examiner:
     Close it, or use it in a ``with`` statement: it keeps its processes for the next cases.
 
     Args:
-        folder: Where to keep what was found.
+        folder: Folder of the results.
         jobs: Processes.
         report: Told about the progress.
-        substrate: What builds the worlds.
-        options: What the substrate is told.
+        substrate: Name of the substrate.
+        options: Options of the substrate.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class Examiner:
         self._pool.shutdown(cancel_futures=True)
 
     def path(self, expert: str | None = None) -> Path:
-        """Where examinations are kept, or the certificates of an expert."""
+        """File of examinations, or of the certificates of an expert."""
         if expert not in self._digests:  # takes seconds, and a build asks for it in every round
             self._digests[expert] = inputs_digest(expert, self._substrate, self._options)
         name = EXAMINATIONS if expert is None else CERTIFICATES
@@ -137,7 +137,7 @@ class Examiner:
         """Certificates by case id, in the order of the cases.
 
         Args:
-            cases: What to play.
+            cases: The cases to play.
             expert: Adapter of the scripted expert, as on the command line of a run.
 
         Raises:
@@ -174,11 +174,11 @@ class Examiner:
 
 
 class Ledger(Generic[Found]):
-    """What was found about cases, in a file that has a line for each as soon as it is known.
+    """Results of cases, in a file that has a line for each as soon as it is known.
 
     Args:
         path: The file, which need not exist. A last line that was cut off is removed from it.
-        kind: What a line holds.
+        kind: Type of a line.
 
     Raises:
         ManifestError: A line is damaged.
@@ -201,7 +201,7 @@ class Ledger(Generic[Found]):
                     ) from error
 
     def of(self, case: Case) -> Found | None:
-        """What was found about this very case."""
+        """Return the result of this very case."""
         return self.found[case.case_id] if self._digests.get(case.case_id) == case.digest else None
 
     def add(self, case: Case, found: Found) -> None:
@@ -242,7 +242,7 @@ def examining_code(package: Path) -> list[Path]:
 
 
 def scene_order(substrate: str, options: SubstrateOptions | None) -> Callable[[Case], tuple[Any, ...]]:
-    """What cases are sorted by, so that neighbours share a scene.
+    """Sort key of cases, by which neighbours share a scene.
 
     The installed LIBERO-Plus and LIBERO-PRO have catalogues of their own, which are not consulted.
     """

@@ -31,7 +31,7 @@ SAMPLER, SMOKE_SAMPLER = "libero-max-genuine-v1.0", "libero-max-genuine-smoke-v1
 
 SMOKE, MAX = "smoke", "max"
 TRACKS = (SMOKE, MAX)
-"""What can be built; ``max`` brings what is drawn from it: lite, camera and the recovery tracks."""
+"""Tracks that can be built; ``max`` brings those drawn from it: lite, camera and the recovery tracks."""
 
 SOURCES = ("plus", "pro")
 
@@ -43,7 +43,7 @@ def build_genuine(examine: ExamineCases, catalogue: InstalledCatalogue, names: I
 
     Args:
         examine: The preflights of some cases by id.
-        catalogue: What is installed.
+        catalogue: The installed variations.
         names: Which of :data:`TRACKS`.
 
     Raises:
@@ -93,14 +93,14 @@ def _key(variation: Variation) -> tuple[str, str, int, str]:
 
 @dataclass(frozen=True)
 class Candidates:
-    """What smoke is chosen from: tasks that need no models of LIBERO-Plus, by source, with initial states."""
+    """Candidates of smoke: tasks that need no models of LIBERO-Plus, by source, with initial states."""
 
     catalogue: InstalledCatalogue
     by_source: Mapping[str, Sequence[Configuration]]
 
 
 def candidates_of(catalogue: InstalledCatalogue) -> Candidates:
-    """What smoke is chosen from, the same on every machine with the packages.
+    """Candidates of smoke, the same on every machine with the packages.
 
     Raises:
         ManifestError: LIBERO-Plus's classification is missing.
@@ -128,7 +128,7 @@ def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
 
     Args:
         examine: Asked in rounds, never twice about the same case.
-        candidates: What is chosen from.
+        candidates: The candidates.
 
     Raises:
         ManifestError: A slot has no configuration left.

@@ -16,8 +16,8 @@ class Shortage(Exception):
 
     Attributes:
         cells: Which; a smallest proof, by Hall's theorem, that no filling exists.
-        needed: How many tasks they need.
-        there: How many there are for them.
+        needed: Number of tasks that they need.
+        there: Number of tasks that there are for them.
     """
 
     def __init__(self, cells: tuple[int, ...], needed: int, there: int) -> None:
@@ -61,7 +61,7 @@ def fill(fits: Flags, need: Integers, levels: Integers, cost: Integers) -> Integ
 
 
 def most_even(fits: Flags, need: Integers, levels: Integers) -> Integers:
-    """How many tasks of each level the most even filling takes; the arguments are those of :func:`fill`.
+    """Return the number of tasks of each level in the most even filling; arguments as in :func:`fill`.
 
     The numbers that fillings can take from the levels form an integral polymatroid, on which raising
     the lowest level that can still be raised leads to the smallest sum of squares (Federgruen and

@@ -65,7 +65,7 @@ def overview_lines(folder: Path) -> list[str]:
 def _unexamined_lines(
     tracks: Mapping[str, Manifest], cases: Iterable[Case], unexamined: Mapping[str, str]
 ) -> list[str]:
-    """How many cases of each track were not examined, and why; how many of each source category were."""
+    """Lines on the cases of each track that were not examined and why, and on those examined by category."""
     lines = [
         "## Not examined",
         "",
@@ -86,7 +86,7 @@ def _unexamined_lines(
 
 
 def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certificate]) -> list[str]:
-    """How the expert did: by event with the ways in which it failed, then solved cases by cell."""
+    """Lines on the expert's results: by event with the ways in which it failed, then solved cases by cell."""
     lines = [
         "## Certificates",
         "",
@@ -122,7 +122,7 @@ def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certifi
 
 
 def _out_of_sight_lines(cases: Iterable[Case], sights: Mapping[str, tuple[Sight, ...]]) -> list[str]:
-    """How many events take target or receptacle out of view, by event and by suite."""
+    """Lines on the events that take target or receptacle out of view, by event and by suite."""
     lines = [
         "## Out of sight after the event",
         "",
@@ -156,7 +156,7 @@ def _out_of_sight_lines(cases: Iterable[Case], sights: Mapping[str, tuple[Sight,
 
 
 def preflight_lines(preflights: Mapping[str, Preflight]) -> list[str]:
-    """What was found when some cases were examined: totals, then each case that failed."""
+    """Lines on examinations: totals, then each case that failed."""
     failed = {name: found.problems for name, found in sorted(preflights.items()) if found.problems}
     lines = [f"{len(preflights) - len(failed)} of {len(preflights)} cases pass the preflight."]
     if failed:
@@ -166,7 +166,7 @@ def preflight_lines(preflights: Mapping[str, Preflight]) -> list[str]:
 
 
 def certificate_lines(certificates: Mapping[str, Certificate]) -> list[str]:
-    """How the expert did on some cases: the total, then each case that it did not complete."""
+    """Lines on the expert's results: the total, then each case that it did not complete."""
     lost = {name: found.ending for name, found in sorted(certificates.items()) if not found.solved}
     lines = [f"The expert completes {len(certificates) - len(lost)} of the {len(certificates)} that pass."]
     return [*lines, *(f"{name}: {ending.replace('_', ' ')}" for name, ending in lost.items())]

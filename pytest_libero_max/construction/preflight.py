@@ -40,13 +40,13 @@ from pytest_libero_max.worlds.contract import (
 )
 
 MAX_SHIFT_M = 0.02
-"""How much farther than without the event anything may drift while the world is held still."""
+"""Largest drift, m, beyond that without the event, while the world is held still."""
 
 MAX_DROP_M = 0.01
-"""How much farther than without the event anything may sink."""
+"""Largest sinking, m, beyond that without the event."""
 
 MIN_CLEARANCE_M = 0.01
-"""How far what an event moves or brings in must be from all but its support: room for a fingertip's edge."""
+"""Least distance, m, of moved or added things from all but their support: room for a fingertip's edge."""
 
 MAX_REACH_M = 0.80
 """Horizontal distance from the robot's base within which a moved target or receptacle must end: about
@@ -69,7 +69,7 @@ Check = Literal[
     "no_change",
     "simulation",
 ]
-"""What a case can fail at."""
+"""Checks that a case can fail."""
 
 CHECKS: tuple[Check, ...] = get_args(Check)
 
@@ -86,7 +86,7 @@ _TILT_STEPS = 2  # of a full rotation action, together 1 rad
 
 @dataclass(frozen=True)
 class _Aim:
-    """Where the hand goes, from the trigger entity, m, and how it is turned: rotation actions about x and y.
+    """Places of the hand, from the trigger entity, m, and its turns: rotation actions about x and y.
 
     The robot stands at negative x and looks along x. Beside a cabinet the fingers point at it, or the hand is
     too wide to come near.
@@ -109,8 +109,8 @@ class Problem:
     """A check that a case fails.
 
     Attributes:
-        check: What it failed at.
-        detail: What was seen, with names and numbers.
+        check: The failed check.
+        detail: The observation, with names and numbers.
     """
 
     check: Check
@@ -122,11 +122,11 @@ class Problem:
 
 @dataclass(frozen=True)
 class Preflight:
-    """What was found out about a case.
+    """Result of a preflight of a case.
 
     Attributes:
         problems: The checks that it fails; it passes where there are none.
-        sights: What the cameras show of target and receptacle at the event; empty where it was not tried
+        sights: Visibility of target and receptacle at the event; empty where it was not tried
             there.
     """
 
@@ -135,7 +135,7 @@ class Preflight:
 
     @property
     def passed(self) -> bool:
-        """Whether the case can be used."""
+        """True if the case can be used."""
         return not self.problems
 
     def to_dict(self) -> Json:
@@ -231,7 +231,7 @@ def _moved(change: Change) -> list[str]:
 
 
 def _touching(world: World, case: Case) -> dict[str, set[str]]:
-    """What each entity that the event moves or brings in touches before the setup."""
+    """Contacts before the setup of each entity that the event moves or brings in."""
     world.reset(case.init_state_index)
     return {name: set(world.contacts(name)) for name in _moved(change_from_dict(case.event.change))}
 
@@ -239,7 +239,7 @@ def _touching(world: World, case: Case) -> dict[str, set[str]]:
 def _settling(
     world: World, case: Case, steps: int, names: Iterable[str]
 ) -> tuple[dict[str, tuple[float, float]], frozenset[str]]:
-    """How far everything moves, and how far down, in the first steps of the episode without the setup, m.
+    """Movement of everything, and downwards, in the first steps of the episode without the setup, m.
 
     The initial states of LIBERO-Object begin with objects a little inside the floor, which throws them up: an
     event that brings them back there is not worse than the task itself at the same moment.
@@ -297,7 +297,7 @@ def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: 
 def _hidden(
     change: Change, entities: Iterable[str], seen: Pixels, found: Iterable[Sight]
 ) -> Iterable[Problem]:
-    """What no camera shows after the event: what it moves or brings in, and what was seen before it.
+    """Entities that no camera shows after the event: those it moves or brings in, and those seen before it.
 
     The authors keep every shift of a camera, and so do we.
     """
@@ -317,7 +317,7 @@ def _motion_problems(
     steps: int,
     moving: bool,
 ) -> Iterable[Problem]:
-    """What goes wrong while the world is held still after the event, and does not without it."""
+    """Problems while the world is held still after the event, which do not occur without it."""
     here = world.snapshot()
     calm = _drift(world, steps)
     calm_image = _image(world) if moving and steps == _HOLD_AT_TRIGGER else None
@@ -368,7 +368,7 @@ def _image_problems(before: Image, after: Image) -> Iterable[Problem]:
 
 
 def _drift(world: World, steps: int) -> dict[str, tuple[float, float]]:
-    """How far every object in the scene moves, and how far down, while the world is held still, m."""
+    """Movement of every object in the scene, and downwards, while the world is held still, m."""
     start = _positions(world)
     _hold(world, steps)
     return _moves(start, _positions(world))
@@ -377,7 +377,7 @@ def _drift(world: World, steps: int) -> dict[str, tuple[float, float]]:
 def _moves(
     start: Mapping[str, tuple[float, ...]], end: Mapping[str, tuple[float, ...]]
 ) -> dict[str, tuple[float, float]]:
-    """How far everything has moved, and how far down, m."""
+    """Movement of everything, and downwards, m."""
     return {name: (dist(position, end[name]), position[2] - end[name][2]) for name, position in start.items()}
 
 

@@ -48,8 +48,8 @@ class Release:
     Attributes:
         tracks: Manifests by name.
         rejected: The problems of the cases that were replaced, by id.
-        sights: What the cameras show of target and receptacle at the event of each of these cases, by id.
-        unexamined: What was not there to examine the other cases, by id.
+        sights: Visibility of target and receptacle at the event of each of these cases, by id.
+        unexamined: Missing requirements of the other cases, by id.
     """
 
     tracks: Mapping[str, Manifest]
@@ -123,7 +123,7 @@ def add_certificates(
     Args:
         folder: Frozen tracks.
         names: Which tracks.
-        certify: How the expert does on some cases, by id.
+        certify: Returns the expert's results on some cases, by id.
 
     Raises:
         ManifestError: A file is missing or is not the one that was frozen.
@@ -172,7 +172,7 @@ def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
 
 
 def read_certificates(folder: Path) -> dict[str, Certificate]:
-    """How the expert did on the cases that it has played, by id.
+    """Return the expert's results on the cases that it has played, by id.
 
     Raises:
         ManifestError: The table is missing or is not the one that was frozen.
@@ -184,7 +184,7 @@ def read_certificates(folder: Path) -> dict[str, Certificate]:
 
 
 def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
-    """What the cameras show of target and receptacle at the event of each case, by id.
+    """Return the visibility of target and receptacle at the event of each case, by id.
 
     Raises:
         ManifestError: The table is missing or is not the one that was frozen.
@@ -198,7 +198,7 @@ def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
 
 
 def read_unexamined(folder: Path) -> dict[str, str]:
-    """What was not there to examine the cases that were not examined, by id.
+    """Return the missing requirements of the cases that were not examined, by id.
 
     Raises:
         ManifestError: The table is not the one that was frozen.

@@ -43,10 +43,10 @@ SAMPLER = "libero-max-embedded-v1.0"
 
 
 class Pool(NamedTuple):
-    """What is selected from.
+    """The pool that cases are selected from.
 
     Attributes:
-        catalogue: Where the variations come from.
+        catalogue: The variations.
         sampler: Name of the random draws that decide between equally good selections.
     """
 
@@ -76,7 +76,7 @@ def select(examine: Examine, pool: Pool = EMBEDDED_POOL) -> tuple[Case, ...]:
 
     Args:
         examine: Asked in rounds, never twice about the same case. The selection is a function of its answers.
-        pool: What is selected from.
+        pool: The pool.
 
     Returns:
         The cases, sorted by id.
@@ -104,10 +104,10 @@ def propose(kept: Places, failed: Collection[str], pool: Pool = EMBEDDED_POOL) -
     """Fill every cell.
 
     Args:
-        kept: What has its place already. A LIBERO-Plus case gives it up only where difficulties could not be
+        kept: Cases with a place already. A LIBERO-Plus case gives it up only where difficulties could not be
             as even otherwise.
         failed: Ids of cases that must not be used.
-        pool: What is selected from.
+        pool: The pool.
 
     Raises:
         ManifestError: A cell cannot be filled.
@@ -154,7 +154,7 @@ class _PlusTasks:
     Attributes:
         configurations: The tasks.
         ids: Of the case that a task would be in a cell.
-        hosts: Whether its scene can host the cell's event.
+        hosts: True if its scene can host the cell's event.
         ranks: Which of them comes first where several would do.
         levels: (n,) difficulties, from 0.
     """
@@ -219,7 +219,7 @@ def _fill_pro(
 
 @cache
 def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
-    """What can host a LIBERO-PRO cell's event, by the id of the case that it would be."""
+    """Configurations that can host a LIBERO-PRO cell's event, by the id of the case that each would be."""
     configurations = (
         Configuration(variation, init, catalogue)
         for variation, events in hosts("pro", cell.category, catalogue)
@@ -232,7 +232,7 @@ def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
 def _use(
     one: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
 ) -> tuple[int, int]:
-    """How often the task is used: in the cell, then in the category."""
+    """Number of times that the task is used: in the cell, then in the category."""
     task = one.variation.suite, one.variation.index
     return here[task], usage[task]
 

@@ -28,8 +28,8 @@ def write_event_sheet(path: Path, substrate: Substrate, track: str = ORIGINAL, s
 
     Args:
         path: The file to write.
-        substrate: What builds the worlds.
-        track: Where the cases come from, with every event and variant. Of two sources, the first variant
+        substrate: Builds the worlds.
+        track: The cases, with every event and variant. Of two sources, the first variant
             shows the first one, and the second variant the other.
         size: Side of one picture in pixels.
     """
@@ -47,8 +47,8 @@ def write_page_pictures(folder: Path, substrate: Substrate) -> None:
     """Write the same for pages of reports: one small file a variant, called like ``camera_shift-v1.webp``.
 
     Args:
-        folder: Where the files are written.
-        substrate: What builds the worlds.
+        folder: Folder of the files.
+        substrate: Builds the worlds.
     """
     for name, seen in _seen(substrate, _PAGE_PX):
         pictures = [picture for both in seen.values() for picture in both]
@@ -58,7 +58,7 @@ def write_page_pictures(folder: Path, substrate: Substrate) -> None:
 def _seen(
     substrate: Substrate, size: int, track: str = ORIGINAL
 ) -> Iterator[tuple[str, dict[str, tuple[Image, Image]]]]:
-    """What each camera sees before and after each event variant, which is named first."""
+    """Pictures of each camera before and after each event variant, which is named first."""
     cases = {(case.source, case.event.name, case.event.variant): case for case in load_track(track)}
     sources = sorted({source for source, _, _ in cases})
     for name in BENCHMARK_EVENTS:

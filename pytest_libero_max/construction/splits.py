@@ -28,7 +28,7 @@ SAMPLER = "libero-max-embedded-recovery-v1.0"
 
 
 def protocol(profile: str, contract: str, substrate: str = SUBSTRATE) -> Json:
-    """How the cases of a track are played, as manifests say it."""
+    """Return the protocol of a track, as manifests say it."""
     return {
         "arms": ["control", "intervention"],
         "profile": profile,
@@ -86,7 +86,7 @@ def smoke(whole: Manifest) -> Manifest:
 
 
 def _spread(case: Case) -> tuple[tuple[str, str], tuple[str, str]]:
-    """What the smoke track spreads its cases over, the most important first."""
+    """Properties over which the smoke track spreads its cases, the most important first."""
     return (case.source, case.suite), (case.source, case.source_category)
 
 

@@ -105,7 +105,7 @@ def _table_checks(folder: Path, used: Set[str]) -> Iterator[str]:
 
 
 def _genuine_checks(folder: Path) -> Iterator[str]:
-    """What can be told without the installations that the tracks were chosen from."""
+    """Checks that need none of the installations that the tracks were chosen from."""
     _require_listed(folder)
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     for name, track in tracks.items():

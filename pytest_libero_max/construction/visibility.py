@@ -1,4 +1,4 @@
-"""What the cameras of a policy show of the goal's entities around an event: pixels, occlusion included."""
+"""Visibility of the goal's entities to a policy's cameras around an event: pixels, occlusion included."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MIN_PIXELS = 30
 scenes, a box of butter, has about 150 in an agent's view that nothing stands in."""
 
 _GENUINE = "libero"
-"""What the names of genuine scenes begin with. Their goals may differ from those of embedded variations."""
+"""Prefix of the names of genuine scenes. Their goals may differ from those of embedded variations."""
 
 Pixels = Mapping[str, Mapping[str, int]]
 """By camera, the pixels of each entity that is in its image."""
@@ -28,7 +28,7 @@ Pixels = Mapping[str, Mapping[str, int]]
 
 @dataclass(frozen=True)
 class Sight:
-    """How many pixels show an entity just before the event and just after it.
+    """Number of pixels that show an entity just before the event and just after it.
 
     Attributes:
         role: ``target`` (the entity that the trigger watches) or ``receptacle``.
@@ -44,12 +44,12 @@ class Sight:
 
     @property
     def seen_before(self) -> bool:
-        """Whether any camera saw it."""
+        """True if any camera saw it."""
         return max(self.before) >= MIN_PIXELS
 
     @property
     def seen_after(self) -> bool:
-        """Whether any camera sees it."""
+        """True if any camera sees it."""
         return max(self.after) >= MIN_PIXELS
 
 
@@ -64,7 +64,7 @@ def pixels_of(entity: str, seen: Pixels) -> tuple[int, ...]:
 
 
 def sights(world: World, case: Case, before: Pixels, after: Pixels) -> tuple[Sight, ...]:
-    """What was seen of the case's target and, where it has one, of its receptacle.
+    """Visibility of the case's target and, where it has one, of its receptacle.
 
     A receptacle that is the table or the floor is left out: it is always in view.
     """
@@ -93,7 +93,7 @@ def _roles(world: World, case: Case) -> dict[str, str]:
 
 
 def _receptacle_of(world: PrivilegedWorld) -> str | None:
-    """Where the first object that the goal names has to go, as :attr:`.TaskMetadata.primary_receptacle`."""
+    """Destination of the first object that the goal names, as :attr:`.TaskMetadata.primary_receptacle`."""
     subjects = (fact.subject for fact in world.goal if fact.subject in world.entities)
     target = next((name for name in subjects if world.entities[name].kind == "object"), None)
     places = (fact.place for fact in world.goal if fact.subject == target and fact.place is not None)

@@ -1,1 +1,1 @@
-"""How long pairs take: what was measured, what is expected of the others, and how long a fleet plays them."""
+"""Costs of pairs: measured, expected of other pairs, and the time that a fleet needs for them."""

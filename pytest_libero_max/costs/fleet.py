@@ -70,7 +70,7 @@ def play(costs: Sequence[Cost], fleet: Fleet) -> Played:
 
     Args:
         costs: Expected cost of each pair; at least one.
-        fleet: What plays them.
+        fleet: The fleet.
     """
     calls = sum(cost.calls for cost in costs)
     policy_s = [cost.policy_s if fleet.query_s is None else cost.calls * fleet.query_s for cost in costs]

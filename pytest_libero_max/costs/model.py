@@ -1,4 +1,4 @@
-"""What a pair costs, expected from the timings of pairs that were measured.
+"""Expected costs of pairs, from the timings of pairs that were measured.
 
 Time is what was counted (steps, calls of the policy) times what one of them took. How many there are depends
 on the task and the policy: a task that the policy solves ends early. What one takes depends on the scene,
@@ -22,14 +22,14 @@ WORLD = "world_s"
 """Among the timings of a pair: the building of its scene; next to nothing where it is built already."""
 
 _WEIGHT = 2.0
-"""So many pairs of a mean's own are worth as much as the mean of the larger group."""
+"""Weight of the larger group's mean, in pairs, when the mean of a group is drawn towards it."""
 
 _DONORS = 3
 """A group of so many pairs is drawn from; a smaller one leaves that to the larger group that it is in."""
 
 
 class Kind(NamedTuple):
-    """What the cost of a pair is expected from.
+    """The properties of a pair that its cost is expected from.
 
     Attributes:
         suite: LIBERO suite.
@@ -42,19 +42,19 @@ class Kind(NamedTuple):
     event: str
 
     def groups(self) -> Iterator[tuple[str, ...]]:
-        """What the kind belongs to: all pairs, its suite, its task, the kind itself."""
+        """Groups that the kind belongs to: all pairs, its suite, its task, the kind itself."""
         return (tuple(self[:length]) for length in range(4))
 
 
 class Counted(NamedTuple):
-    """What is done in a pair: control steps, and calls of the policy with an observation each."""
+    """Work of a pair: control steps, and calls of the policy with an observation each."""
 
     steps: float
     calls: float
 
 
 class Cost(NamedTuple):
-    """What a pair costs.
+    """Cost of a pair.
 
     Attributes:
         worker_s: Seconds of its worker apart from the policy: scene, steps, images, checks.
@@ -94,7 +94,7 @@ def _shared(arm: ArmRecord) -> tuple[int, int]:
 
 
 def seconds_of(record: PairRecord) -> float:
-    """How long a pair took, from beginning to end; without its scene in a record that does not say it."""
+    """Return the seconds of a pair; without those of its scene where the record does not have them."""
     timings = record.timings
     if PAIR in timings:
         return float(timings[PAIR])
@@ -135,7 +135,7 @@ class _Units:
 
 @dataclass
 class _Group:
-    """What was counted in the pairs of a group, in shares of the budget of steps."""
+    """Work of the pairs of a group, in shares of the budget of steps."""
 
     shares: list[Counted] = field(default_factory=list)
     steps: float = 0.0

@@ -28,12 +28,12 @@ _NOT_SHOWN = ("about", "actions", "executed")
 
 @dataclass(frozen=True)
 class Settings:
-    """What every episode of a folder has in common.
+    """Properties that all episodes of a folder share.
 
     Attributes:
         expert: The policy, as for ``pytest --libero-max-policy``.
         image_size: Side of the images, pixels.
-        substrate: What builds the worlds.
+        substrate: Builds the worlds.
         disturbed: Share of the queries after which the hand is pushed aside.
     """
 
@@ -49,7 +49,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Found:
-    """What there is of an episode.
+    """State of an episode in a folder.
 
     Attributes:
         name: See :attr:`.Planned.name`.
@@ -125,7 +125,7 @@ def _collect(
 
 
 def find(plan: Planned, folder: Path) -> Found | None:
-    """What a folder holds of an episode; None where it has not been played."""
+    """Return a folder's state of an episode; None where it has not been played."""
     path = folder / EPISODES / f"{plan.name}.npz"
     if path.exists():
         return Found(plan.name, path)

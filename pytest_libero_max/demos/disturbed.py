@@ -50,7 +50,7 @@ class DisturbedPolicy(WrappedPolicy):
         return np.clip(actions + push, -1.0, 1.0)
 
     def meant_at(self, steps: list[int], length: int) -> NDArray[np.float64]:
-        """What the expert wanted at each step.
+        """Actions that the expert wanted at each step.
 
         Args:
             steps: The step of each query.

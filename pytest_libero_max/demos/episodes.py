@@ -32,7 +32,7 @@ class Planned:
     """An episode to record.
 
     Attributes:
-        case: What is played.
+        case: The case.
         arm: ``base`` or ``dynamic``.
     """
 
@@ -52,10 +52,10 @@ class Demonstration:
     """A recorded episode.
 
     Attributes:
-        success: Whether the task was completed.
-        instruction: What the policy was told.
+        success: True if the task was completed.
+        instruction: The policy's instruction.
         event_step: Policy steps before the event; None where it did not happen.
-        observations: What was shown before each action, by robosuite's keys: images (T, S, S, 3) uint8 as
+        observations: Observation before each action, by robosuite's keys: images (T, S, S, 3) uint8 as
             LIBERO delivers them, bottom row first, and states (T, n).
         actions: (T, 7) what the policy answered.
         executed: (T, 7) what was executed, where that is something else: see ``disturbed`` in :func:`record`.

@@ -90,7 +90,7 @@ def write_dataset(paths: Sequence[Path], folder: Path) -> None:
 
     Args:
         paths: The episodes' files, at least one, in the order that they shall have.
-        folder: Where. It must not exist, or hold a dataset of LeRobot.
+        folder: Must not exist, or hold a dataset of LeRobot.
 
     Raises:
         OptionError: PyArrow is not installed, there is no episode, one cannot be read, or the folder holds
@@ -115,7 +115,7 @@ class Writer:
     """Writes a dataset.
 
     Args:
-        folder: Where; empty or missing.
+        folder: Empty or missing.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -311,4 +311,4 @@ _INDEXED_BY_TASK = {
     ],
     "pandas_version": "2.2.0",
 }
-"""What tells pandas, with which LeRobot reads the table, that the texts are the index."""
+"""Metadata that tells pandas, with which LeRobot reads the table, that the texts are the index."""

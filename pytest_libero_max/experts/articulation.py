@@ -182,7 +182,7 @@ def push_door(world: PrivilegedWorld, part: Part, target: float, hand: Hand) -> 
 
 
 def _is_at(hand: Hand, part: Part) -> bool:
-    """Whether the hand is at a part."""
+    """True if the hand is at a part."""
     return bool(np.linalg.norm(hand.position - part.position) < _AROUND_M)
 
 

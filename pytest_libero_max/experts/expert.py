@@ -66,7 +66,7 @@ def plan(world: PrivilegedWorld, hand: Hand) -> Route:
 
 
 def subgoals(world: PrivilegedWorld) -> list[Fact]:
-    """What is left to do, in order.
+    """Subgoals that are left, in order.
 
     First what is in the hand, then knobs, drawers and doors to open, then objects to bring, and at last
     drawers and doors to close. A closed drawer into which something goes is opened first.
@@ -81,7 +81,7 @@ def subgoals(world: PrivilegedWorld) -> list[Fact]:
 
 
 def _before_the_drawer(world: PrivilegedWorld, fact: Fact) -> list[Fact]:
-    """What must happen before an object can go into a drawer.
+    """Subgoals before an object can go into a drawer.
 
     Nothing, if the drawer is open. Otherwise it is opened; before that, an object that is in the hand or in
     the way of the drawer is put onto the cabinet.

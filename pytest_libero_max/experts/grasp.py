@@ -26,7 +26,7 @@ _ROOM_M = 0.015  # a point of the hand that is nearer than that to something cou
 _RIM_POINTS = 12
 _EASY_REACH_M = 0.7  # horizontal distance from the base beyond which the arm is outstretched
 TILT = math.radians(45)
-"""How far the hand is tilted to hold something by a handle at its side, rad."""
+"""Tilt of the hand to hold something by a handle at its side, rad."""
 _ROUND = ("neck", "knob")  # parts that can be held from any side
 
 
@@ -158,12 +158,12 @@ def _crowding_of(view: View, grasp: Grasp) -> float:
 
 
 def crowding(view: View, grasp: Grasp, taking: bool) -> float:
-    """How many points of the hand would be inside other things; a point that is near counts in part.
+    """Number of points of the hand that would be inside other things; a point that is near counts in part.
 
     Args:
-        view: Where the other things are.
+        view: The other things.
         grasp: The pose of the hand.
-        taking: Whether the space between the fingers counts too, as it does where nothing is held yet.
+        taking: True if the space between the fingers counts too, as it does where nothing is held yet.
     """
     turn = hand_orientation(grasp.angle, grasp.tilt, grasp.heading).as_matrix()
     points = grasp.position + _hand_points(taking) @ turn.T
@@ -177,7 +177,7 @@ def _hand_points(between: bool) -> Array:
     """(n, 3) m: points of the open hand at a grasp and behind it, in the frame of the hand.
 
     Args:
-        between: Whether to add points between the fingers.
+        between: True if to add points between the fingers.
     """
     finger = [(x, y, z) for x in (0.040, 0.052, 0.064) for y in (-0.01, 0.01) for z in (-0.009, 0.01, 0.03)]
     palm = [(x, y, 0.032) for x in np.linspace(0.0, 0.104, 7) for y in (-0.021, 0.0, 0.021)]

@@ -111,7 +111,7 @@ def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
 
 
 def _response(coupling: Array) -> tuple[Array, Array, Array, Array]:
-    """What one control step does to the hand, as four (6, 6) matrices.
+    """Effect of one control step on the hand, as four (6, 6) matrices.
 
     Returns:
         The way and the speed for each unit of the goal, then the way and the speed for each unit of the speed

@@ -69,7 +69,7 @@ def _pick(view: View, grasp: Grasp) -> Route:
 
 
 def _in_funnel(hand: Hand, grasp: Grasp) -> bool:
-    """Whether the hand is in a funnel above the grasp, which is wider the further up."""
+    """True if the hand is in a funnel above the grasp, which is wider the further up."""
     off = hand.position - grasp.position
     height = -float(off @ grasp.axis)
     aside = float(np.linalg.norm(off + height * grasp.axis))
@@ -102,7 +102,7 @@ def _place(view: View, grasp: Grasp) -> Route:
 
 
 def _stuck(hand: Hand) -> bool:
-    """Whether something holds the hand up: it does not sink, though it may still slide a little."""
+    """True if something holds the hand up: it does not sink, though it may still slide a little."""
     return bool(abs(hand.velocity[2]) < 0.005 and np.linalg.norm(hand.velocity) < 0.04)
 
 

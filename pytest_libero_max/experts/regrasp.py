@@ -74,7 +74,7 @@ def _free_spot(view: View, entry_heading: float, handle: Part) -> Array | None:
 
 
 def _reachable(view: View, position: Array, spare_m: float = 0.0) -> bool:
-    """Whether a tilted hand has room around a handle, and the arm reaches it."""
+    """True if a tilted hand has room around a handle, and the arm reaches it."""
     assert view.entry_heading is not None
     grasp = Grasp(position, view.entry_heading + math.pi / 2, TILT, view.entry_heading)
     far = float(np.linalg.norm((position - view.hand.base)[:2]))

@@ -60,13 +60,13 @@ _FINGERS_ACROSS = Rotation.from_euler("z", -90, degrees=True)  # from the hand's
 
 @dataclass(frozen=True)
 class Memory:
-    """What it remembers from one query to the next.
+    """Memory from one query to the next.
 
     Attributes:
-        target: Where the object to bring was last seen, (3,) m, or None.
+        target: Last seen position of the object to bring, (3,) m, or None.
         destination: Likewise.
-        route: What is left of the route.
-        aim: Where target and destination were when the route was planned.
+        route: Rest of the route.
+        aim: Positions of target and destination when the route was planned.
     """
 
     target: Array | None = None
@@ -123,11 +123,11 @@ def read_hand(observation: Observation) -> Hand:
 
 @dataclass(frozen=True)
 class Wish:
-    """What an instruction asks to bring.
+    """Object that an instruction asks to bring.
 
     Attributes:
         category: Of the object.
-        area: Where it is looked for.
+        area: Area in which to look for it.
         angle: Horizontal direction of the finger axis when it is taken, rad.
     """
 
@@ -151,7 +151,7 @@ class Wish:
 
 
 def understand(scene: SceneKnowledge, instruction: str) -> Wish:
-    """What an instruction asks to bring.
+    """Object that an instruction asks to bring.
 
     Where it is not understood, that is the first grocery by name, or a bowl in the middle of the table.
     """
@@ -167,14 +167,14 @@ def understand(scene: SceneKnowledge, instruction: str) -> Wish:
 def act(
     scene: SceneKnowledge, memory: Memory, image: NDArray[np.uint8], hand: Hand, instruction: str
 ) -> Memory:
-    """What is seen now, and the route to follow from now on.
+    """Return the objects seen now, and the route to follow from now on.
 
     Args:
-        scene: What is known of all scenes of the suite.
+        scene: Knowledge of all scenes of the suite.
         memory: From the query before.
         image: (256, 256, 3), upright.
         hand: From proprioception.
-        instruction: What to do.
+        instruction: The task in words.
     """
     wish = understand(scene, instruction)
     route, target = memory.route, memory.target
@@ -206,7 +206,7 @@ def _look(
     before: Array | None,
     area: Area,
 ) -> Array:
-    """Where a thing is seen; where it was before, if the hand covers that."""
+    """Return the seen position of a thing; its position before, if the hand covers it."""
     shape = SHAPES[category]
     if before is not None:
         if covers(scene, hand, shape, before):
@@ -217,7 +217,7 @@ def _look(
 
 
 def covers(scene: SceneKnowledge, hand: Hand, shape: Shape, position: Array) -> bool:
-    """Whether the hand is in front of a thing in the image, or would be if it were nearer to the camera."""
+    """True if the hand is in front of a thing in the image, or would be if it were nearer to the camera."""
     body = hand.position + _HAND_M @ hand.turn.as_matrix().T
     thing = scene.camera.project(shape.points(position))
     return overlap(thing, scene.camera.project(body)) > _COVERED
@@ -228,7 +228,7 @@ def _is_at_end(hand: Hand, route: Route) -> bool:
 
 
 def _is_at(aim: tuple[Array, Array], target: Array, destination: Array) -> bool:
-    """Whether target and destination are seen where the route leads."""
+    """True if target and destination are seen where the route leads."""
     moves = [now - then for now, then in zip((target, destination), aim, strict=True)]
     return all(float(np.linalg.norm(move)) <= _MOVED_M for move in moves)
 
@@ -250,10 +250,10 @@ def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array,
 
     Args:
         scene: For the heights.
-        wish: What is carried.
-        target: Where it stood, (3,) m.
-        destination: Where it goes, (3,) m.
-        start: Where the hand is when this begins, (3,) m.
+        wish: The object to carry.
+        target: Its position at the start, (3,) m.
+        destination: Its destination, (3,) m.
+        start: Position of the hand at the start, (3,) m.
     """
     hanging = float(wish.grip[2])
     low = hanging + _ON_TOP_M

@@ -1,4 +1,4 @@
-"""What ``servo`` knows before it sees anything, as a policy does that was trained on demonstrations.
+"""Knowledge of ``servo`` before it sees anything, as of a policy that was trained on demonstrations.
 
 The cameras and heights of two rooms, the sizes of the objects, and where a bowl stands by an instruction.
 """
@@ -17,13 +17,13 @@ CAMERA, IMAGE_SIZE = "agentview", 256
 
 @dataclass(frozen=True)
 class SceneKnowledge:
-    """What all tasks of a suite share.
+    """Properties that all tasks of a suite share.
 
     Attributes:
         camera: The main camera.
         destination: Category of what the object is brought to.
-        destination_area: Where that is looked for.
-        drop: Whether the object is let go above the destination's rim, not on it.
+        destination_area: Area in which to look for that.
+        drop: True if the object is let go above the destination's rim, not on it.
         clearance: Height above which nothing stands, m.
     """
 
@@ -52,7 +52,7 @@ SCENES: Mapping[str, SceneKnowledge] = {
 }
 
 FLOOR_AREA = Area((-0.35, -0.4), (0.3, 0.4), 0.0)
-"""Where groceries are looked for."""
+"""Area in which to look for groceries."""
 
 BOWL = "akita_black_bowl"
 
@@ -68,13 +68,13 @@ BOWL_PLACES: Mapping[str, tuple[float, float, float]] = {
     "next to the plate": (0.01, 0.31, 0.9),
     "on the wooden cabinet": (0.02, -0.29, 1.128),
 }
-"""Where the bowl stands of which an instruction says this, m, world: its usual place in unmodified scenes."""
+"""Usual place of the bowl in unmodified scenes, m, world, by the words of an instruction."""
 
 GRIP_ANGLES_RAD: Mapping[str, float] = {"drawer": math.radians(30)}
 """Horizontal direction from a bowl's middle to where its rim is held, where there is no room along y."""
 
 BOWL_REACH_M = 0.08
-"""How far from there it is looked for."""
+"""Distance from there within which to look for it."""
 
 
 def _box(x: float, y: float, height: float) -> Shape:
@@ -110,4 +110,4 @@ SHAPES: Mapping[str, Shape] = {
 """Sizes by category."""
 
 GROCERIES = tuple(sorted(set(SHAPES) - {"basket", "plate", BOWL}))
-"""What instructions of LIBERO-Object ask for."""
+"""Objects that instructions of LIBERO-Object ask for."""

@@ -42,7 +42,7 @@ class Shape:
 
     Attributes:
         rings: Half width along x and along y, and height above what it stands on, m, from below.
-        rounded: Whether they are ellipses; otherwise they are rectangles.
+        rounded: True if they are ellipses; otherwise they are rectangles.
     """
 
     rings: tuple[tuple[float, float, float], ...]
@@ -70,11 +70,11 @@ class Shape:
 
 @dataclass(frozen=True)
 class Sighting:
-    """Where something was seen.
+    """Place at which something was seen.
 
     Attributes:
         position: (3,) m, the middle of its foot.
-        score: How much more of its colours is inside its outline than around it, -1 to 1.
+        score: Excess of its colours inside its outline over those around it, -1 to 1.
     """
 
     position: Array
@@ -120,7 +120,7 @@ def _likelihoods(category: str) -> Chances:
 
 
 def chances(image: NDArray[np.uint8], category: str) -> Chances:
-    """How likely each pixel of an upright image shows an object of a category, by its colour alone."""
+    """Likelihood that each pixel of an upright image shows an object of a category, by its colour alone."""
     found: Chances = _likelihoods(category)[colour_codes(image)]
     return found
 
@@ -132,7 +132,7 @@ def find(likely: Chances, camera: NominalCamera, shape: Shape, area: Area, leash
         likely: Of the whole image.
         camera: Which took it.
         shape: Of the object.
-        area: Where to look.
+        area: Area in which to look.
         leash: Score that is taken off for each m from the middle of the area.
     """
     xs, ys = (

@@ -49,7 +49,7 @@ class Label:
 
 
 def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[Label]:
-    """What is said in the picture of an arm after so many policy steps.
+    """Return the words in the picture of an arm after a number of policy steps.
 
     Args:
         record: The pair.
@@ -87,9 +87,9 @@ def film_frames(
     Args:
         record: The pair.
         traces: Of its arms, for the curves.
-        ticks: What is seen, from the first step to the last.
+        ticks: Views, from the first step to the last.
         size: Side of the pictures in ``ticks``, pixels.
-        caption: What the pictures are, where they are not those of the world's cameras; then each has its
+        caption: Kind of the pictures, where they are not those of the world's cameras; then each has its
             name below.
     """
     canvas = _Canvas(record, traces, size, caption)
@@ -110,7 +110,7 @@ def shared_steps(record: PairRecord, names: Sequence[str]) -> int:
 
 
 def _names_of_entries(record: PairRecord, name: str) -> list[str]:
-    """What is said of each entry of an arm's schedule when it happens."""
+    """Return the words for each entry of an arm's schedule when it happens."""
     names = []
     for index, entry in enumerate(record.arms[name].schedule or ()):
         if "reverts" in entry:

@@ -38,7 +38,7 @@ def write_film(path: Path, frames: Iterable[Image], hz: float, overwrite: bool =
         path: Ends in ``.mp4`` or ``.webp``, which says the format.
         frames: (H, W, 3) uint8, all of one size with even sides; at least one.
         hz: Frames in a second.
-        overwrite: Whether a file that is there already may be replaced.
+        overwrite: True if a file that is there already may be replaced.
 
     Raises:
         ReportError: The file exists, cannot be written, or needs the extra ``film``.

@@ -1,4 +1,4 @@
-"""What a policy saw: the images of its queries as it got them and, where that is known, as its model did.
+"""The images of a policy's queries, as it got them and, where that is known, as its model did.
 
 The images are rendered again from the replayed world, in the cameras and size that the policy declares. What
 happens to them afterwards is known of a policy behind a server, whose profile says it, and of an adapter that
@@ -40,12 +40,12 @@ _AS_DELIVERED = "the images as delivered, bottom row first"
 
 @dataclass(frozen=True)
 class Shown:
-    """How the images of a query are made from an observation.
+    """Conversion of an observation to the images of a query.
 
     Attributes:
         words: Whose images they are, for the caption.
         images: The images by name, (H, W, 3) uint8 each, from an observation and its query.
-        instruction: What the model is told, from what the policy is told.
+        instruction: Converts the policy's instruction to the model's.
         policy: The policy where one was loaded; it is told of the episode.
         every_step: The policy was shown every step, and not queries alone.
     """
@@ -58,7 +58,7 @@ class Shown:
 
 
 def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) -> Shown:
-    """What can be shown of the policy of a run.
+    """Views that can be shown of the policy of a run.
 
     Args:
         ran: ``policy`` of the run's provenance.
@@ -99,9 +99,9 @@ def saw(
 
     Args:
         case: The case.
-        record: What was recorded.
+        record: The record of the pair.
         traces: Say when the policy was asked.
-        shown: How the images are made.
+        shown: Conversion to the images.
         size: Side of the pictures in which the images are shown, pixels.
 
     Returns:
@@ -153,7 +153,7 @@ def saw(
 
 
 def caption(record: PairRecord, shown: Shown) -> str:
-    """What is said above a film of what a policy saw."""
+    """Return the caption of a film of a policy's view."""
     words = f"What the policy saw: {shown.words}"
     for wrapper in record.policy.get("wrappers", ()):
         restores = wrapper.startswith(_RESTORE)

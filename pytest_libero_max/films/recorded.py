@@ -28,17 +28,17 @@ SIZE_PX = 256
 
 
 def selected(record: PairRecord, which: str) -> bool:
-    """Whether a pair belongs to one of :data:`.media.FILM_SELECTIONS`."""
+    """True if a pair belongs to one of :data:`.media.FILM_SELECTIONS`."""
     if which == "regressions":
         return record.outcome == "regression"
     return which == "all" or record.base_success != record.dynamic_success
 
 
 def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: str = "world") -> Path:
-    """Where the film of a pair goes.
+    """Destination of the film of a pair.
 
     Args:
-        folder: Where films go.
+        folder: Folder of the films.
         record: The pair.
         kind: ``mp4`` or ``webp``; None: what can be written here.
         view: One of :data:`.media.VIEWS`.
@@ -69,12 +69,12 @@ def film_pair(
         traces: Of its arms.
         size: Side of a picture, pixels.
         every: Show only every so many steps; the film keeps its speed.
-        overwrite: Whether a film that is there already may be replaced.
+        overwrite: True if a film that is there already may be replaced.
         on_step: Told the policy steps of each picture before it is drawn.
         shown: Film what the policy saw at its queries, made like this. None: what the cameras see.
 
     Raises:
-        AdapterError: What the policy saw cannot be made.
+        AdapterError: The policy's view cannot be made.
         ProtocolError: The replay does not reach the recorded digests.
         ReportError: The film is there already, or cannot be written.
         ChangeError: A change does not fit this world.
@@ -137,7 +137,7 @@ class RecordedRun:
         folder: Its folder.
         stored: Its pairs.
         cases: Its cases, by id.
-        substrate: What builds their worlds.
+        substrate: Builds their worlds.
     """
 
     folder: Path
@@ -168,8 +168,8 @@ class RecordedRun:
 
         Raises:
             ProtocolError: The replay does not reach the recorded digests; names what differs from then.
-            ReportError: What is needed is missing, or a file is there already or cannot be written.
-            AdapterError: What the policy saw cannot be made.
+            ReportError: A needed file is missing, or a file is there already or cannot be written.
+            AdapterError: The policy's view cannot be made.
             SubstrateError: The substrate cannot build the scene.
             ChangeError: A change does not fit this world.
             SimulatorError: The simulation broke, or the renderer does not answer.
@@ -184,7 +184,7 @@ class RecordedRun:
             raise ProtocolError(f"{error} {self._differences(record)}") from error
 
     def drawn_differently(self) -> str | None:
-        """What draws here and what drew in the run, where they differ; None where they do not.
+        """Return the renderers here and of the run, where they differ; None where they do not.
 
         No digest covers what is drawn: two renderers show the same states in slightly different pixels.
         """
@@ -221,7 +221,7 @@ def open_recorded(
     Args:
         folder: The output folder of the run.
         cases: Track or path of a manifest. None: what the run names.
-        installations: Where LIBERO is on this machine. None given: where the run found it.
+        installations: LIBERO's folders on this machine. None given: those of the run.
         assets: Models and textures for it. None: where the run found them.
 
     Raises:

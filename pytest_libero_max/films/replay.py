@@ -22,12 +22,12 @@ from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, World
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What is seen of a world at one moment.
+    """View of a world at one moment.
 
     Attributes:
         images: By camera, (size, size, 3) uint8, upright; or by another name what a policy was shown.
         opening_m: Distance between the fingers, m.
-        words: What is to be said in the picture beside what the record tells.
+        words: Text for the picture beside that of the record.
     """
 
     images: Mapping[str, Image]
@@ -44,7 +44,7 @@ class Tick:
     """All arms after the same number of policy steps.
 
     Attributes:
-        step: How many.
+        step: Policy steps executed.
         views: By arm. An arm that ended earlier shows its last step.
     """
 
@@ -77,7 +77,7 @@ def play_again(
     Args:
         case: The case of the record.
         world: Its world.
-        record: What was recorded.
+        record: The record of the pair.
         traces: The actions of its arms.
         look: Looks at the world; see :func:`through_cameras`.
         every: Show only every so many steps, and the last one.
@@ -132,7 +132,7 @@ class _Player:
         self.link, self.state = link, state
 
     def fires_at(self, step: int) -> bool:
-        """Whether something happens after this step that has not happened yet."""
+        """True if something happens after this step that has not happened yet."""
         done = len(self.applied)
         return done < len(self.firings) and self.firings[done].step == step
 

@@ -42,7 +42,7 @@ Camera = tuple[NDArray[np.float64], NDArray[np.float64], float]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene(View):
-    """What is seen of a world, and where everything is in it.
+    """View of a world, with the poses of everything in it.
 
     Attributes:
         hand: (3,) m, world frame.
@@ -92,7 +92,7 @@ def write_recording(
         record: The pair.
         traces: Of its arms.
         ticks: Seen with :func:`scenes`.
-        overwrite: Whether a file that is there already may be replaced.
+        overwrite: True if a file that is there already may be replaced.
 
     Raises:
         ReportError: The file exists or cannot be written, or the extra ``rerun`` is missing.
@@ -222,7 +222,7 @@ class _Writer:
 
 
 def _layout(record: PairRecord) -> Any:
-    """What the viewer shows at first: an arm a column, curves and words below."""
+    """Layout that the viewer opens with: an arm a column, curves and words below."""
     import rerun.blueprint as blueprint
 
     arms = distinct_arms(record)

@@ -22,7 +22,7 @@ from pytest_libero_max.worlds.contract import Array, Image, Observation, World
 
 AdaptiveMode = Literal["image", "privileged"]
 ADAPTIVE_MODES: tuple[AdaptiveMode, ...] = get_args(AdaptiveMode)
-"""What is watched. ``image``: the images of the fixed cameras. ``privileged``: where the objects are."""
+"""Signals to watch. ``image``: the images of the fixed cameras. ``privileged``: the objects' positions."""
 
 BLOCKS = 16
 """Into how many blocks along each side an image is divided."""
@@ -30,7 +30,7 @@ SURPRISE = 30.0
 """By how much a block must change more than it and its neighbours did at the look before, grey levels. In six
 embedded scenes that were looked at the robot's movement stayed below 21, and the weakest event gave 43."""
 MOVED_M = 0.02
-"""How far an object that nothing of the robot touches may be from where it was at the query, m."""
+"""Largest displacement since the query of an object that nothing of the robot touches, m."""
 
 _ON_THE_HAND = "eye_in_hand"
 _ROBOT = ("robot0", "gripper0")
@@ -40,14 +40,14 @@ Chunk = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Memory:
-    """What is known between two looks.
+    """State between two looks.
 
     Attributes:
         chunk: Actions of the last answer that have not been executed.
         asked: Queries of the policy inside.
-        images: What the fixed cameras showed at the last look.
-        changes: How much each block of them had changed then.
-        places: Where each object was at the last query, (3,) m.
+        images: Images of the fixed cameras at the last look.
+        changes: Change of each block of them then.
+        places: Position of each object at the last query, (3,) m.
         inner: Memory of the policy inside, if it offers one.
     """
 
@@ -70,7 +70,7 @@ class AdaptivePolicy(WrappedPolicy):
 
     Args:
         policy: Which.
-        mode: What is watched.
+        mode: The signal to watch.
 
     Raises:
         AdapterError: There is nothing to watch: no fixed camera, or a policy that is not privileged.
@@ -133,7 +133,7 @@ class AdaptivePolicy(WrappedPolicy):
         return replace(memory, chunk=chunk, asked=memory.asked + 1, places=places)
 
     def _departed(self, memory: _Memory, changes: tuple[Array, ...]) -> bool:
-        """Whether the world is no more what a chunk was planned for that has not ended."""
+        """True if the world is no more what a chunk was planned for that has not ended."""
         if not len(memory.chunk):
             return False
         if self._mode == "image":
@@ -177,13 +177,13 @@ def surprise(before: Array, now: Array) -> float:
 
 
 def places_of(world: World) -> dict[str, Array]:
-    """Where each object is, (3,) m, by name; without those taken out of the scene."""
+    """Position of each object, (3,) m, by name; without those taken out of the scene."""
     names = (name for name, entity in world.entities.items() if entity.kind == "object")
     return {name: np.array(world.position(name)) for name in names if name not in world.parked}
 
 
 def has_moved(world: World, places: Mapping[str, Array]) -> bool:
-    """Whether an object that nothing of the robot touches is elsewhere, or one is new or gone."""
+    """True if an object that nothing of the robot touches is elsewhere, or one is new or gone."""
     now = places_of(world)
     if now.keys() != places.keys():
         return True

@@ -41,8 +41,8 @@ def check_policy(policy: Any, where: str) -> Policy:
     """Return ``policy`` if it has every member of the Policy contract.
 
     Args:
-        policy: What an adapter offers.
-        where: How to name it in an error, for example ``adapter.py:policy``.
+        policy: The object that an adapter offers.
+        where: Its name in an error, for example ``adapter.py:policy``.
 
     Raises:
         AdapterError: A member is missing, is of the wrong type, or cannot be called the way it will be.
@@ -103,7 +103,7 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
     Args:
         policy: The policy.
         spec: A copy of its spec, made earlier.
-        where: What it has done since, for the message.
+        where: The call that it has answered since, for the message.
 
     Raises:
         AdapterError: Its spec has changed; names the first field.
@@ -121,17 +121,17 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
 
 
 def remembers(policy: Policy) -> bool:
-    """Whether the policy's memory can be copied (see :class:`RemembersPolicy`)."""
+    """True if the policy's memory can be copied (see :class:`RemembersPolicy`)."""
     return hasattr(policy, "snapshot") and hasattr(policy, "restore")
 
 
 def sees(policy: Policy) -> bool:
-    """Whether the policy is shown every step (see :class:`SeeingPolicy`)."""
+    """True if the policy is shown every step (see :class:`SeeingPolicy`)."""
     return hasattr(policy, "see")
 
 
 def memory_of(policy: Policy) -> MemoryKind:
-    """How what the policy remembers is brought to the event, by what it offers."""
+    """Return the way in which the policy's memory is brought to the event, by what it offers."""
     if remembers(policy):
         return "snapshot"
     if sees(policy):
@@ -140,7 +140,7 @@ def memory_of(policy: Policy) -> MemoryKind:
 
 
 def batches(policy: Policy) -> bool:
-    """Whether the policy can answer several queries together (see :class:`BatchPolicy`)."""
+    """True if the policy can answer several queries together (see :class:`BatchPolicy`)."""
     return hasattr(policy, "predict_batch")
 
 
@@ -259,7 +259,7 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
 
 
 def notes_of(policy: Policy) -> dict[str, int] | None:
-    """What a policy counted at its last query (``query_notes``), None where it offers no counts.
+    """Return the counts of a policy at its last query (``query_notes``); None where it offers none.
 
     Raises:
         AdapterError: They are no counts by name, so that a record could not hold them.
@@ -362,7 +362,7 @@ def locate(error: BaseException, file: str) -> str | None:
 
 
 def ends_the_session(error: BaseException) -> bool:
-    """Whether an exception has to pass: an interrupt, a time limit, or one of pytest's own.
+    """True if an exception has to pass: an interrupt, a time limit, or one of pytest's own.
 
     Everything else that an adapter lets out is a fault of the adapter, also what is not an ``Exception``: an
     ``asyncio.CancelledError``, a ``SystemExit``, a ``GeneratorExit``.

@@ -1,4 +1,4 @@
-"""What a policy is: told of each episode, asked for actions, never shown more than it declares."""
+"""The contract of a policy: told of each episode, asked for actions, never shown more than it declares."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Obser
 Arm = Literal["base", "dynamic"]
 
 MemoryKind = Literal["none", "snapshot", "queries", "frames"]
-"""How what a policy remembers is brought to the event: not at all, as a copy, by asking all queries again, or
+"""The way to bring a policy's memory to the event: not at all, as a copy, by asking all queries again, or
 by showing every step again."""
 
 
@@ -28,7 +28,7 @@ MOST = {"horizon": 10_000, "query_interval": 10_000, "image_size": 4096}
 
 @dataclass(frozen=True)
 class PolicySpec:
-    """What a policy declares about itself; part of every result.
+    """A policy's declaration about itself; part of every result.
 
     Attributes:
         name: Shown in reports.
@@ -36,18 +36,18 @@ class PolicySpec:
         query_interval: Q, how many of them are executed before the next query; at most H.
         cameras: The images it wants in every observation. None are rendered for an empty tuple.
         image_size: Side of square images, or height and width, pixels.
-        privileged: Whether it reads the simulator's state through ``episode.world``.
-        repeatable: Whether the same observation and query give the same bytes again. The pair runner checks
+        privileged: True if it reads the simulator's state through ``episode.world``.
+        repeatable: True if the same observation and query give the same bytes again. The pair runner checks
             it on policies without a snapshot; False, for a server whose arithmetic varies, switches that
             check off.
-        revision: What tells these weights from others of the same name, for example a checkpoint's commit or
+        revision: Identity of the weights among others of the same name, for example a checkpoint's commit or
             digest. Kept with every result.
         suites: The LIBERO suites it can play, or None for all. Pairs of other suites are unsupported: they
             are skipped, and neither played nor failed.
-        control: What its actions are: movements (``delta``), or poses of the grip site in the world
+        control: Kind of its actions: movements (``delta``), or poses of the grip site in the world
             (``absolute``: position in m, axis times angle in rad).
-        wrappers: What is around the policy, from the inside out, for example ``restore=gated``.
-        history: Whether its answers depend on all that it was asked before in the episode, without a
+        wrappers: Wrappers around the policy, from the inside out, for example ``restore=gated``.
+        history: True if its answers depend on all that it was asked before in the episode, without a
             ``snapshot``. It is then asked all of it again on the way to the event.
 
     Raises:
@@ -102,7 +102,7 @@ class PolicySpec:
         object.__setattr__(self, "cameras", tuple(self.cameras))
 
     def supports(self, suite: str) -> bool:
-        """Whether the policy can play the pairs of a suite."""
+        """True if the policy can play the pairs of a suite."""
         return self.suites is None or suite in self.suites
 
     def _known_suites(self) -> tuple[str, ...]:
@@ -164,12 +164,12 @@ class PolicySpec:
 
 @dataclass(frozen=True)
 class Episode:
-    """What a policy is told when an episode begins.
+    """Description of an episode, for a policy when it begins.
 
     Attributes:
         suite: LIBERO suite.
         task_index: Index of the task in its source's registry.
-        instruction: What to do, in words.
+        instruction: The task in words.
         seed: The policy seed of the case, the same in both arms.
         max_steps: Policy steps the episode may take.
         world: The live world for a policy that declares itself privileged, otherwise None. Read only.
@@ -190,7 +190,7 @@ class Query:
     Attributes:
         index: Number of this query in the episode, from 0.
         step: Policy steps executed before it.
-        instruction: What to do, in words.
+        instruction: The task in words.
         seed: Derived from (policy seed, query index) alone: a policy that draws from nothing else repeats
             itself exactly, whatever order servers see its queries in.
     """
@@ -235,7 +235,7 @@ class SeeingPolicy(Policy, Protocol):
     """
 
     def see(self, observation: Observation, step: int) -> None:
-        """What the world shows before a step; where a query is due, ``predict`` gets the same right after."""
+        """Receive the observation before a step; where a query is due, ``predict`` gets it right after."""
         ...
 
 
@@ -257,7 +257,7 @@ class BatchItem:
     """One of several queries that a policy answers together.
 
     Attributes:
-        observation: What the world shows.
+        observation: The world's observation.
         query: The query.
         episode: The episode it belongs to. The items of a batch may be of different episodes.
     """
@@ -275,7 +275,7 @@ class BatchPolicy(Policy, Protocol):
     """
 
     def predict_batch(self, items: Sequence[BatchItem]) -> Sequence[NDArray[np.float64]]:
-        """What ``predict`` returns for each of the items, in their order.
+        """Return what ``predict`` returns for each of the items, in their order.
 
         ``reset`` is not called for them: all that an answer depends on is in its item.
         """

@@ -51,7 +51,7 @@ def examine(policy: Policy, shown: Shown) -> list[Finding]:
 
     Args:
         policy: A checked policy that reads no simulator.
-        shown: What to show it.
+        shown: Observations to show it.
     """
     findings: list[Finding] = []
     try:
@@ -177,7 +177,7 @@ def _range(actions: Actions) -> Finding:
 
 
 def _poses(actions: list[Actions], shown: Shown) -> Finding:
-    """How far the hand is sent by the first action of each answer, under absolute control."""
+    """Distance that the hand is sent by the first action of each answer, under absolute control."""
     hands = [observation["robot0_eef_pos"] for observation in shown.observations[: len(actions)]]
     farthest = float(np.linalg.norm(np.array(actions)[:, :3] - hands, axis=1).max())
     if farthest > FAR_AWAY_M:
@@ -261,7 +261,7 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """What is left of an episode after reset, and what an answer depends on beside the observation."""
+    """Traces of an episode after reset, and dependence of answers on more than the observation."""
     if not policy.spec.repeatable:
         return
     start(policy, shown.episode)
@@ -317,7 +317,7 @@ def _writes(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _looks(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """Whether the answer depends on what the policy is shown."""
+    """True if the answer depends on what the policy is shown."""
     if not policy.spec.repeatable:
         return
     start(policy, shown.episode)
@@ -376,7 +376,7 @@ def _carries(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """Whether an answer changes with the queries that are answered together with it."""
+    """True if an answer changes with the queries that are answered together with it."""
     if not batches(policy) or remembers(policy) or not policy.spec.repeatable:
         return
     alone, items = [], []
@@ -413,7 +413,7 @@ def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """Whether a smaller H gives the first actions of the chunk."""
+    """True if a smaller H gives the first actions of the chunk."""
     spec = policy.spec
     if spec.horizon == spec.query_interval or not spec.repeatable:
         return

@@ -1,4 +1,4 @@
-"""What the examination of a policy is made of: what is shown to it, and what was found."""
+"""Parts of the examination of a policy: observations to show, and findings."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Finding:
     """One thing that was looked at.
 
     Attributes:
-        level: How bad it is.
-        subject: What was looked at, for example ``seed``; stable.
-        observed: What was seen.
-        expected: What should have been seen; empty where it was.
+        level: Severity.
+        subject: Property that was examined, for example ``seed``; stable.
+        observed: The observed behaviour.
+        expected: The expected behaviour; empty where it was observed.
         mistake: The likely mistake and its cure; empty where there is none.
     """
 
@@ -39,7 +39,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Shown:
-    """What the policy is examined with.
+    """Observations and queries that a policy is examined with.
 
     Attributes:
         episode: Of all queries.

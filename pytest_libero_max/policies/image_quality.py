@@ -1,4 +1,4 @@
-"""How damaged an image is, judged by the image alone: its noise, and the black areas that cover it.
+"""Damage of an image, judged by the image alone: its noise, and the black areas that cover it.
 
 The limits are the paper's (its sensor-restoration study). It does not name its high-pass filter; here it is
 that of Immerkær (Fast noise variance estimation, 1996), which answers 0 to constant and linear brightness.
@@ -23,7 +23,7 @@ COVERED_LIMIT = 0.035
 BLACK = 2
 """The largest value that any channel of a covered pixel has."""
 LEAST_SHARE, LEAST_SIDE_PX, LEAST_FILL = 0.002, 8, 0.85
-"""What a black area must at least have to count as a cover: its share of the image, both sides of its
+"""Least size of a black area that counts as a cover: its share of the image, both sides of its
 bounding box, and its share of that box."""
 MOST_COVERED = 0.3
 """Share of the image above which no cover is believed, and none is marked."""
@@ -36,11 +36,11 @@ _GREEN = 1
 
 @dataclass(frozen=True)
 class Quality:
-    """What is wrong with an image.
+    """Damage found in an image.
 
     Attributes:
         noise: Standard deviation of the noise, grey levels, 0 to 255.
-        mask: What is covered.
+        mask: Covered pixels.
     """
 
     noise: float
@@ -53,17 +53,17 @@ class Quality:
 
     @property
     def is_noisy(self) -> bool:
-        """Whether the noise reaches its limit."""
+        """True if the noise reaches its limit."""
         return self.noise >= NOISE_LIMIT
 
     @property
     def is_covered(self) -> bool:
-        """Whether what is covered reaches its limit."""
+        """True if what is covered reaches its limit."""
         return self.covered >= COVERED_LIMIT
 
     @property
     def damaged(self) -> bool:
-        """Whether the image is to be restored."""
+        """True if the image is to be restored."""
         return self.is_noisy or self.is_covered
 
 

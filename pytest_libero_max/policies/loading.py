@@ -47,7 +47,7 @@ def load_policy(
     has a private name, and spawned processes cannot import it.
 
     Args:
-        text: What the user typed.
+        text: The reference as the user typed it.
         horizon: Replaces H of the adapter's spec.
         query_interval: Replaces Q of the adapter's spec.
         profile: Name or path of the profile of a policy behind a server.
@@ -208,7 +208,7 @@ def _is_inside(name: str, folder: Path) -> bool:
 
 
 def _found_elsewhere(name: str) -> bool:
-    """Whether a module would be found without the adapter's folder."""
+    """True if a module would be found without the adapter's folder."""
     module = sys.modules.pop(name, None)
     try:
         return find_spec(name) is not None

@@ -1,4 +1,4 @@
-"""What a policy shows its model: which camera, which way round, which colours, which rule for the rotation.
+"""Inputs that a policy gives its model: camera, orientation, order of colours, rule for the rotation.
 
 Only a policy that offers ``model_inputs(observation, query)`` can be asked. What it tells is compared with an
 observation whose images are marked.
@@ -81,7 +81,7 @@ def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -
     """Compare what a model is shown with the observation that it was made from.
 
     Args:
-        told: What :func:`model_inputs` gave.
+        told: The result of :func:`model_inputs`.
         observation: A marked one, see :func:`marked_observation`.
     """
     names = iter(CAMERAS)

@@ -1,4 +1,4 @@
-"""What a user types to name a policy, and where that is. Nothing here executes an adapter."""
+"""References by which a user names a policy, and where they lead. Nothing here executes an adapter."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ FORMS = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE, PACKAGE.MODULE:NAME, or the
 
 @dataclass(frozen=True)
 class Reference:
-    """Where a policy is.
+    """Reference to a policy.
 
     Attributes:
-        text: What the user typed.
+        text: The reference as the user typed it.
         target: A path that ends in ``.py``, or the dotted name of a module.
-        name: What to take from there: a policy, or a class or function that makes one.
+        name: Name to take from there: a policy, or a class or function that makes one.
     """
 
     text: str
@@ -66,12 +66,12 @@ class Reference:
 
     @property
     def is_file(self) -> bool:
-        """Whether ``target`` is a path."""
+        """True if ``target`` is a path."""
         return self.target.endswith(".py")
 
     @property
     def where(self) -> str:
-        """How to name it in an error."""
+        """Name in an error."""
         return f"{self.target}:{self.name}"
 
 
@@ -102,7 +102,7 @@ def parse_reference(text: str) -> Reference:
 
 
 def _instead(path: Path, name: str) -> str:
-    """What may have been meant by a path that is no Python file."""
+    """Suggest what may have been meant by a path that is no Python file."""
     file = path.with_name(f"{path.name}.py") if path.name else path
     if file.is_file():
         return f" Did you mean '{file}{name}'?"

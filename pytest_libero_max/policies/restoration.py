@@ -27,7 +27,7 @@ INPAINT_RADIUS_PX = 3.0
 BILATERAL_DIAMETER_PX, BILATERAL_COLOUR, BILATERAL_SPACE_PX = 5, 45.0, 2.0
 
 COUNTS = ("queries", "active", "images", "restored", "noisy", "covered")
-"""What is counted: queries, those at which an image was restored; images, those restored, over a limit."""
+"""Counts: queries, those at which an image was restored; images, those restored, over a limit."""
 RESTORE_TIME = "restore_s"
 """Among the timings of a pair: how long judging and restoring took."""
 
@@ -53,7 +53,7 @@ class RestoringPolicy(WrappedPolicy):
 
     Attributes:
         query_notes: :data:`COUNTS` of the last query.
-        query_seconds: How long judging and restoring took then.
+        query_seconds: Time spent on judging and restoring then.
 
     Args:
         policy: Which.

@@ -27,7 +27,7 @@ class WrappedPolicy:
 
     Args:
         policy: The policy inside.
-        words: What the wrapper is, and how it is set, for example ``restore=gated``.
+        words: Name and setting of the wrapper, for example ``restore=gated``.
 
     Raises:
         AdapterError: The policy is shown every step.
@@ -66,7 +66,7 @@ class WrappedPolicy:
         return self.inner.predict(self.seen(observation), query)
 
     def seen(self, observation: Observation) -> Observation:
-        """What the policy inside is shown in place of an observation."""
+        """Return the observation that the policy inside is shown."""
         return observation
 
     def _model_inputs(self, observation: Observation, query: Query) -> Any:

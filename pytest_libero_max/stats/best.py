@@ -13,7 +13,7 @@ from pytest_libero_max.stats.outcomes import BoolArray, Ratio
 
 @dataclass(frozen=True)
 class FromBest:
-    """How much better the best condition did than another one.
+    """Advantage of the best condition over another one.
 
     Attributes:
         value: Success of the best less that of the other.
@@ -25,7 +25,7 @@ class FromBest:
 
     @property
     def may_equal(self) -> bool:
-        """Whether the cases do not show that the other is worse."""
+        """True if the cases do not show that the other is worse."""
         return self.interval.lower <= 0
 
 

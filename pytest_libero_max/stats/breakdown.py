@@ -21,7 +21,7 @@ class MacroAverage:
     """Unweighted mean over groups of unequal size; secondary to the rates over all pairs.
 
     Attributes:
-        groups: How many groups.
+        groups: Number of groups.
         base: Mean of the groups' Base success rates; None where a group has no pair, like all below.
         dynamic: Mean of their Dynamic success rates.
         change: Mean of their paired changes.
@@ -103,6 +103,6 @@ def largest_split(events: Mapping[str, Mapping[str, Outcomes]]) -> Split | None:
 
 
 def at_floor(outcomes: Outcomes) -> bool | None:
-    """Whether Base success leaves too little room to fall; None without pairs."""
+    """True if Base success leaves too little room to fall; None without pairs."""
     rate = outcomes.base.value
     return None if rate is None else rate < FLOOR_BASE_RATE

@@ -31,8 +31,8 @@ class ClusterInterval:
 
     Attributes:
         estimate: The case-weighted mean; clustering changes the interval only.
-        clusters: How many clusters are resampled. With few (below about 30) the interval is too narrow.
-        replicates: How many resamples.
+        clusters: Number of clusters that are resampled. With few (below about 30) the interval is too narrow.
+        replicates: Number of resamples.
         seed: Of the private generator; the same seed gives the same interval.
     """
 
@@ -70,7 +70,7 @@ def cluster_bootstrap(
         clusters: (n,) label of the cluster of each case.
         strata: (n,) labels within which clusters are drawn independently; every cluster lies in one.
         pools: (n,) labels as above; by default all cases are one pool.
-        replicates: How many resamples.
+        replicates: Number of resamples.
         seed: Of the private generator.
         confidence: Two-sided level.
         expanded: Take percentiles further out, by as much as Student's t is wider than the normal and the
@@ -121,7 +121,7 @@ def resampled_means(
         clusters: See :func:`cluster_bootstrap`, as for the following.
         strata: Labels within which clusters are drawn.
         pools: Labels whose means are weighted.
-        replicates: How many resamples.
+        replicates: Number of resamples.
         seed: Of the private generator.
 
     Returns:
@@ -170,7 +170,7 @@ class TaskInterval:
     """An interval of the paired change for statements about other tasks of the same kind.
 
     Attributes:
-        tasks: How many tasks the pairs are of.
+        tasks: Number of tasks among the pairs.
         changed: In how many of them a pair changed.
         interval: None where it cannot be decided, with fewer than :data:`LEAST_TASKS` tasks or fewer than
             :data:`LEAST_CHANGED_TASKS` that changed.

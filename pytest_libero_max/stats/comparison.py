@@ -97,7 +97,7 @@ class GroupContrast:
 
 @dataclass(frozen=True)
 class ProfileAgreement:
-    """How alike several profiles (one value per event) rank their entries.
+    """Agreement of several profiles (one value per event) in ranking their entries.
 
     Attributes:
         correlations: Spearman's coefficient by pair of names; None where a profile is constant.

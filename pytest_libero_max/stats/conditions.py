@@ -86,7 +86,7 @@ class Conditions:
         return self.successes[first].astype(np.int64) - self.successes[second]
 
     def joint(self) -> dict[tuple[bool, ...], int]:
-        """How many cases ended in each way, by the outcome in every condition; the frequent ones first."""
+        """Numbers of cases by their outcomes in all conditions; the frequent ones first."""
         counts = Counter(zip(*(column.tolist() for column in self.successes.values()), strict=True))
         return dict(sorted(counts.items(), key=lambda item: (-item[1], [not flag for flag in item[0]])))
 
@@ -96,9 +96,9 @@ class GroupInterval:
     """An interval of a mean difference that resamples groups of cases.
 
     Attributes:
-        groups: How many groups there are.
+        groups: Number of groups.
         changed: In how many of them a case differs between the conditions.
-        replicates: How many resamples.
+        replicates: Number of resamples.
         interval: None where it cannot be decided: with fewer than :data:`.clusters.LEAST_TASKS` groups, or
             fewer than :data:`.clusters.LEAST_CHANGED_TASKS` in which a case differs.
     """

@@ -18,7 +18,7 @@ class Exposure:
     It measures feedback delay under the policy's own serving protocol, not whether a change was noticed.
 
     Attributes:
-        pairs: How many such pairs.
+        pairs: Number of such pairs.
         unanswered: Triggered pairs whose episode ended before another query. All their remaining actions
             were stale, so their count is cut off by the end of the episode and would bias the mean.
         mean: Actions; None without a pair, like every number below.

@@ -35,7 +35,7 @@ class MeanChange:
 
     Attributes:
         estimate: The mean over all pairs.
-        pairs: How many pairs.
+        pairs: Number of pairs.
         degenerate: All differences (of each stratum) are equal, so that resampling cannot vary and the
             interval has no width. It says nothing about precision then.
     """

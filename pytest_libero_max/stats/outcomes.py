@@ -26,7 +26,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Outcomes:
-    """How many pairs ended in each of the four ways, written (Base, Dynamic).
+    """Number of pairs that ended in each of the four ways, written (Base, Dynamic).
 
     Attributes:
         preserved_success: (1, 1).

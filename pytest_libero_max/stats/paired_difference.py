@@ -28,7 +28,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
 _FAR = 1e-13
 """Mass left out at each end of a distribution that is integrated over."""
 PRECISION = 1e-11
-"""How closely a bound is found."""
+"""Precision of a bound."""
 _DECIMALS = 9
 """Of a reported bound, so that it is the same on every machine."""
 _CHUNK = 4096
@@ -92,7 +92,7 @@ def exact(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
 
 
 def _upper_bounds(up: FloatArray, down: FloatArray, n: FloatArray, tail: float) -> FloatArray:
-    """Where the probability to exceed falls to ``tail``."""
+    """Values whose probability to be exceeded is ``tail``."""
     positive = _beta_exceeds(up + 1, down, np.full_like(n, 0.5)) >= tail
     bounds = np.empty_like(n)
     for rows in chunks(n.size):

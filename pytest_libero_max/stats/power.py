@@ -19,7 +19,7 @@ _STEP = 1e-5
 """Resolution of a minimum detectable change."""
 
 _NEGLIGIBLE = 1e-15
-"""Where any discordant pair is less likely than this, a rejection is too, and the power counts as 0."""
+"""Probability of any discordant pair below which the power counts as 0, since a rejection is as unlikely."""
 
 
 def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
@@ -30,7 +30,7 @@ def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
     Biometrics 40:1005-1015. It is computed exactly, so it is slightly saw-toothed in ``pairs``.
 
     Args:
-        pairs: How many pairs.
+        pairs: Number of pairs.
         loss: Probability of a regression (1, 0).
         gain: Probability of a change-associated success (0, 1).
         alpha: Level of the test.
@@ -60,7 +60,7 @@ def detectable_loss(
     """The smallest probability of a regression that ``pairs`` resolve with the power ``target``.
 
     Args:
-        pairs: How many pairs.
+        pairs: Number of pairs.
         gain: Probability of a (0, 1) pair, expected regardless of the event.
         target: Power wanted, for example 0.8.
         base_rate: Base success rate; no more than that can regress.
@@ -84,7 +84,7 @@ def detectable_loss(
 
 
 def pairs_needed(loss: float, gain: float, target: float, alpha: float = ALPHA) -> int | None:
-    """How many pairs resolve a change with the power ``target``; None where a million do not.
+    """Number of pairs that resolve a change with the power ``target``; None where a million do not.
 
     Power is slightly saw-toothed in the number of pairs, so a few pairs fewer may do as well.
     """

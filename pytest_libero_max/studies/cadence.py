@@ -96,7 +96,7 @@ def parse_cadence(text: str) -> tuple[Cadence, ...]:
 
 
 def cadence_text(settings: Sequence[Cadence]) -> str:
-    """What :func:`parse_cadence` reads."""
+    """Form that :func:`parse_cadence` reads."""
     return ",".join(
         ("" if setting.horizon is None else f"{setting.horizon}/") + str(setting.query_interval)
         for setting in settings

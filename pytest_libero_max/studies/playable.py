@@ -1,4 +1,4 @@
-"""Whether the cases of a run can be played at its strength and in its study; asked before the first pair."""
+"""True if the cases of a run can be played at its strength and in its study; asked before the first pair."""
 
 from __future__ import annotations
 

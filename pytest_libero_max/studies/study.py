@@ -1,4 +1,4 @@
-"""What a study is: arms beside those of the pair, the cases it is about, and what has to hold of each."""
+"""The contract of a study: arms beside those of the pair, its cases, and conditions on each."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Study(ABC):
     them are one test item and one record.
 
     Attributes:
-        name: What the command line calls it.
+        name: Its name on the command line.
         title: Heading of its part of the report.
         track: The track that is played unless another one is asked for.
-        about: What the event of its cases does, in words that follow "whose event".
-        scales: Whether the study itself sets strengths, so that a run cannot set one as well.
+        about: Effect of the event of its cases, in words that follow "whose event".
+        scales: True if the study itself sets strengths, so that a run cannot set one as well.
     """
 
     name: ClassVar[str]
@@ -39,7 +39,7 @@ class Study(ABC):
         """The arms beside Base and Dynamic.
 
         Args:
-            case: What is played.
+            case: The case.
             spec: The policy's spec.
             strength: Share of the event's change in the whole run.
 
@@ -48,7 +48,7 @@ class Study(ABC):
         """
 
     def objection(self, case: Case) -> str | None:
-        """Why a case cannot be part of the study, in words that follow "these events"; None if it can."""
+        """Return why a case cannot be part of the study, as words after "these events"; None if it can."""
         return None
 
     def check_policy(self, spec: PolicySpec) -> None:  # noqa: B027  # most studies take every policy

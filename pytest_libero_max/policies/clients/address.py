@@ -22,10 +22,10 @@ PROTOCOLS: Mapping[str, int] = {
 """The schemes of addresses, with the port where none is given."""
 
 TIMEOUT_S = 120.0
-"""How long one answer may take. A server that compiles on its first query needs more: ``?timeout=600``."""
+"""Longest time for one answer, s. A server that compiles on its first query needs more: ``?timeout=600``."""
 
 PATIENCE_S = 300.0
-"""How long a server that cannot be reached is waited for, for example while it restarts."""
+"""Longest time, s, to wait for a server that cannot be reached, for example while it restarts."""
 
 TOKEN_VARIABLE = "LIBERO_MAX_SERVER_TOKEN"
 """Environment variable with the token of servers that ask for one."""
@@ -42,16 +42,16 @@ _REFUSED = {
 
 @dataclass(frozen=True)
 class Address:
-    """Where a policy server is, and how long it is waited for.
+    """Address of a policy server, and its time limits.
 
     Attributes:
-        text: What the user typed.
+        text: The address as the user typed it.
         scheme: A key of :data:`PROTOCOLS`.
         host: Name or number of the machine.
         port: TCP port.
         path: Of the URL; empty where none is given.
-        timeout_s: How long one answer may take.
-        patience_s: How long a server that cannot be reached is waited for.
+        timeout_s: Longest time for one answer.
+        patience_s: Longest time to wait for a server that cannot be reached.
     """
 
     text: str
@@ -83,7 +83,7 @@ def server_token() -> str | None:
 
 
 def is_address(text: str) -> bool:
-    """Whether a reference is the address of a server."""
+    """True if a reference is the address of a server."""
     return _ADDRESS.match(text) is not None
 
 

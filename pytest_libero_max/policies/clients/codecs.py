@@ -1,4 +1,4 @@
-"""How arrays are written into messages. Nothing here unpickles, and every size is checked before it is used.
+"""Codecs of arrays in messages. Nothing here unpickles, and every size is checked before it is used.
 
 Four dialects write an array as a map; they are not interchangeable. Two kinds of documents hold such maps:
 msgpack and JSON.
@@ -42,7 +42,7 @@ class Dialect:
     Attributes:
         name: For messages.
         encode: The map of an array.
-        decode: What a map stands for: itself, unless it is one of this dialect.
+        decode: Returns the value of a map: itself, unless it is an array of this dialect.
     """
 
     name: str
@@ -98,14 +98,14 @@ def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
     """A JSON document.
 
     Args:
-        value: What to write; NaN and infinities are refused.
-        encode: What an array is written as.
+        value: The value to write; NaN and infinities are refused.
+        encode: Returns an array as JSON values.
     """
     return json.dumps(value, default=_sent_as(encode), allow_nan=False).encode()
 
 
 def _sent_as(encode: Callable[[AnyArray], Any]) -> Callable[[Any], Any]:
-    """What is written in place of an object that a document cannot hold: NumPy's, for encoders to ask."""
+    """Return plain values in place of NumPy's, for encoders to call."""
 
     def default(item: Any) -> Any:
         if isinstance(item, np.ndarray):

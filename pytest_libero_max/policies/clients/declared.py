@@ -54,7 +54,7 @@ def as_declared(profile: Profile, request: Request, horizon: int | None, query_i
 
 
 def as_prepared(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
-    """What a server of `libero-max serve` adds to the spec of a profile that prepares the observation.
+    """Properties that `libero-max serve` adds to the spec of a profile that prepares the observation.
 
     H, Q and images are the profile's. What tells weights apart, the suites, whether answers repeat and the
     control are the adapter's to know. Other servers say nothing of it.
@@ -80,7 +80,7 @@ class Kept:
 
     Attributes:
         name: The server's name for it; None for that of a new episode.
-        frames: What a policy that sees every step was shown since, which the server does not know yet.
+        frames: Steps shown since to a policy that sees every step, which the server does not know yet.
     """
 
     name: str | None
@@ -91,7 +91,7 @@ class DeclaredPolicy(ServedPolicy):
     """A policy whose server may be told the cadence that is played; an adapter that reads it follows it."""
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """What the server is sent.
+        """Return the request.
 
         Raises:
             AdapterError: An input cannot be made.
@@ -182,7 +182,7 @@ class SeeingPolicy(RememberingPolicy):
         self._frames = (*self._frames, {"observation": shown, "step": step})
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """What the server is sent.
+        """Return the request.
 
         Raises:
             AdapterError: An input cannot be made.

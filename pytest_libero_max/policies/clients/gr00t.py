@@ -30,7 +30,7 @@ class Gr00tLink:
     """A connection to a GR00T server.
 
     Args:
-        address: Where it is.
+        address: Its address.
         dialect: A key of :data:`DIALECTS`.
     """
 

@@ -29,14 +29,14 @@ CODECS: Mapping[str, Callable[[Any], Any]] = {
     "json-numpy-text": as_json_numpy_text,
     "lists": as_lists,
 }
-"""How arrays are written, by the name that profiles use."""
+"""Encodings of arrays, by the name that profiles use."""
 
 
 class HttpLink:
     """A connection to a server that answers POST requests.
 
     Args:
-        address: Where it is.
+        address: Its address.
         path: Of the URL, where the address has none.
         codec: A key of :data:`CODECS`.
     """

@@ -17,7 +17,7 @@ class OpenpiLink:
     """A connection to a server that speaks openpi's protocol.
 
     Args:
-        address: Where it is.
+        address: Its address.
     """
 
     def __init__(self, address: Address) -> None:

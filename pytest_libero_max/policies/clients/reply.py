@@ -1,4 +1,4 @@
-"""How a server's reply becomes actions, as a profile says it."""
+"""From a server's reply to actions, as a profile says."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Actions = NDArray[np.float64]
 
 
 class Reply:
-    """How a server's reply becomes actions.
+    """Conversion of a server's reply to actions.
 
     Args:
         profile: Its tables ``reply`` and ``actions``.

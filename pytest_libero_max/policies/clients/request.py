@@ -1,4 +1,4 @@
-"""How an observation becomes what a server is sent, as a profile says it."""
+"""From an observation to a request, as a profile says."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEYS = (
     "robot0_joint_pos",
     "robot0_joint_vel",
 )
-"""What an input may be made from, beside the images."""
+"""Sources of an input, beside the images."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Input:
     Attributes:
         source: A key of the observation, or None.
         parts: Other inputs, joined: values one after the other, images side by side.
-        steps: What is done to it.
+        steps: Transforms, in order.
         dtype: Its type, or None to leave it.
         shape: Its shape, or None to leave it.
     """
@@ -47,14 +47,14 @@ class Input:
 
 
 class Request:
-    """How an observation becomes what a server is sent.
+    """Conversion of an observation to a request.
 
     Args:
         profile: Its tables ``inputs``, ``instruction`` and ``request``.
 
     Attributes:
         cameras: Whose images it needs.
-        seeded: Whether it carries the seed of the query.
+        seeded: True if it carries the seed of the query.
 
     Raises:
         AdapterError: A name or step does not exist.
@@ -89,7 +89,7 @@ class Request:
         """The request of a query.
 
         Args:
-            observation: What the world shows.
+            observation: The world's observation.
             query: The query.
             episode: The episode it belongs to.
             layout: Another request than that of the profile, with names of the same inputs.
@@ -126,7 +126,7 @@ class Request:
         return self.arrays(observation, there)
 
     def instruction(self, words: str) -> str:
-        """What the server is told to do."""
+        """Return the instruction for the server."""
         for step in self._text:
             words = step(words)
         return words
@@ -170,7 +170,7 @@ _QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = {
     "policy_seed": lambda query, episode: episode.seed,
     "max_steps": lambda query, episode: episode.max_steps,
 }
-"""What a request can name beside the inputs of its profile."""
+"""Names that a request can use beside the inputs of its profile."""
 
 
 def _input(name: str, table: Any) -> Input:

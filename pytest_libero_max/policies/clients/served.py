@@ -25,16 +25,16 @@ class ServedPolicy:
     """A policy behind a server, as the pair runner knows policies.
 
     Args:
-        spec: What it declares.
+        spec: Its declaration.
         request: Makes requests.
         reply: Reads replies.
         connect: Makes the client; told whom to tell what the server says about itself.
         adapt: Makes the layout of the request and the spec, of what the server said; None: as they are.
 
     Attributes:
-        greeting: What the server says about itself.
+        greeting: The server's description of itself.
         client: The connection, which counts interruptions.
-        batch_size: How many queries the server answered together with the last one; 1 where it does not say.
+        batch_size: Number of queries in the last answered batch; 1 where the server does not say.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class ServedPolicy:
 
     @property
     def waited_s(self) -> float:
-        """How long the server was waited for after interruptions, s."""
+        """Time spent waiting for the server after interruptions, s."""
         return self.client.waited_s
 
     def reset(self, episode: Episode) -> None:
@@ -75,7 +75,7 @@ class ServedPolicy:
         return self.client.ask(self.request(observation, query), self.read)
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """What the server is sent.
+        """Return the request.
 
         Raises:
             AdapterError: An input cannot be made.

@@ -15,7 +15,7 @@ FIRST_PAUSE_S = 0.25
 LONGEST_PAUSE_S = 5.0
 
 MOST_BAD_ANSWERS = 3
-"""So many answers to one query may be errors or useless before it is given up."""
+"""Errors or useless answers to one query before it is given up."""
 
 Answer = TypeVar("Answer")
 
@@ -58,15 +58,15 @@ class Client:
     is asked once by each later query until it answers again.
 
     Args:
-        name: How to name the server in messages.
+        name: Name of the server in messages.
         link: The connection.
-        patience_s: How long to wait for a server that cannot be reached.
+        patience_s: Longest time to wait for a server that cannot be reached.
         on_open: Told what the server says about itself, each time it is connected to.
         sleep: Waits some seconds.
 
     Attributes:
-        interruptions: How often a query had to be asked again.
-        waited_s: How long that took in all.
+        interruptions: Number of times that a query had to be asked again.
+        waited_s: Time spent on that, in all.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Client:
         """Ask, and read the reply.
 
         Args:
-            request: What the link sends.
+            request: The request.
             read: Turns the reply into an answer; a ``ServerError`` that it raises counts as a bad answer.
 
         Raises:

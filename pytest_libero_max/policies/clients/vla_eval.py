@@ -29,7 +29,7 @@ class VlaEvalLink:
     """A connection to a model server of vla-eval.
 
     Args:
-        address: Where it is.
+        address: Its address.
     """
 
     def __init__(self, address: Address) -> None:
@@ -100,7 +100,7 @@ class OneByOnePolicy(ServedPolicy):
     """A policy behind a server that may hand out the actions of a chunk one by one."""
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """What the server is sent, and how many actions are needed.
+        """Return the request and the number of actions needed.
 
         Raises:
             AdapterError: An input cannot be made.
@@ -116,7 +116,7 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
     Args:
         layout: The request of the profile: ``task``, and ``observation`` with all that may be asked for.
-        greeting: What the server says about itself.
+        greeting: The server's description of itself.
 
     Raises:
         ServerError: The greeting is damaged.
@@ -151,7 +151,7 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
 
 def returns_poses(greeting: Any) -> bool:
-    """Whether the server's greeting says that its actions are poses in the world.
+    """True if the server's greeting says that its actions are poses in the world.
 
     Raises:
         ServerError: The greeting is damaged.
@@ -161,7 +161,7 @@ def returns_poses(greeting: Any) -> bool:
 
 
 def _declared(greeting: Any) -> tuple[dict[Any, Any], dict[Any, Any]]:
-    """What a server asks for, and what it says about its actions."""
+    """Inputs that a server asks for, and its description of its actions."""
     return _flags(greeting, "observation_params"), _map(greeting, "action_spec")
 
 

@@ -1,4 +1,4 @@
-"""What the protocols over WebSockets have in common."""
+"""Common part of the protocols over WebSockets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
 
 OPEN_S = 20.0
-"""How long connecting may take."""
+"""Longest time to connect, s."""
 
 
 class Socket:

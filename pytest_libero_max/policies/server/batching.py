@@ -19,13 +19,13 @@ Answer = TypeVar("Answer")
 
 @dataclass(frozen=True)
 class Batching:
-    """How many queries are answered together.
+    """Number of queries that are answered together.
 
     Attributes:
         size: The most. 1: each query is answered alone.
-        wait_s: How long the first query of a batch waits for others, s. It does not wait when every
+        wait_s: Longest time that the first query of a batch waits for others, s. It does not wait when every
             client has asked.
-        pad: Whether a smaller batch is filled up with copies of its first query, so that the arithmetic
+        pad: True if a smaller batch is filled up with copies of its first query, so that the arithmetic
             always has the same shape.
 
     Raises:
@@ -50,8 +50,8 @@ class Waiting(Generic[Question, Answer]):
     """A question that waits.
 
     Attributes:
-        question: What is asked.
-        answer: Where the answer, or the error, is put.
+        question: The query.
+        answer: Future that receives the answer or the error.
         since: When it came, by ``time.perf_counter``.
     """
 
@@ -64,8 +64,8 @@ class Desk(Generic[Question, Answer]):
     """Takes questions from many threads, and has them answered in one.
 
     Args:
-        batching: How many are answered together.
-        present: How many clients there are: nobody else is waited for.
+        batching: Size of a batch and time to wait for one.
+        present: Returns the number of clients: nobody else is waited for.
         answer: Answers some questions by setting their futures, each of them.
     """
 

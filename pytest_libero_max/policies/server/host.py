@@ -1,4 +1,4 @@
-"""What stands behind a server's connections: the policy, when it is asked, and what it remembers."""
+"""The host behind a server's connections: the policy, when it is asked, and its memories."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Question:
     """A query on its way to the policy.
 
     Attributes:
-        item: What the policy is shown and told.
-        place: Where in an episode it stands; None for a policy without memory.
+        item: Observation and query for the policy.
+        place: Its place in an episode; None for a policy without memory.
         cadence: H and Q that the policy declares while it answers; None for its own.
         frames: For a policy that sees every step: what the world showed since the last query, with the step.
     """
@@ -52,11 +52,11 @@ class Question:
 
 @dataclass(frozen=True)
 class Answer:
-    """What comes back.
+    """Answer to a question.
 
     Attributes:
         actions: (n, 7) with Q <= n <= H.
-        batch: How many queries were answered together.
+        batch: Number of queries that were answered together.
         memory: Name of what the policy remembers after it; None for a policy without memory.
     """
 
@@ -73,9 +73,9 @@ class Host:
 
     Args:
         policy: A checked policy that reads no simulator.
-        revision: What tells its weights or code from others, where its spec says nothing.
-        batching: How many queries are answered together.
-        metrics: What counts; None to count nothing.
+        revision: Identity of its weights or code, where its spec says nothing.
+        batching: Number of queries that are answered together.
+        metrics: Counters; None to count nothing.
 
     Raises:
         AdapterError: The policy reads the simulator, remembers what it cannot copy, or cannot answer several
@@ -124,22 +124,22 @@ class Host:
 
     @property
     def spec(self) -> PolicySpec:
-        """What the policy declares, with the revision."""
+        """The policy's declaration, with the revision."""
         return PolicySpec(**{**self._policy.spec.to_dict(), "revision": self._revision})
 
     @property
     def remembers(self) -> bool:
-        """Whether the policy has a memory, so that every question needs a place."""
+        """True if the policy has a memory, so that every question needs a place."""
         return self._memories is not None
 
     @property
     def sees(self) -> bool:
-        """Whether the policy is shown every step, so that a question holds those since the last one."""
+        """True if the policy is shown every step, so that a question holds those since the last one."""
         return sees(self._policy)
 
     @property
     def batching(self) -> Batching:
-        """How many queries are answered together."""
+        """Number of queries that are answered together."""
         return self._batching
 
     def open(self) -> AbstractContextManager[None]:

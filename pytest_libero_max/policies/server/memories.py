@@ -1,4 +1,4 @@
-"""What a policy remembers of each client's episode, between the queries of the others.
+"""Memories of a policy of each client's episode, between the queries of the others.
 
 A memory never leaves the server. A client names the one that its query begins with, and gets the name of the
 one after it; so it can ask a query again, and go back to any memory that it has kept.
@@ -15,7 +15,7 @@ from typing import Any
 from pytest_libero_max.errors import ServerError
 
 MOST_KEPT = 64
-"""So many memories a client may keep."""
+"""Number of memories that a client may keep."""
 
 FORGOTTEN_AFTER_S = 3600.0
 """A client that has not asked for so long is forgotten."""
@@ -23,7 +23,7 @@ FORGOTTEN_AFTER_S = 3600.0
 
 @dataclass(frozen=True)
 class Place:
-    """Where in an episode a query stands.
+    """Place of a query in an episode.
 
     Attributes:
         client: The client's name for itself.

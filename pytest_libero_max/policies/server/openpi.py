@@ -114,7 +114,7 @@ def _cadence(request: Any) -> tuple[int, int] | None:
 
 
 def _frames(request: Any) -> tuple[tuple[Observation, int], ...]:
-    """What a policy that sees every step has to be shown first.
+    """Steps that a policy that sees every step has to be shown first.
 
     Raises:
         ServerError: They are no list of maps with an observation and a step.

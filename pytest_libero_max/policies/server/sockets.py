@@ -37,10 +37,10 @@ def serving(
     """Serve in threads until the block ends.
 
     Args:
-        host: What answers.
+        host: The host that answers.
         name: Name or number of the interface.
         port: TCP port; 0 for any.
-        token: What clients must know, sent as ``Authorization: Api-Key TOKEN`` or ``Bearer TOKEN``; None to
+        token: Secret that clients must send, as ``Authorization: Api-Key TOKEN`` or ``Bearer TOKEN``; None to
             answer everybody.
 
     Yields:
@@ -110,7 +110,7 @@ def _metrics(connection: ServerConnection, host: Host) -> Response:
 
 
 def _knows(sent: list[str], token: str) -> bool:
-    """Whether one of the headers holds the token; takes the same time for every wrong one."""
+    """True if one of the headers holds the token; takes the same time for every wrong one."""
     accepted = [f"{scheme} {token}".encode() for scheme in ("Api-Key", "Bearer")]
     return any(
         hmac.compare_digest(header.encode("utf-8", "surrogateescape"), known)

@@ -47,7 +47,7 @@ class Session:
     """One connection of a harness, which plays one episode after another.
 
     Args:
-        host: What answers.
+        host: The host that answers.
     """
 
     def __init__(self, host: Host) -> None:
@@ -61,7 +61,7 @@ class Session:
         self._memory: str | None = None
 
     def greeting(self) -> dict[str, Any]:
-        """What the server says about itself.
+        """The server's description of itself.
 
         Raises:
             AdapterError: The policy is shown every step.

@@ -18,7 +18,7 @@ from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.transforms.states import Array
 
 Rule = Literal["quantiles", "bounds", "mean"]
-"""What a normalised 1 and -1 mean: the 99th and 1st percentile, the largest and smallest value, or one
+"""Meaning of a normalised 1 and -1: the 99th and 1st percentile, the largest and smallest value, or one
 standard deviation from the mean."""
 
 _KEYS: Mapping[Rule, tuple[str, str]] = {
@@ -97,7 +97,7 @@ def pose_from_rotation_6d(actions: Array) -> Array:
 
 @dataclass(frozen=True)
 class Statistics:
-    """How a model's actions were normalised.
+    """Normalisation of a model's actions.
 
     Attributes:
         low: (d,) what -1 means; the mean for the rule ``mean``.

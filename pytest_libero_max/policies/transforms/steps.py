@@ -1,4 +1,4 @@
-"""The names by which profiles call the pieces."""
+"""The names by which profiles call the transforms."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ INPUT_STEPS: Mapping[str, Callable[..., Any]] = {
     "first": states.first,
     "entry": states.entry,
 }
-"""What may be done to an observation."""
+"""Transforms of an observation."""
 
 TEXT_STEPS: Mapping[str, Callable[..., str]] = {
     "lower": str.lower,
@@ -60,7 +60,7 @@ TEXT_STEPS: Mapping[str, Callable[..., str]] = {
     "replace": _replace,
     "template": _template,
 }
-"""What may be done to an instruction."""
+"""Transforms of an instruction."""
 
 ACTION_STEPS: Mapping[str, Callable[..., Any]] = {
     "first_columns": actions.first_columns,
@@ -73,7 +73,7 @@ ACTION_STEPS: Mapping[str, Callable[..., Any]] = {
     "gripper_flag_below_half": actions.gripper_flag_below_half,
     "pose_from_rotation_6d": actions.pose_from_rotation_6d,
 }
-"""What may be done to the actions of a reply."""
+"""Transforms of the actions of a reply."""
 
 NEEDS_ARGUMENT = frozenset(
     name
@@ -89,7 +89,7 @@ class Step:
     """One piece with its argument.
 
     Attributes:
-        name: How a profile calls it.
+        name: Its name in a profile.
         apply: The piece.
         arguments: None or one.
     """
@@ -121,8 +121,8 @@ def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str
 
     Args:
         values: ``["rotate_180", {"resize_with_pad": 224}]``.
-        known: The pieces that may be used here.
-        where: How to name the place in an error.
+        known: The transforms that may be used here.
+        where: Name of the place in an error.
 
     Raises:
         AdapterError: Something else; suggests the closest name.
