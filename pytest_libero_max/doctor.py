@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
 from pytest_libero_max.machine import GIB, WORKER_BYTES, available_bytes, free_disk_bytes, memory_bytes
-from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 

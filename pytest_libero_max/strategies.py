@@ -144,7 +144,7 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
     """
     from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
     from pytest_libero_max.events.registry import eligible_events
-    from pytest_libero_max.substrates.lookup import variation_metadata
+    from pytest_libero_max.substrates.variation import variation_metadata
 
     variation = draw(source_variations(source))
     event = draw(st.sampled_from(eligible_events(variation_metadata(variation))))
@@ -276,7 +276,7 @@ def scripted_policies(
 
 
 def _catalogue(source: str) -> SearchStrategy[Variation]:
-    from pytest_libero_max.substrates.lookup import catalogue
+    from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 
     return st.sampled_from(catalogue(source))
 

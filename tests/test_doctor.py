@@ -6,7 +6,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.doctor import diagnose
-from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.libero import installation
 from pytest_libero_max.worlds.versions import version_notes
 from tests.substrates.libero.test_installation import checkout

@@ -20,7 +20,7 @@ from pytest_libero_max.policies.contract import (
     RemembersPolicy,
     query_seed,
 )
-from pytest_libero_max.substrates.lookup import variation_of
+from pytest_libero_max.substrates.embedded.catalogue.lookup import variation_of
 from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.worlds.contract import Entity, Observation
 

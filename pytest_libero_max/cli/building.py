@@ -145,7 +145,7 @@ def _add_examination(command: argparse.ArgumentParser) -> None:
 
 
 def _catalogue(options: argparse.Namespace) -> None:
-    from pytest_libero_max.substrates.lookup import count_lines
+    from pytest_libero_max.construction.configurations import count_lines
 
     print("\n".join(count_lines()))
 
@@ -158,7 +158,6 @@ def _gallery(options: argparse.Namespace) -> None:
     )
     from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet
     from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
-    from pytest_libero_max.substrates.lookup import variation_of
 
     if options.substrate != "embedded":
         _genuine_gallery(options)
@@ -166,7 +165,7 @@ def _gallery(options: argparse.Namespace) -> None:
     with Work() as work:
         work.show("scenes.png")
         write_contact_sheet(options.folder / "scenes.png")
-        substrate = EmbeddedSubstrate(variation_of)
+        substrate = EmbeddedSubstrate()
         sheets: dict[Path, Callable[[Path, EmbeddedSubstrate], None]] = {
             options.folder / "events.jpg": write_event_sheet,
             options.folder / "plus.png": write_plus_sheet,
@@ -185,7 +184,7 @@ def _gallery(options: argparse.Namespace) -> None:
 def _genuine_gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.tracks import genuine_name
     from pytest_libero_max.construction.sheets import write_event_sheet
-    from pytest_libero_max.substrates.opening import open_substrate
+    from pytest_libero_max.substrates.registry import open_substrate
 
     if options.page_pictures is not None:
         raise OptionError("--page-pictures are those of the embedded scenes. Leave out --substrate.")
@@ -199,9 +198,9 @@ def _genuine_gallery(options: argparse.Namespace) -> None:
 
 
 def _eligibility(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.configurations import EMBEDDED, eligibility_lines
+    from pytest_libero_max.construction.configurations import OWN, eligibility_lines
 
-    origin = EMBEDDED if options.substrate == "embedded" else _installed_catalogue(options)
+    origin = OWN if options.substrate == "embedded" else _installed_catalogue(options)
     print("\n".join(eligibility_lines(origin)))
 
 
@@ -334,7 +333,7 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
     from pytest_libero_max.benchmark.tracks import is_manifest_path, track_path
     from pytest_libero_max.construction.case_text import case_lines, find_case, write_event_pictures
     from pytest_libero_max.construction.release import read_certificates
-    from pytest_libero_max.substrates.opening import open_substrate
+    from pytest_libero_max.substrates.registry import open_substrate
 
     case, name = find_case(manifest, options.case), options.cases
     certificates = {} if is_manifest_path(name) else read_certificates(track_path(name).parent)

@@ -43,8 +43,8 @@ def _check(options: argparse.Namespace) -> int:
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.policies.model_inputs import model_inputs, picture_sheet
     from pytest_libero_max.policies.transforms.images import png_file
-    from pytest_libero_max.substrates.kind import SubstrateOptions
-    from pytest_libero_max.substrates.opening import open_substrate
+    from pytest_libero_max.substrates.contract import SubstrateOptions
+    from pytest_libero_max.substrates.registry import open_substrate
 
     policy = load_policy(
         options.policy,

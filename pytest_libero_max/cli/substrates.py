@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from pytest_libero_max.substrates.kind import SubstrateOptions
+    from pytest_libero_max.substrates.contract import SubstrateOptions
 
 
 def add_libero(command: argparse.ArgumentParser) -> None:
@@ -39,7 +39,7 @@ def add_substrate(command: argparse.ArgumentParser) -> None:
 
 def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
     """What :func:`add_libero` or :func:`add_substrate` was told."""
-    from pytest_libero_max.substrates.kind import SubstrateOptions
+    from pytest_libero_max.substrates.contract import SubstrateOptions
 
     variations: Literal["installed", "own"] = getattr(options, "source_variations", "installed")
     return SubstrateOptions(tuple(options.libero), options.libero_assets, variations=variations)

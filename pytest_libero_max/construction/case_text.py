@@ -16,7 +16,8 @@ from pytest_libero_max.errors import LiberoMaxError, OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.policies.transforms.images import png_file
 from pytest_libero_max.report.writers.files import make_folder, write_bytes
-from pytest_libero_max.substrates.lookup import variation_metadata, variation_of
+from pytest_libero_max.substrates.registry import own_variation
+from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import CAMERAS, Image, World
 
@@ -134,7 +135,7 @@ def _instruction(case: Case) -> str:
     try:
         if case.source == "libero":
             return f"{task_metadata(case.suite, case.task_index).language} (the task's own)"
-        return f"{variation_metadata(variation_of(case)).language} (the variation's own)"
+        return f"{variation_metadata(own_variation(case)).language} (the variation's own)"
     except LiberoMaxError:
         return "the task's own"
 
@@ -143,7 +144,7 @@ def _scene(case: Case) -> str:
     if case.source == "libero":
         return "as in LIBERO"
     try:
-        variation = variation_of(case)
+        variation = own_variation(case)
     except LiberoMaxError as error:
         return f"not an embedded one: {error}"
     parts = [f"{name} {json.dumps(value)}" for name, value in variation.scene.items()]

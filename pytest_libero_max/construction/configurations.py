@@ -3,55 +3,26 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable
 from functools import cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.substrates.lookup import catalogue, variation_metadata
-from pytest_libero_max.substrates.variation import Variation
+from pytest_libero_max.substrates.contract import Catalogue
+from pytest_libero_max.substrates.registry import own_catalogue
+from pytest_libero_max.substrates.variation import Variation, digest_of
 from pytest_libero_max.tasks.contents import TaskMetadata
+from pytest_libero_max.tasks.libero_tasks import SUITES
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 PRO_STATES = 10
 """Initial states of a LIBERO-PRO task; LIBERO-Plus has one, number 0."""
 
 
-class Catalogue(Hashable, Protocol):
-    """Origin of variations: the embedded scenes, or an installation."""
-
-    def variations(self, source: str) -> tuple[Variation, ...]:
-        """Every variation of ``plus`` or ``pro``, in order."""
-        ...
-
-    def metadata(self, variation: Variation) -> TaskMetadata:
-        """Return the contents of a variation's scene."""
-        ...
-
-    def variant(self, variation: Variation) -> Json | None:
-        """Return the manifest's ``substrate_variant`` of it, if any."""
-        ...
-
-
-class _Embedded:
-    """The package's own catalogues."""
-
-    def variations(self, source: str) -> tuple[Variation, ...]:
-        return catalogue(source)
-
-    def metadata(self, variation: Variation) -> TaskMetadata:
-        return variation_metadata(variation)
-
-    def variant(self, variation: Variation) -> Json | None:
-        return None
-
-
-EMBEDDED: Catalogue = _Embedded()
+OWN: Catalogue = own_catalogue()
+"""The default: this package's own variations."""
 
 
 class Cell(NamedTuple):
@@ -70,7 +41,7 @@ class Configuration(NamedTuple):
 
     variation: Variation
     init: int
-    catalogue: Catalogue = EMBEDDED
+    catalogue: Catalogue = OWN
 
     @property
     def identity(self) -> Identity:
@@ -107,7 +78,7 @@ def cell_of(case: Case) -> Cell:
 
 @cache
 def hosts(
-    source: str, category: str, origin: Catalogue = EMBEDDED
+    source: str, category: str, origin: Catalogue = OWN
 ) -> tuple[tuple[Variation, frozenset[str]], ...]:
     """The variations of a source category, each with the events that its scene can host.
 
@@ -125,7 +96,34 @@ def _events_of(task: TaskMetadata) -> frozenset[str]:
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
 
 
-def eligibility_lines(origin: Catalogue = EMBEDDED) -> list[str]:
+def count_lines(origin: Catalogue = OWN) -> list[str]:
+    """Lines of a command: variations by category, suite and difficulty, and the catalogues' digests."""
+    plus = origin.variations("plus")
+    counts = Counter((variation.category, variation.suite, variation.difficulty) for variation in plus)
+    levels: tuple[int | None, ...] = (1, 2, 3, 4, 5, None)
+    head = "".join(f"{'none' if level is None else f'd{level}':>6}" for level in levels)
+    lines = [f"{'category':<24}{'suite':<16}{head}{'total':>7}"]
+    groups = [*((category, suite) for category in PLUS_CATEGORIES for suite in (*SUITES, None)), (None, None)]
+    for category, suite in groups:
+        row = [
+            sum(
+                count
+                for (one, other, found), count in counts.items()
+                if category in (one, None) and suite in (other, None) and found == level
+            )
+            for level in levels
+        ]
+        numbers = "".join(f"{number:>6}" for number in row)
+        lines.append(f"{category or 'all':<24}{suite or 'all':<16}{numbers}{sum(row):>7}")
+    pro = origin.variations("pro")
+    lines.append(f"LIBERO-Plus: {len(plus)} variations, digest {digest_of(plus)}")
+    lines.append(
+        f"LIBERO-PRO: {len(pro)} variations in {len(PRO_CATEGORIES)} categories, digest {digest_of(pro)}"
+    )
+    return lines
+
+
+def eligibility_lines(origin: Catalogue = OWN) -> list[str]:
     """Lines on the number of variations of each source category that can host each event."""
     lines = [
         f"{'category':<30}{'tasks':>7}" + "".join(f"{event.split('_')[0]:>12}" for event in BENCHMARK_EVENTS)

@@ -24,15 +24,14 @@ from pytest_libero_max.machine import return_large_blocks
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.substrates.contract import Substrate
 from pytest_libero_max.substrates.libero.plus import base_name
-from pytest_libero_max.substrates.lookup import catalogue, variation_of
-from pytest_libero_max.substrates.opening import open_substrate
+from pytest_libero_max.substrates.registry import open_substrate, own_catalogue, own_variation
 from pytest_libero_max.substrates.variation import digest_of
-from pytest_libero_max.worlds.contract import Substrate
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 if TYPE_CHECKING:
-    from pytest_libero_max.substrates.kind import SubstrateOptions
+    from pytest_libero_max.substrates.contract import SubstrateOptions
 
 BATCH = 12
 """Cases that a process takes at a time: neighbours share scenes."""
@@ -224,7 +223,7 @@ def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions 
     return canonical_digest(
         {
             "versions": dict(open_substrate(substrate, options).fingerprint()),
-            "catalogues": [digest_of(catalogue(source)) for source in ("plus", "pro")],
+            "catalogues": [digest_of(own_catalogue().variations(source)) for source in ("plus", "pro")],
             "expert": None if expert is None else adapter_digest(expert),
             "code": code_digest(examining_code(Path(__file__).parents[1])),
         }
@@ -253,7 +252,7 @@ def scene_order(substrate: str, options: SubstrateOptions | None) -> Callable[[C
 def _scene(case: Case) -> tuple[Any, ...]:
     if case.source == "libero":
         return case.suite, case.task_index, "", case.case_id
-    variation = variation_of(case)
+    variation = own_variation(case)
     return case.suite, variation.base_index, json.dumps(variation.scene, sort_keys=True), case.case_id
 
 

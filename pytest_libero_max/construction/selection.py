@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.construction.configurations import (
-    EMBEDDED,
+    OWN,
     PRO_STATES,
-    Catalogue,
     Cell,
     Configuration,
     hosts,
@@ -32,9 +31,9 @@ from pytest_libero_max.construction.configurations import (
 from pytest_libero_max.construction.matching import Shortage, fill
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.substrates.contract import Catalogue
 from pytest_libero_max.substrates.variation import Variation
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 PLUS_PER_CELL, PRO_PER_CELL = 50, 15
 LEVELS = 5
@@ -50,11 +49,11 @@ class Pool(NamedTuple):
         sampler: Name of the random draws that decide between equally good selections.
     """
 
-    catalogue: Catalogue = EMBEDDED
+    catalogue: Catalogue = OWN
     sampler: str = SAMPLER
 
 
-EMBEDDED_POOL = Pool()
+OWN_POOL = Pool()
 
 Places = dict[str, tuple[Cell, Configuration]]
 """Cell and configuration by case id."""
@@ -71,7 +70,7 @@ def cells_of(category: str) -> tuple[Cell, ...]:
     return tuple(Cell(category, event, draw) for event, draw in product(BENCHMARK_EVENTS, (0, 1)))
 
 
-def select(examine: Examine, pool: Pool = EMBEDDED_POOL) -> tuple[Case, ...]:
+def select(examine: Examine, pool: Pool = OWN_POOL) -> tuple[Case, ...]:
     """Choose all 8,000 cases, and replace those that fail until none does.
 
     Args:
@@ -100,7 +99,7 @@ def select(examine: Examine, pool: Pool = EMBEDDED_POOL) -> tuple[Case, ...]:
         passed |= {case.case_id: case for case in new if case.case_id not in failed_now}
 
 
-def propose(kept: Places, failed: Collection[str], pool: Pool = EMBEDDED_POOL) -> Places:
+def propose(kept: Places, failed: Collection[str], pool: Pool = OWN_POOL) -> Places:
     """Fill every cell.
 
     Args:

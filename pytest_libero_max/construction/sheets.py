@@ -9,7 +9,8 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.construction.case_text import event_pictures
 from pytest_libero_max.construction.preflight import approach
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.worlds.contract import CAMERAS, Image, Substrate
+from pytest_libero_max.substrates.contract import Substrate
+from pytest_libero_max.worlds.contract import CAMERAS, Image
 from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
 
 ORIGINAL = "original"

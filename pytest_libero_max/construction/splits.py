@@ -12,8 +12,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 SUBSTRATE = "pytest-libero-max embedded"
 BENCHMARK, VERSION = "libero-max-embedded", "2.0.0"

@@ -42,9 +42,8 @@ from pytest_libero_max.construction.selection import (
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES as PLUS_CATEGORIES
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
-from pytest_libero_max.substrates.lookup import variation_of
+from pytest_libero_max.substrates.registry import own_variation
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 
 def verify(folder: Path) -> list[str]:
@@ -142,7 +141,7 @@ def _require_own_names(case: Case) -> None:
 
 def _require_identity(case: Case) -> None:
     try:
-        configuration = Configuration(variation_of(case), case.init_state_index)
+        configuration = Configuration(own_variation(case), case.init_state_index)
     except SubstrateError as error:
         raise ManifestError(str(error)) from error
     category = configuration.variation.category

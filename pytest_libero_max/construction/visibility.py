@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.lookup import variation_metadata, variation_of
+from pytest_libero_max.substrates.registry import own_variation
+from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import owner, task_metadata
 from pytest_libero_max.worlds.contract import CAMERAS, World
 from pytest_libero_max.worlds.privileged import PrivilegedWorld
@@ -84,7 +85,7 @@ def _roles(world: World, case: Case) -> dict[str, str]:
         if case.source == "libero":
             task = task_metadata(case.suite, case.task_index)
         else:
-            task = variation_metadata(variation_of(case))
+            task = variation_metadata(own_variation(case))
     except SubstrateError:  # a case of other catalogues, whose goal is not known here
         return roles
     if task.primary_receptacle is not None:

@@ -18,7 +18,7 @@ from pytest_libero_max.benchmark.array_files import read_arrays
 from pytest_libero_max.demos.episodes import Demonstration, Planned, record
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.substrates.opening import open_substrate
+from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 EPISODES = "episodes"

@@ -19,9 +19,9 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, film_name
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
-from pytest_libero_max.substrates.kind import SubstrateOptions
-from pytest_libero_max.substrates.opening import open_substrate
-from pytest_libero_max.worlds.contract import CONTROL_HZ, Substrate, World
+from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
+from pytest_libero_max.substrates.registry import open_substrate
+from pytest_libero_max.worlds.contract import CONTROL_HZ, World
 
 SIZE_PX = 256
 """Side of a picture in a film, unless another is asked for."""

@@ -14,7 +14,7 @@ from pytest_libero_max.errors import LiberoMaxError, OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
-    from pytest_libero_max.substrates.kind import SubstrateOptions
+    from pytest_libero_max.substrates.contract import SubstrateOptions
 
 GENERAL_TRACK = "smoke"
 """The default."""
@@ -55,9 +55,9 @@ def require_fit(case_set: str, cases: Sequence[Case], substrate: str, options: S
         OptionError: Some of them lack something; says what, how many, and which track fits.
         SubstrateError: A genuine installation is missing.
     """
-    from pytest_libero_max.substrates.opening import lacking
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    found = lacking(substrate, cases, options)
+    found = SUBSTRATES[substrate].lacking(options, cases)
     if not found:
         return
     others = len(cases) - len(found)
@@ -77,9 +77,9 @@ def fitting_cases(
         OptionError: There is none.
         SubstrateError: A genuine installation is missing.
     """
-    from pytest_libero_max.substrates.opening import lacking
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    found = lacking(substrate, cases, options)
+    found = SUBSTRATES[substrate].lacking(options, cases)
     fit = tuple(case for case in cases if case.case_id not in found)
     if not fit:
         raise OptionError(f"{_refusal(case_set, cases, substrate, options, found)}.")
@@ -116,9 +116,9 @@ def _fitting(substrate: str, options: SubstrateOptions) -> list[str]:
 
 def _fits(name: str, substrate: str, options: SubstrateOptions) -> bool:
     from pytest_libero_max.benchmark.tracks import load_track
-    from pytest_libero_max.substrates.opening import lacking
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
     try:
-        return not lacking(substrate, load_track(name).cases, options)
+        return not SUBSTRATES[substrate].lacking(options, load_track(name).cases)
     except LiberoMaxError:  # no LIBERO is installed, which is said elsewhere
         return False

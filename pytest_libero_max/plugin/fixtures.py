@@ -25,7 +25,8 @@ from pytest_libero_max.report.writers.junit import properties
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.prefix import BranchPoint
     from pytest_libero_max.policies.contract import Policy
-    from pytest_libero_max.worlds.contract import Substrate, World
+    from pytest_libero_max.substrates.contract import Substrate
+    from pytest_libero_max.worlds.contract import World
 
 
 @pytest.fixture(scope="session")
@@ -70,7 +71,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
 @pytest.fixture(scope="session")
 def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     """What builds the worlds; every scene is built once a worker."""
-    from pytest_libero_max.substrates.opening import open_substrate
+    from pytest_libero_max.substrates.registry import open_substrate
 
     substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
     yield substrate

@@ -17,7 +17,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.timeouts import Limits
 from pytest_libero_max.runs.media import FILM_SELECTIONS
-from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
 if TYPE_CHECKING:

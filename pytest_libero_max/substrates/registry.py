@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.registry import Registry, modules_in
-from pytest_libero_max.substrates.kind import SubstrateKind, SubstrateOptions
+from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.substrates.variation import Variation
 
 ENTRY_POINT_GROUP = "pytest_libero_max.substrates"
+
+DEFAULT = "embedded"
+"""The substrate that is used unless another is asked for. The source variations of its catalogue are this
+package's own; other substrates play them with ``--libero-max-source-variations=own``."""
 
 SEMANTICS = ("published", "corrected")
 """``published`` keeps the defects of the authors' event code, since published numbers contain them."""
@@ -45,6 +53,33 @@ def _accept(name: str, found: object) -> SubstrateKind:
 
 SUBSTRATES: Registry[SubstrateKind] = Registry("substrate", ENTRY_POINT_GROUP, _own, _accept, SubstrateError)
 """Every substrate by name. A folder of this package is one if it has a module ``kind`` with a ``KIND``."""
+
+
+def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
+    """Open the substrate called ``name``.
+
+    Args:
+        name: One of :data:`SUBSTRATES`.
+        options: The options that it is given; by default, none.
+
+    Raises:
+        SubstrateError: There is none of that name, or it cannot be opened.
+    """
+    return SUBSTRATES[name].open(options or SubstrateOptions())
+
+
+def own_catalogue() -> Catalogue:
+    """Return the catalogue of this package's own source variations."""
+    return SUBSTRATES[DEFAULT].catalogue(SubstrateOptions())
+
+
+def own_variation(case: Case) -> Variation:
+    """Return the source variation of this package's own that a case of LIBERO-Plus or LIBERO-PRO plays.
+
+    Raises:
+        SubstrateError: The case names none of them: it belongs to the genuine LIBERO-Plus or LIBERO-PRO.
+    """
+    return SUBSTRATES[DEFAULT].variation_of(case)
 
 
 def describe_substrate(name: str, options: SubstrateOptions | None = None) -> dict[str, Any]:

@@ -1,15 +1,16 @@
-"""One source variation as data, and the hash draws that catalogues are made of."""
+"""A source variation as data, what its scene contains, and the hash draws that catalogues are made of."""
 
 from __future__ import annotations
 
 import hashlib
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from pytest_libero_max.benchmark.cases import Source
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
+from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata, owner, task_metadata
 from pytest_libero_max.worlds.contract import World
 
 Item = TypeVar("Item")
@@ -28,7 +29,7 @@ class Variation:
         category: Category of the source.
         kind: Which kind of variation within the category; a note.
         difficulty: 1 to 5, or None.
-        scene: How the compiled scene differs, as :class:`~.worlds.embedded.remodel.Remodel` reads it.
+        scene: How the compiled scene differs, as :class:`~.embedded.remodel.Remodel` reads it.
         changes: Changes at reset, in order, as a manifest spells them.
     """
 
@@ -73,6 +74,60 @@ class Variation:
             "scene": self.scene,
             "changes": list(self.changes),
         }
+
+
+def variation_metadata(variation: Variation) -> TaskMetadata:
+    """Contents of the scene of a variation, as far as the choice of an event depends on them."""
+    task = task_metadata(variation.suite, variation.base_index)
+    for old, new, category in variation.scene.get("recast", ()):
+        task = _recast(task, old, new, category)
+    surface = next(name for name, kind in task.fixtures.items() if kind == "floor" or "table" in kind)
+    for name, category in variation.scene.get("extras", ()):
+        placement = InitialPlacement("On", f"{surface}_{name}_region", surface)
+        task = replace(
+            task,
+            objects={**task.objects, name: category},
+            placements={**task.placements, name: placement},
+            # What LIBERO-PRO adds hides the target, and no event may take it away.
+            reserved=task.reserved | {name} if variation.source == "pro" else task.reserved,
+        )
+    for change in variation.changes:
+        if change["operation"] == "put_object":
+            placement = InitialPlacement("On", f"{change['onto']}_put_region", change["onto"])
+            if change["object"] != change.get("relative_to"):
+                task = replace(task, placements={**task.placements, change["object"]: placement})
+        elif change["operation"] in ("set_instruction", "set_task"):
+            task = replace(task, language=change["instruction"])
+            if "goal" in change:
+                goal = tuple(Relation(word.capitalize(), tuple(names)) for word, *names in change["goal"])
+                named = {task.entity_of(name) for relation in goal for name in relation.arguments}
+                task = replace(
+                    task, goal=goal, objects_of_interest=frozenset(name for name in named if name is not None)
+                )
+    return replace(task, name=variation.name)
+
+
+def _recast(task: TaskMetadata, old: str, new: str, category: str) -> TaskMetadata:
+    def name(text: str) -> str:
+        owned = owner(text, [*task.objects, *task.fixtures]) == old
+        return new + text[len(old) :] if owned else text
+
+    def support(placement: InitialPlacement) -> str | None:
+        return None if placement.support is None else name(placement.support)
+
+    return replace(
+        task,
+        objects={name(key): category if key == old else kind for key, kind in task.objects.items()},
+        fixtures={name(key): category if key == old else kind for key, kind in task.fixtures.items()},
+        objects_of_interest=frozenset(name(one) for one in task.objects_of_interest),
+        goal=tuple(
+            Relation(fact.predicate, tuple(name(one) for one in fact.arguments)) for fact in task.goal
+        ),
+        placements={
+            name(key): InitialPlacement(placement.predicate, name(placement.region), support(placement))
+            for key, placement in task.placements.items()
+        },
+    )
 
 
 def digest_of(variations: Iterable[Variation]) -> str:

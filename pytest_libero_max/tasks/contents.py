@@ -133,7 +133,7 @@ def owner(name: str, entities: Iterable[str]) -> str | None:
 
 
 def task_metadata(suite: str, index: int) -> TaskMetadata:
-    """What an unmodified LIBERO task contains, from the embedded substrate's task table.
+    """Contents of an unmodified LIBERO task, from the table of tasks.
 
     The objects of interest are the goal's entities, as LIBERO marks them in these suites.
 

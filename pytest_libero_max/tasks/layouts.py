@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Arena = Literal["tabletop", "floor", "kitchen", "living_room", "study"]
-"""Names of :data:`.arenas.ARENAS`."""
+"""The rooms that LIBERO's scenes are in."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from functools import cache
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.tasks.layouts import LAYOUTS, Arena
-from pytest_libero_max.worlds.privileged import Fact as Fact
+from pytest_libero_max.worlds.privileged import Fact
 
 Box = tuple[float, float, float, float]
 
@@ -95,7 +95,7 @@ _TABLE_PLACES: dict[str, Box] = {
     "table_center": (-0.10, -0.01, -0.05, 0.01),
     "table_front": _square(0.20, 0.0, 0.01),
 }
-# LIBERO turns the cabinet by 2.661 to 2.724 rad; the scenes here take the middle.
+# LIBERO turns the cabinet by 2.661 to 2.724 rad; this is the middle.
 _CABINET_YAW = 2.6928
 
 _STOVE, _CABINET_TOP, _DRAWER = (
@@ -373,7 +373,7 @@ _SUITES = {
 }
 
 SUITES = tuple(_SUITES)
-"""The suites whose scenes exist."""
+"""The suites in the order of every table."""
 
 
 @cache
@@ -381,12 +381,11 @@ def task(suite: str, index: int) -> Task:
     """A task by suite and benchmark index.
 
     Raises:
-        SubstrateError: The suite is not built here, or has no such task.
+        SubstrateError: The suite is none of :data:`SUITES`, or has no such task.
     """
     if suite not in _SUITES:
         raise SubstrateError(
-            f"suite={suite!r} has no embedded scenes; use the libero substrate for it. "
-            f"{did_you_mean(suite, SUITES)}"
+            f"suite={suite!r} is not one of those whose tasks are known here. {did_you_mean(suite, SUITES)}"
         )
     build, count = _SUITES[suite]
     if not 0 <= index < count:

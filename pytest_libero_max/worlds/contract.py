@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import mujoco
 
-    from pytest_libero_max.benchmark.cases import Case
-
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 ImageSize = int | tuple[int, int]
@@ -378,50 +376,3 @@ class World(Protocol):
     def close(self) -> None:
         """Give back GL contexts and memory. The world cannot be used afterwards."""
         ...
-
-
-class SourceVariation(Protocol):
-    """A source variation of a task: what a substrate has to build, and what it does to a world at reset."""
-
-    @property
-    def key(self) -> str:
-        """Stable and unique, for example ``plus/libero_spatial/0007``."""
-        ...
-
-    @property
-    def suite(self) -> str: ...
-
-    @property
-    def base_index(self) -> int:
-        """Index of the unmodified task in its suite, 0 to 9."""
-        ...
-
-    @property
-    def scene(self) -> Mapping[str, Any]:
-        """How the compiled scene differs from that of the unmodified task, as plain JSON values."""
-        ...
-
-    def apply(self, world: World) -> None:
-        """Make the variation's changes to a world that has just been reset."""
-        ...
-
-
-class Substrate(Protocol):
-    """Builds worlds and keeps them for reuse."""
-
-    @property
-    def name(self) -> str: ...
-
-    def world(self, case: Case) -> World:
-        """The world that plays ``case``: built on first use, shared by every case of the same scene.
-
-        Raises:
-            SubstrateError: The substrate cannot build this case; the message says what it lacks.
-        """
-        ...
-
-    def fingerprint(self) -> Mapping[str, str]:
-        """What could change a result: package versions, a digest of the assets, the GL backend."""
-        ...
-
-    def close(self) -> None: ...

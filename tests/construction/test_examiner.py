@@ -24,7 +24,7 @@ from pytest_libero_max.construction.preflight import Preflight, Problem
 from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.experts import noop
-from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from tests.construction.test_preflight import case_of, insertion, move
 
 NOOP = Path(noop.__file__)

@@ -15,7 +15,7 @@ from pytest_libero_max.construction.release import read_certificates, read_rejec
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, resolve_event
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.substrates.opening import open_substrate
+from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.tasks.contents import task_metadata
 
 

@@ -16,7 +16,7 @@ from pytest_libero_max.construction.preflight import preflight
 from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
-from pytest_libero_max.substrates.opening import open_substrate
+from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 
 WORLD = TinyWorld()

@@ -21,7 +21,7 @@ from pytest_libero_max.policies.contract import Policy, Query
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
-from pytest_libero_max.substrates.lookup import variation_metadata
+from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.tasks.libero_tasks import SUITES
 

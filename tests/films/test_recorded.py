@@ -15,7 +15,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.films.recorded import chosen, open_recorded, selected
 from pytest_libero_max.runs.media import FILM_SELECTIONS
 from pytest_libero_max.runs.store import read_pairs
-from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.tiny.world import TinySubstrate
 
 from .short_run import SIZE, Played, store

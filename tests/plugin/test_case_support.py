@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,15 +14,24 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import case_support
 from pytest_libero_max.plugin.case_support import fitting_cases, fitting_track, require_fit
-from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.contract import SubstrateOptions
+from pytest_libero_max.substrates.registry import SUBSTRATES
 
 ANY = SubstrateOptions()
 OWN = SubstrateOptions(variations="own")
 
 
-def only_unmodified(name: str, cases: Sequence[Case], options: SubstrateOptions) -> dict[str, str]:
+Lacking = Callable[[SubstrateOptions, Sequence[Case]], Mapping[str, str]]
+
+
+def only_unmodified(options: SubstrateOptions, cases: Sequence[Case]) -> dict[str, str]:
     """A LIBERO without its variations."""
     return {case.case_id: "LIBERO-Plus is not installed" for case in cases if case.source == "plus"}
+
+
+def lacks(monkeypatch: pytest.MonkeyPatch, lacking: Lacking) -> None:
+    """Let the genuine substrate lack something."""
+    monkeypatch.setitem(SUBSTRATES._loaded, "libero", replace(SUBSTRATES["libero"], lacking=lacking))
 
 
 @pytest.fixture
@@ -60,24 +70,21 @@ def test_the_track_is_that_of_the_substrate(
     options: SubstrateOptions,
     expected: str,
 ) -> None:
-    monkeypatch.setattr("pytest_libero_max.substrates.opening.lacking", only_unmodified)
+    lacks(monkeypatch, only_unmodified)
     assert fitting_track(name, substrate, options) == expected
 
 
 def test_the_default_is_what_any_libero_plays_where_smoke_lacks_something(
     genuine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "pytest_libero_max.substrates.opening.lacking",
-        lambda name, cases, options: {case.case_id: "it" for case in cases[:1]},
-    )
+    lacks(monkeypatch, lambda options, cases: {case.case_id: "it" for case in cases[:1]})
     assert fitting_track(None, "libero", ANY) == case_support.PLAIN_TRACK
 
 
 def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_named(
     genuine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pytest_libero_max.substrates.opening.lacking", only_unmodified)
+    lacks(monkeypatch, only_unmodified)
     require_fit("track original", load_track("original").cases, "libero", ANY)
     with pytest.raises(OptionError) as raised:
         require_fit("track lite", load_track("lite").cases, "libero", ANY)
@@ -89,7 +96,7 @@ def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_nam
 
 
 def test_what_is_not_installed_can_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pytest_libero_max.substrates.opening.lacking", only_unmodified)
+    lacks(monkeypatch, only_unmodified)
     cases = load_track("lite").cases
     fit = fitting_cases("track lite", cases, "libero", ANY)
     assert fit == tuple(case for case in cases if case.source == "pro")

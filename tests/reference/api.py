@@ -115,13 +115,13 @@ MODULES: Mapping[str, Public] = {
     "pytest_libero_max.events.schedules": Public(
         "What happens in an arm.", ("Arm", "Entry", "Revert", "arms_of", "schedule_from_list")
     ),
-    "pytest_libero_max.substrates.opening": Public("Substrates by name.", ("open_substrate",)),
-    "pytest_libero_max.substrates.kind": Public(
-        "What makes a substrate one that can be asked for by name.", ("SubstrateKind", "SubstrateOptions")
+    "pytest_libero_max.substrates.registry": Public("Substrates by name.", ("open_substrate",)),
+    "pytest_libero_max.substrates.contract": Public(
+        "The contract of a substrate.", ("Substrate", "SubstrateKind", "SubstrateOptions", "Catalogue")
     ),
     "pytest_libero_max.worlds.contract": Public(
-        "What a world and a substrate are.",
-        ("World", "WorldState", "Entity", "PixelFilter", "Substrate"),
+        "The contract of a world.",
+        ("World", "WorldState", "Entity", "PixelFilter"),
     ),
     "pytest_libero_max.changes": Public(
         "Changes of a world.", ("Change", "Evidence", "change_from_dict", "check_changes")

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from pytest_libero_max.substrates.opening import open_substrate
-from pytest_libero_max.worlds.contract import Substrate
+from pytest_libero_max.substrates.contract import Substrate
+from pytest_libero_max.substrates.registry import open_substrate
 
 
 @pytest.fixture(scope="module")

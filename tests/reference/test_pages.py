@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.worlds.contract import Substrate
+from pytest_libero_max.substrates.contract import Substrate
 from tests.reference import COMMAND, PACKAGE, PAGES, page_text
 from tests.reference.api import MODULES
 from tests.reference.worlds import OBSERVATIONS

@@ -8,12 +8,16 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.kind import SubstrateKind, SubstrateOptions
-from pytest_libero_max.substrates.opening import open_substrate
-from pytest_libero_max.substrates.registry import ENTRY_POINT_GROUP, SUBSTRATES, describe_substrate
+from pytest_libero_max.substrates.contract import SubstrateKind, SubstrateOptions
+from pytest_libero_max.substrates.registry import (
+    ENTRY_POINT_GROUP,
+    SUBSTRATES,
+    describe_substrate,
+    open_substrate,
+)
 
 MODULE = """
-from pytest_libero_max.substrates.kind import SubstrateKind
+from pytest_libero_max.substrates.contract import SubstrateKind
 from pytest_libero_max.substrates.tiny.kind import KIND as TINY
 
 KIND = SubstrateKind("toy", TINY.open, lambda options: {"semantics": options.semantics})
@@ -71,5 +75,5 @@ def test_describing_a_substrate_imports_no_simulator() -> None:
 
 
 def test_a_kind_says_nothing_more_by_default() -> None:
-    kind = SubstrateKind("bare", lambda options, variation_of: open_substrate("tiny"))
+    kind = SubstrateKind("bare", lambda options: open_substrate("tiny"))
     assert kind.describe(SubstrateOptions()) == {}

@@ -184,8 +184,6 @@ def test_a_substrate_builds_a_scene_once() -> None:
 
 def test_a_case_that_is_not_built_is_refused() -> None:
     substrate = EmbeddedSubstrate()
-    with pytest.raises(SubstrateError, match=r"source 'plus'.*without the catalogue"):
-        substrate.world(case_of("plus", *FLOOR))
     with pytest.raises(SubstrateError, match="libero_90"):
         substrate.world(case_of("libero", "libero_90", 0))
 

@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.source_digest import code_digest
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.embedded.catalogue.lookup import variation_of
 from pytest_libero_max.substrates.embedded.graspable_parts import graspable_parts
 from pytest_libero_max.substrates.embedded.placement import initial_state
 from pytest_libero_max.substrates.embedded.predicates import Predicate, all_hold
 from pytest_libero_max.substrates.embedded.remodel import Remodel, remodelled, waiting_place
 from pytest_libero_max.substrates.embedded.scene import Scene, build_scene, joints_of, resolve
+from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.worlds import threads
-from pytest_libero_max.worlds.contract import Array, Goal, SourceVariation
+from pytest_libero_max.worlds.contract import Array, Goal
 from pytest_libero_max.worlds.privileged import Fact, GraspablePart, facts
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
@@ -72,11 +73,11 @@ class EmbeddedWorld(RobosuiteWorld):
         self._plan = plan
         self._given = starts
         self._starts: dict[int, Array] = {}
-        self._variation: SourceVariation | None = None
+        self._variation: Variation | None = None
         self._renderer = self._new_renderer()  # it opens nothing yet; the worlds of a scene share it
         self.reset(0)
 
-    def varied(self, variation: SourceVariation | None) -> EmbeddedWorld:
+    def varied(self, variation: Variation | None) -> EmbeddedWorld:
         """The same scene under a source variation, which every reset applies.
 
         All worlds that come from one scene share its simulator: play them one after the other, each from
@@ -161,18 +162,12 @@ class EmbeddedSubstrate:
     """Builds the scenes of tasks and of their source variations, and keeps those used last.
 
     Args:
-        variation_of: Finds the source variation that a case of LIBERO-Plus or LIBERO-PRO plays; see
-            :func:`pytest_libero_max.substrates.variation_of`. Without it only unmodified tasks can
-            be built.
         scenes: How many compiled scenes are kept at most; each takes some 20 MB, and 0.2 s to build anew.
     """
 
     name = NAME
 
-    def __init__(
-        self, variation_of: Callable[[Case], SourceVariation] | None = None, scenes: int = SCENES
-    ) -> None:
-        self._variation_of = variation_of
+    def __init__(self, scenes: int = SCENES) -> None:
         self._limit = max(scenes, 2)  # a remodelled scene and the one that it takes its starts from
         self._worlds: dict[tuple[str, int, Remodel], EmbeddedWorld] = {}
         self._starts: dict[tuple[str, int, int], Mapping[str, Array]] = {}
@@ -180,14 +175,9 @@ class EmbeddedSubstrate:
     def world(self, case: Case) -> EmbeddedWorld:
         if case.source == "libero":
             return self._world(case.suite, case.task_index, _AS_IT_IS)
-        if self._variation_of is None:
-            raise SubstrateError(
-                f"case {case.case_id!r} is of source {case.source!r} ({case.source_category}), but this "
-                "substrate was opened without the catalogue of source variations. Open it with one."
-            )
-        return self.varied_world(self._variation_of(case))
+        return self.varied_world(variation_of(case))
 
-    def varied_world(self, variation: SourceVariation) -> EmbeddedWorld:
+    def varied_world(self, variation: Variation) -> EmbeddedWorld:
         """The world that plays a source variation."""
         plan = Remodel.from_dict(variation.scene)
         return self._world(variation.suite, variation.base_index, plan).varied(variation)

@@ -10,8 +10,6 @@ from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ManifestError, SubstrateError
-from pytest_libero_max.substrates.embedded.catalogue.counts import SUITES
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
 from pytest_libero_max.substrates.libero.descriptions import Description, describe
 from pytest_libero_max.substrates.libero.installation import Flavour, Installation
 from pytest_libero_max.substrates.libero.lacking import PlusNeeds, first_of, plus_category, pro_lacks
@@ -20,6 +18,8 @@ from pytest_libero_max.substrates.libero.pro_tasks import places, with_occluder
 from pytest_libero_max.substrates.libero.tasks import sentence, task_names, task_of, text_of, words_of
 from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata, owner
+from pytest_libero_max.tasks.libero_tasks import SUITES
+from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 
 CLASSIFICATION = Path("benchmark", "task_classification.json")
 """Where a checkout of LIBERO-Plus lists categories and difficulties of its tasks; its package does not."""

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pytest_libero_max.substrates.kind import FindVariation, SubstrateKind, SubstrateOptions
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.substrates.libero.installation import Installation
-    from pytest_libero_max.worlds.contract import Substrate
 
 
-def _open(options: SubstrateOptions, variation_of: FindVariation) -> Substrate:
+def _open(options: SubstrateOptions) -> Substrate:
     from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
+    from pytest_libero_max.substrates.registry import own_variation
 
-    own = variation_of if options.variations == "own" else None
+    own = own_variation if options.variations == "own" else None
     return LiberoSubstrate(_installations(options), options.semantics, options.instruction, own)
 
 
@@ -37,9 +38,18 @@ def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
     return find_installations(options.installations, assets=options.assets)
 
 
-def _lacking(
-    options: SubstrateOptions, cases: Sequence[Case], variation_of: FindVariation
-) -> Mapping[str, str]:
+def _catalogue(options: SubstrateOptions) -> Catalogue:
+    from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
+
+    if options.variations == "own":
+        raise SubstrateError(
+            "Source variations 'own' are chosen on the substrate that they were made for. Leave out "
+            "--substrate, or choose from the variations that are installed."
+        )
+    return InstalledCatalogue(_installations(options), options.classification)
+
+
+def _lacking(options: SubstrateOptions, cases: Sequence[Case]) -> Mapping[str, str]:
     from pytest_libero_max.substrates.libero.lacking import lacking
 
     if options.variations == "own":
@@ -47,4 +57,4 @@ def _lacking(
     return lacking(_installations(options), cases)
 
 
-KIND = SubstrateKind("libero", _open, _describe, _lacking)
+KIND = SubstrateKind("libero", _open, _describe, _lacking, _catalogue)

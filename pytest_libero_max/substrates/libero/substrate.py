@@ -22,8 +22,9 @@ from pytest_libero_max.substrates.libero.pro_tasks import ProTask, pro_task
 from pytest_libero_max.substrates.libero.states import read_states
 from pytest_libero_max.substrates.libero.tasks import Task, task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld
+from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.worlds import threads
-from pytest_libero_max.worlds.contract import Array, Semantics, SourceVariation
+from pytest_libero_max.worlds.contract import Array, Semantics
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.versions import version_notes
 
@@ -59,7 +60,7 @@ class LiberoSubstrate:
         installations: Sequence[Installation] = (),
         semantics: Semantics = "published",
         instruction: Literal["published", "clean"] = "published",
-        variation_of: Callable[[Case], SourceVariation] | None = None,
+        variation_of: Callable[[Case], Variation] | None = None,
     ) -> None:
         self.installations = tuple(installations) or find_installations()
         flavours = [found.flavour for found in self.installations]
@@ -119,7 +120,7 @@ class LiberoSubstrate:
         installation = self.installation_for("plus")
         return self._world(installation, plus_task(installation, suite, index, name), seed)
 
-    def varied_world(self, variation: SourceVariation, seed: int) -> LiberoWorld:
+    def varied_world(self, variation: Variation, seed: int) -> LiberoWorld:
         """The world of a task under a source variation of the package's own.
 
         Raises:
@@ -131,7 +132,7 @@ class LiberoSubstrate:
                 "package's own variations only change LIBERO's scenes at reset. Play it on the embedded "
                 "substrate, or with --libero-max-source-variations=installed."
             )
-        return self.task_world(variation.suite, variation.base_index, seed).varied(variation)
+        return self.task_world(variation.suite, variation.base_index, seed).varied(variation.apply)
 
     def pro_world(self, case: Case) -> LiberoWorld:
         """The world of a case of LIBERO-PRO; see :mod:`.pro` and :func:`.pro_tasks.pro_task`.
@@ -145,7 +146,7 @@ class LiberoSubstrate:
         config = task.config
         if config is None:
             config = published_config(task.category, task.suite, task.index, world)
-        return world.varied(ProVariation(config, case.event.seed))
+        return world.varied(ProVariation(config, case.event.seed).apply)
 
     def _world(self, installation: Installation, task: Task, seed: int) -> LiberoWorld:
         scene = f"{NAME}{task.source}/{task.suite}/{task.index}?seed={seed}"

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,14 +62,6 @@ that have to show the same image, and one after the setup, whether or not there 
 
 _PIN = 8
 """A pinned object: where its pose is in the joint positions, 0 for none (the arm is there), and the pose."""
-
-
-class Variation(Protocol):
-    """A source variation that is made of changes at reset."""
-
-    def apply(self, world: LiberoWorld) -> object:
-        """Make the changes to a world that has just been put into an initial state."""
-        ...
 
 
 class LiberoWorld(RobosuiteWorld):
@@ -117,7 +109,7 @@ class LiberoWorld(RobosuiteWorld):
         self._solved = False
         self._stale = True
         self._asked = False
-        self._variation: Variation | None = None
+        self._vary: Callable[[LiberoWorld], object] | None = None
         self._pinned = np.zeros(_PIN)
         self._noise = noise
         self._view: mujoco.MjData | None = None
@@ -165,15 +157,15 @@ class LiberoWorld(RobosuiteWorld):
         """Handles and knobs by name, for policies that are privileged."""
         return graspable_parts_of(self._env, self._model)
 
-    def varied(self, variation: Variation | None) -> LiberoWorld:
-        """This world, which applies a source variation at every reset from now on."""
-        self._variation = variation
+    def varied(self, vary: Callable[[LiberoWorld], object] | None) -> LiberoWorld:
+        """Return this world, which every reset from now on hands to the changes of a source variation."""
+        self._vary = vary
         return self
 
     def reset(self, init: int) -> None:
         super().reset(init)
-        if self._variation is not None:
-            self._variation.apply(self)
+        if self._vary is not None:
+            self._vary(self)
             self.look()
 
     def look(self) -> None:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pytest_libero_max.substrates.kind import FindVariation, SubstrateKind, SubstrateOptions
-
-if TYPE_CHECKING:
-    from pytest_libero_max.worlds.contract import Substrate
+from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
 
 
-def _open(options: SubstrateOptions, variation_of: FindVariation) -> Substrate:
+def _open(options: SubstrateOptions) -> Substrate:
     from pytest_libero_max.substrates.tiny.world import TinySubstrate
 
     return TinySubstrate()

@@ -28,7 +28,7 @@ from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.substrates.opening import open_substrate
+from pytest_libero_max.substrates.registry import open_substrate
 from tests.pairing.actors import shorten
 from tests.policies.clients import fakes
 from tests.policies.peers.conftest import HERE, peer

@@ -7,8 +7,9 @@ import numpy as np
 
 from pytest_libero_max.substrates.embedded.objects import category
 from pytest_libero_max.substrates.embedded.scene import Scene, joint_state, joints_of
-from pytest_libero_max.tasks.libero_tasks import Fact, category_of
+from pytest_libero_max.tasks.libero_tasks import category_of
 from pytest_libero_max.worlds import rotations
+from pytest_libero_max.worlds.privileged import Fact
 
 # Where an object's lowest point goes relative to a region's middle, in the axes of the fixture, m.
 SPOTS = {

@@ -11,7 +11,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
 from pytest_libero_max.substrates.embedded.scene import build_scene, resolve
 from pytest_libero_max.substrates.embedded.textures import upload
-from pytest_libero_max.tasks.libero_tasks import Fact
+from pytest_libero_max.worlds.privileged import Fact
 from pytest_libero_max.worlds.rendering.renderer import Renderer
 
 from .scenes import ALL, IDS, at_start, compiled

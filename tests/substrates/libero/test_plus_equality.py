@@ -16,13 +16,14 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES, SUITES
 from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.lacking import PlusNeeds, first_of, plus_category
 from pytest_libero_max.substrates.libero.loading import imported
 from pytest_libero_max.substrates.libero.plus import plus_task
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.tasks import task_names
+from pytest_libero_max.tasks.libero_tasks import SUITES
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
 from tests.substrates.libero.reference import PROPRIOCEPTION, Reference
 from tests.substrates.libero.test_packages import pytestmark  # noqa: F401 - skips without the packages
 
@@ -34,7 +35,7 @@ SAMPLE = int(os.environ.get("LIBERO_MAX_TEST_PLUS_TASKS", "1"))
 
 def sample(installation: Installation, category: str) -> list[tuple[str, int]]:
     """A task of a category of each of some suites that plays here; where none does, one that does not."""
-    suites = SUITES[CATEGORIES.index(category) % len(SUITES) :] + SUITES
+    suites = SUITES[PLUS_CATEGORIES.index(category) % len(SUITES) :] + SUITES
     needs, found = PlusNeeds.of(installation), []
     for suite in suites[: min(SAMPLE, len(SUITES))]:
         names = task_names(installation, suite)
@@ -49,7 +50,7 @@ def substrate() -> LiberoSubstrate:
     return LiberoSubstrate()
 
 
-@pytest.mark.parametrize("category", CATEGORIES)
+@pytest.mark.parametrize("category", PLUS_CATEGORIES)
 def test_scene_state_picture_and_prompt_are_those_of_its_own_wrapper(
     substrate: LiberoSubstrate, category: str
 ) -> None:

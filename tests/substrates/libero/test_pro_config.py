@@ -14,6 +14,7 @@ from pytest_libero_max.substrates.libero.pro_config import (
     tinted,
 )
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
+from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 from tests.substrates.libero.data import needs_package
 
 HEAD = "(define (problem LIBERO_Tabletop_Manipulation) (:domain robosuite) (:language Do it)"
@@ -29,7 +30,7 @@ def bddl(folder: Path, *sections: str) -> Path:
 
 
 def test_another_category_is_refused() -> None:
-    assert len(SECTIONS) == 10
+    assert tuple(SECTIONS) == PRO_CATEGORIES
     with pytest.raises(SubstrateError, match=r"no category 'view_oclusion'.*'view_occlusion'"):
         check_category("view_oclusion")
 

@@ -10,8 +10,8 @@ import pytest
 
 from pytest_libero_max.benchmark.tracks import track_path
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.libero.installation import Installation
-from pytest_libero_max.substrates.lookup import catalogue
 from tests.short_episodes import short_episodes
 from tests.substrates.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.substrates.libero.data import DATA, needs_package

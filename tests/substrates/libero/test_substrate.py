@@ -7,11 +7,11 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.kind import SubstrateOptions
+from pytest_libero_max.substrates.contract import SubstrateOptions
+from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue, variation_of
 from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
-from pytest_libero_max.substrates.lookup import catalogue, variation_of
-from pytest_libero_max.substrates.opening import open_substrate
+from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.substrates.variation import Variation
 from tests.substrates.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.substrates.libero.data import DATA, needs_package

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES
 from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES as PRO_CATEGORIES
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.substrates.variation import Variation
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
 from pytest_libero_max.worlds.rendering.sheets import captioned, resized, wrapped, write_sheet
 
@@ -41,7 +40,7 @@ def write_plus_sheet(
     """
     chosen = [
         _nearest(suite, index, category, level)
-        for category in CATEGORIES
+        for category in PLUS_CATEGORIES
         for suite, index in picks
         for level in PLUS_LEVELS
     ]

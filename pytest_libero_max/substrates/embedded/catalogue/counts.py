@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
-"""The suites in the order of every table."""
-
 KINDS = (
     "table",
     "table_and_wall",
@@ -120,6 +117,3 @@ DIFFICULTY: Mapping[str, Mapping[str, tuple[int, ...]]] = {
 }
 """Variations of difficulty 1 to 5, and of none, by category and suite. The order of the categories is that of
 the registry."""
-
-CATEGORIES = tuple(DIFFICULTY)
-"""The seven categories of LIBERO-Plus."""

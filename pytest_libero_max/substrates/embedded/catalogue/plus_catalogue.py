@@ -9,7 +9,7 @@ Of each task's candidates for a kind (fifty for a category, as in LIBERO-Plus) a
 are to be. Difficulty is the rank of a variation's magnitude among those of its category and suite; in
 LIBERO-Plus it comes from the success of reference policies.
 
-The registry of a suite is ordered by category, in the order of :data:`.counts.CATEGORIES`, then by task, then
+The registry of a suite is ordered by category, in the order of :data:`.PLUS_CATEGORIES`, then by task, then
 by kind and candidate. These indices are our own and not LIBERO-Plus's.
 """
 
@@ -34,11 +34,12 @@ from pytest_libero_max.changes.robot import ARM_DOF, OffsetArm
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena
 from pytest_libero_max.substrates.embedded.catalogue import object_layouts as layouts
 from pytest_libero_max.substrates.embedded.catalogue import wording
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES, DIFFICULTY, KINDS, VARIATIONS
+from pytest_libero_max.substrates.embedded.catalogue.counts import DIFFICULTY, KINDS, VARIATIONS
 from pytest_libero_max.substrates.embedded.surfaces import SURFACES, shown
 from pytest_libero_max.substrates.variation import Variation, seed, share, some, uniform
 from pytest_libero_max.tasks.libero_tasks import Task
 from pytest_libero_max.tasks.libero_tasks import task as task_of
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
 from pytest_libero_max.worlds.contract import Image
 
 CAMERA = "agentview"
@@ -84,7 +85,7 @@ def plus_suite(suite: str) -> tuple[Variation, ...]:
         SubstrateError: The suite does not exist.
     """
     variations: list[Variation] = []
-    for category in CATEGORIES:
+    for category in PLUS_CATEGORIES:
         chosen = [
             (base, number, candidate)
             for base in range(len(VARIATIONS[suite]))

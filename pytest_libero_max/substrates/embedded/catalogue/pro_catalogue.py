@@ -21,14 +21,14 @@ from pytest_libero_max.changes.pixels import SetGlare, SetSensorCorruption
 from pytest_libero_max.changes.poses import PutObject
 from pytest_libero_max.substrates.embedded.arenas import ARENAS
 from pytest_libero_max.substrates.embedded.catalogue import swaps, wording
-from pytest_libero_max.substrates.embedded.catalogue.counts import SUITES
 from pytest_libero_max.substrates.embedded.catalogue.floorplan import floorplan
 from pytest_libero_max.substrates.embedded.objects import category
 from pytest_libero_max.substrates.embedded.objects.restyled import SMALL, style_of
 from pytest_libero_max.substrates.embedded.surfaces import shown
 from pytest_libero_max.substrates.variation import Variation, seed
-from pytest_libero_max.tasks.libero_tasks import Task, category_of
+from pytest_libero_max.tasks.libero_tasks import SUITES, Task, category_of
 from pytest_libero_max.tasks.libero_tasks import task as task_of
+from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 from pytest_libero_max.worlds.contract import Goal
 
 CAMERA = "agentview"
@@ -430,9 +430,6 @@ _MAKERS: Mapping[str, Callable[[Task], Parts]] = {
     "initial_pose_position_angle": _pose,
 }
 
-CATEGORIES = tuple(_MAKERS)
-"""The ten categories of LIBERO-PRO, in its order."""
-
 
 @cache
 def pro_suite(category: str, suite: str) -> tuple[Variation, ...]:
@@ -454,5 +451,8 @@ def pro_suite(category: str, suite: str) -> tuple[Variation, ...]:
 def pro_variations() -> tuple[Variation, ...]:
     """All 400, by category, suite and task."""
     return tuple(
-        variation for category in CATEGORIES for suite in SUITES for variation in pro_suite(category, suite)
+        variation
+        for category in PRO_CATEGORIES
+        for suite in SUITES
+        for variation in pro_suite(category, suite)
     )

@@ -5,8 +5,8 @@ from pathlib import Path
 import cv2
 
 from pytest_libero_max.substrates.embedded.catalogue.catalogue_sheets import write_pro_sheet
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import CATEGORIES
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 
 
 def test_every_category_has_its_picture_under_its_name(tmp_path: Path) -> None:
@@ -16,12 +16,12 @@ def test_every_category_has_its_picture_under_its_name(tmp_path: Path) -> None:
     sheet = cv2.imread(str(tmp_path / "pro.png"))
     assert sheet is not None
     caption, tall = 4 * 16, 4 * 16 + 96
-    rows = -(-len(CATEGORIES) // 4)
+    rows = -(-len(PRO_CATEGORIES) // 4)
     assert sheet.shape == (rows * tall, 4 * 96, 3)
     for number in range(4 * rows):
         row, column = divmod(number, 4)
         tile = sheet[row * tall : (row + 1) * tall, column * 96 : (column + 1) * 96]
-        if number < len(CATEGORIES):
+        if number < len(PRO_CATEGORIES):
             assert tile[:caption].min() < 128  # words
             assert tile[caption:, :-1].std() > 10  # a picture
         else:

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pytest_libero_max.substrates.embedded.catalogue.counts import SUITES
 from pytest_libero_max.substrates.embedded.catalogue.floorplan import (
     Footprint,
     extent,
@@ -14,7 +13,7 @@ from pytest_libero_max.substrates.embedded.catalogue.floorplan import (
     footprint_at,
     spot_of,
 )
-from pytest_libero_max.tasks.libero_tasks import task
+from pytest_libero_max.tasks.libero_tasks import SUITES, task
 
 TASKS = [(suite, index) for suite in SUITES for index in range(10)]
 rectangles = st.builds(

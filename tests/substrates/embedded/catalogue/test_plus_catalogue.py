@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.changes import change_from_dict
+from pytest_libero_max.construction.configurations import count_lines
 from pytest_libero_max.substrates.embedded.catalogue.counts import (
-    CATEGORIES,
     DIFFICULTY,
     KINDS,
-    SUITES,
     VARIATIONS,
 )
 from pytest_libero_max.substrates.embedded.catalogue.floorplan import Footprint, floorplan, footprint_at
+from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.embedded.catalogue.object_layouts import SHIFT_M_PER_LEVEL, target_of
 from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite, start_offset
-from pytest_libero_max.substrates.lookup import catalogue, count_lines
 from pytest_libero_max.substrates.variation import Variation, digest_of
-from pytest_libero_max.tasks.libero_tasks import task
+from pytest_libero_max.tasks.libero_tasks import SUITES, task
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
 
 PLUS = catalogue("plus")
 
@@ -29,6 +29,7 @@ def of(category: str, suite: str | None = None) -> list[Variation]:
 
 
 def test_there_are_10030_of_them() -> None:
+    assert tuple(DIFFICULTY) == PLUS_CATEGORIES
     assert len(PLUS) == 10_030
     assert Counter(v.suite for v in PLUS) == {
         "libero_spatial": 2402,
@@ -39,7 +40,7 @@ def test_there_are_10030_of_them() -> None:
     assert sum(v.difficulty is None for v in PLUS) == 121
 
 
-@pytest.mark.parametrize("category", CATEGORIES)
+@pytest.mark.parametrize("category", PLUS_CATEGORIES)
 @pytest.mark.parametrize("suite", SUITES)
 def test_difficulties_are_as_many_as_in_the_original(category: str, suite: str) -> None:
     counts = Counter(v.difficulty for v in of(category, suite))
@@ -74,7 +75,7 @@ def test_the_two_tables_of_counts_agree() -> None:
 def test_the_registry_is_ordered_and_its_names_are_unique(suite: str) -> None:
     variations = plus_suite(suite)
     assert [v.index for v in variations] == list(range(len(variations)))
-    order = [(CATEGORIES.index(v.category), v.base_index) for v in variations]
+    order = [(PLUS_CATEGORIES.index(v.category), v.base_index) for v in variations]
     assert order == sorted(order)
     assert len({v.name for v in variations}) == len(variations)
     assert all(v.name.startswith(task(suite, v.base_index).name + "_") for v in variations)

@@ -10,11 +10,12 @@ import pytest
 
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.substrates.embedded.catalogue.counts import SUITES
-from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import ANOTHER_GOAL, CATEGORIES, pro_suite
-from pytest_libero_max.substrates.lookup import catalogue, variation_metadata
+from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import _MAKERS, ANOTHER_GOAL, pro_suite
+from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import Relation, task_metadata
-from pytest_libero_max.tasks.libero_tasks import task
+from pytest_libero_max.tasks.libero_tasks import SUITES, task
+from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 from tests.construction.official_catalog import metadata_from_catalog
 
 PRO = catalogue("pro")
@@ -111,19 +112,8 @@ def test_events_are_possible_where_the_released_catalogue_has_them() -> None:
     assert sum(differences.values()) <= 12
 
 
-def test_categories_are_the_originals() -> None:
-    assert CATEGORIES == (
-        "semantic",
-        "object",
-        "position",
-        "task",
-        "visual_noise_glare",
-        "camera_view_angle",
-        "object_texture",
-        "view_occlusion",
-        "object_shape",
-        "initial_pose_position_angle",
-    )
+def test_every_category_is_made_in_the_order_of_the_original() -> None:
+    assert tuple(_MAKERS) == PRO_CATEGORIES
 
 
 @pytest.mark.skipif(not RELEASED.exists(), reason="needs pro_task_catalog.json of the released benchmark")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max.benchmark.cases import Source
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes import change_from_dict
+from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.embedded.remodel import Remodel
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
-from pytest_libero_max.substrates.lookup import catalogue
 from pytest_libero_max.substrates.variation import Variation
-from pytest_libero_max.worlds.contract import NOOP_ACTION, SourceVariation, World
+from pytest_libero_max.worlds.contract import NOOP_ACTION, World
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
 
 LIGHTS = ("light_ambient", "light_castshadow", "light_diffuse", "light_dir", "light_pos", "light_specular")
@@ -33,17 +33,9 @@ def substrate() -> Iterator[EmbeddedSubstrate]:
     substrate.close()
 
 
-def bare(variation: Variation) -> SourceVariation:
+def bare(variation: Variation) -> Variation:
     """The same task without any variation."""
-
-    class Bare:
-        key, suite, base_index = "bare", variation.suite, variation.base_index
-        scene: ClassVar[Json] = {}
-
-        def apply(self, world: World) -> None:
-            """Nothing."""
-
-    return Bare()
+    return replace(variation, scene={}, changes=())
 
 
 def materials(world: World) -> dict[str, tuple[bytes, str]]:

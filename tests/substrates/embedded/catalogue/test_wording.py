@@ -5,7 +5,6 @@ import re
 import pytest
 
 from pytest_libero_max.errors import ManifestError
-from pytest_libero_max.substrates.embedded.catalogue.counts import CATEGORIES, SUITES
 from pytest_libero_max.substrates.embedded.catalogue.wording import (
     PER_STYLE,
     Step,
@@ -13,7 +12,8 @@ from pytest_libero_max.substrates.embedded.catalogue.wording import (
     rewordings,
     steps_of,
 )
-from pytest_libero_max.tasks.libero_tasks import tasks
+from pytest_libero_max.tasks.libero_tasks import SUITES, tasks
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
 
 LANGUAGES = sorted({task.language for suite in SUITES for task in tasks(suite)})
 
@@ -33,7 +33,9 @@ def test_a_task_has_fifty_rewordings_that_name_what_it_names(language: str) -> N
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_no_word_of_the_variation_leaks_into_the_prompt(language: str) -> None:
     leaks = {"variant", "language", "noise", "difficulty", "libero", "view", "level", "sample", "plus"}
-    leaks |= {word for category in CATEGORIES for word in category.lower().split()} - set(language.split())
+    leaks |= {word for category in PLUS_CATEGORIES for word in category.lower().split()} - set(
+        language.split()
+    )
     leaks -= {"objects", "light"}
     for words in rewordings(language):
         assert not leaks & set(re.findall(r"[a-z]+", words.words))

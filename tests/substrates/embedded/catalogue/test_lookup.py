@@ -11,9 +11,9 @@ from pytest_libero_max.events.registry import eligible, resolve_event
 from pytest_libero_max.pairing.runner import PairSettings, play_pair
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.strategies import ScriptedPolicy
-from pytest_libero_max.substrates.lookup import catalogue, variation_metadata, variation_of
-from pytest_libero_max.substrates.opening import open_substrate
-from pytest_libero_max.substrates.variation import Variation, share, some
+from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue, variation_of
+from pytest_libero_max.substrates.registry import open_substrate
+from pytest_libero_max.substrates.variation import Variation, share, some, variation_metadata
 
 
 def case_of(variation: Variation, event: str = "camera_shift", init: int = 0, **record: object) -> Case:
