@@ -1,22 +1,146 @@
 """LIBERO-MAX as a pytest plugin: does a policy still finish when the world changes while it acts?
 
-The names an adapter needs. They are imported on first use: pytest loads this package in every session of
-everybody who has it installed.
+The names here, and those in the modules among them (``changes``, ``errors``, ``strategies``, ``transforms``,
+``triggers``), are the public interface: they change only with a line in the changelog. Every other module may
+move. A name is imported on first use, because pytest loads this package in every session of everybody who has
+it installed.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
+    from pytest_libero_max import changes, errors, strategies, transforms, triggers
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
+    from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.changes.base import Change, Evidence
+    from pytest_libero_max.errors import LiberoMaxError
+    from pytest_libero_max.events.kind import EventKind, Scenario
+    from pytest_libero_max.events.new_case import make_case
+    from pytest_libero_max.events.schedules import Arm, Entry, Revert
+    from pytest_libero_max.events.triggers import Moment, Trigger
+    from pytest_libero_max.pairing.record import PairRecord
+    from pytest_libero_max.pairing.runner import (
+        continue_rollout,
+        inject,
+        measure_pair,
+        play_pair,
+        play_prefix,
+        return_to,
+    )
+    from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query
+    from pytest_libero_max.policies.loading import load_policy
+    from pytest_libero_max.report.build import build_report
+    from pytest_libero_max.report.gates import evaluate_gate, parse_gate
+    from pytest_libero_max.runs.store import read_pairs
+    from pytest_libero_max.studies.study import Study
+    from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
+    from pytest_libero_max.substrates.registry import open_substrate
+    from pytest_libero_max.substrates.tiny.world import TinyWorld
+    from pytest_libero_max.tasks.contents import TaskMetadata
+    from pytest_libero_max.worlds.contract import Entity, World, WorldState
 
-__all__ = ["Episode", "Policy", "PolicySpec", "Query"]
+__all__ = [
+    "Arm",
+    "BatchItem",
+    "Case",
+    "Change",
+    "Entity",
+    "Entry",
+    "Episode",
+    "EventKind",
+    "Evidence",
+    "Identity",
+    "LiberoMaxError",
+    "Manifest",
+    "Moment",
+    "PairRecord",
+    "Policy",
+    "PolicySpec",
+    "Query",
+    "Revert",
+    "Scenario",
+    "Study",
+    "Substrate",
+    "SubstrateKind",
+    "SubstrateOptions",
+    "TaskMetadata",
+    "TinyWorld",
+    "Trigger",
+    "World",
+    "WorldState",
+    "build_report",
+    "changes",
+    "continue_rollout",
+    "errors",
+    "evaluate_gate",
+    "inject",
+    "load_manifest",
+    "load_policy",
+    "load_track",
+    "make_case",
+    "measure_pair",
+    "open_substrate",
+    "parse_gate",
+    "play_pair",
+    "play_prefix",
+    "read_pairs",
+    "return_to",
+    "strategies",
+    "transforms",
+    "triggers",
+]
+
+_HOMES = {
+    "policies.contract": ("PolicySpec", "Policy", "Episode", "Query", "BatchItem"),
+    "policies.loading": ("load_policy",),
+    "benchmark.cases": ("Case",),
+    "benchmark.manifests": ("Manifest", "load_manifest"),
+    "benchmark.tracks": ("load_track",),
+    "events.new_case": ("make_case",),
+    "substrates.registry": ("open_substrate",),
+    "pairing.runner": (
+        "play_pair",
+        "measure_pair",
+        "play_prefix",
+        "inject",
+        "return_to",
+        "continue_rollout",
+    ),
+    "pairing.record": ("PairRecord",),
+    "runs.store": ("read_pairs",),
+    "report.build": ("build_report",),
+    "report.gates": ("parse_gate", "evaluate_gate"),
+    "errors": ("LiberoMaxError",),
+    "events.kind": ("EventKind", "Scenario"),
+    "benchmark.identity": ("Identity",),
+    "tasks.contents": ("TaskMetadata",),
+    "changes.base": ("Change", "Evidence"),
+    "events.triggers": ("Trigger", "Moment"),
+    "events.schedules": ("Arm", "Entry", "Revert"),
+    "studies.study": ("Study",),
+    "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
+    "worlds.contract": ("World", "WorldState", "Entity"),
+    "substrates.tiny.world": ("TinyWorld",),
+}
+"""Public names by the module that defines them."""
+
+_MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from pytest_libero_max.policies import contract
+    if name not in _MODULE_OF:
+        return import_module(f"{__name__}.{name}")
+    value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value
 
-    return getattr(contract, name)
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

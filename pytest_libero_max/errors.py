@@ -15,6 +15,27 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Self
 
+__all__ = [
+    "ActionError",
+    "AdapterError",
+    "ChangeError",
+    "CrashError",
+    "DiskError",
+    "EntityError",
+    "LiberoMaxError",
+    "LimitReached",
+    "ManifestError",
+    "MemoryLimitError",
+    "OptionError",
+    "OtherRunError",
+    "ProtocolError",
+    "ReportError",
+    "ServerError",
+    "SimulatorError",
+    "SubstrateError",
+    "TimeLimitError",
+]
+
 MOST_NAMED = 40
 """Number of known words up to which all are listed."""
 

@@ -21,6 +21,14 @@ from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
 T = TypeVar("T")
 
+ENTRY_POINTS = {
+    "pytest_libero_max.events": "a subclass of `EventKind`, under the name of the event",
+    "pytest_libero_max.changes": "a class of changes, under the name of its operation",
+    "pytest_libero_max.substrates": "a `SubstrateKind`, under its name",
+    "pytest_libero_max.policies": "a policy, or a class or function that makes one",
+}
+"""The entry-point groups that other packages can add to, and what an entry of each is."""
+
 
 class Registry(Generic[T]):
     """Named entries in a fixed order: the package's own first, then those of other packages by name.

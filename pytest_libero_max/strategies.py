@@ -2,11 +2,10 @@
 
 For the tests of this project and for those of anybody who writes a change, an adapter or a world of
 their own. They need nothing but the names of a world's entities, so they fit every world; the cheap one is
-:class:`pytest_libero_max.substrates.tiny.world.TinyWorld`, whose entities are meant wherever none are given::
+:class:`pytest_libero_max.TinyWorld`, whose entities are meant wherever none are given::
 
     from hypothesis import given
-    from pytest_libero_max import strategies
-    from pytest_libero_max.substrates.tiny.world import TinyWorld
+    from pytest_libero_max import TinyWorld, strategies
 
     world = TinyWorld()
 

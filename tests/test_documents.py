@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
 import pytest
 
+import pytest_libero_max
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
@@ -77,6 +79,63 @@ def test_the_map_names_files_and_functions_that_exist() -> None:
             assert not name or re.search(rf"\b(def|class) {name}\b|^{name}\b", file.read_text(), re.M), place[
                 0
             ]
+
+
+FOR_DEVELOPERS = "For developers of the package: it imports internal modules."
+"""Sentence that allows a file for users to import what is not public."""
+
+SOURCES = [
+    path for name in ("fixtures", "tests/plugin/example_package") for path in (ROOT / name).rglob("*.py")
+]
+
+
+def _examples() -> list[tuple[Path, str]]:
+    """The Python in the Markdown files, less the sources of files of the package itself."""
+    found = []
+    for path in DOCUMENTS:
+        text = path.read_text(encoding="utf-8")
+        for match in re.finditer(r"^```python\n(.*?)^```", text, re.M | re.S):
+            before = text[: match.start()].rstrip().rsplit("\n\n", maxsplit=1)[-1]
+            if "`pytest_libero_max/" not in before:
+                found.append((path, match[1]))
+    return found
+
+
+def test_what_users_copy_imports_public_names_alone() -> None:
+    sources = [(path, path.read_text(encoding="utf-8")) for path in SOURCES] + _examples()
+    private = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path, source in sources
+        if FOR_DEVELOPERS not in source
+        for name in _imported(source)
+        if not _is_public(name)
+    }
+    assert len(sources) > 10
+    assert not private
+
+
+def _imported(source: str) -> list[str]:
+    """The names that a source imports from the package."""
+    nodes = [*ast.walk(ast.parse(source))]
+    plain = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    named = [
+        f"{node.module}.{alias.name}"
+        for node in nodes
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    ]
+    return [name for name in (*plain, *named) if name.split(".")[0] == "pytest_libero_max"]
+
+
+def _is_public(name: str) -> bool:
+    """True for a name of the façade, and for one of a module that is such a name."""
+    _, *path = name.split(".")
+    value: object = pytest_libero_max
+    for part in path:
+        if part not in getattr(value, "__all__", ()):
+            return False
+        value = getattr(value, part)
+    return True
 
 
 def test_the_adapter_of_the_readme_plays_a_pair(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pytest_libero_max.changes.base import Change, Evidence, Factor
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
+from pytest_libero_max.changes.fields import ManifestFields, Vector3, number, strength_of, text, vector3
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
@@ -41,6 +42,7 @@ __all__ = [
     "Glare",
     "InsertDistractors",
     "InsertObstacle",
+    "ManifestFields",
     "MoveObject",
     "Nothing",
     "OffsetArm",
@@ -62,6 +64,11 @@ __all__ = [
     "SetVisualTheme",
     "ShiftCamera",
     "TurnObject",
+    "Vector3",
     "change_from_dict",
     "check_changes",
+    "number",
+    "strength_of",
+    "text",
+    "vector3",
 ]

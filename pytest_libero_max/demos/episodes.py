@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.identity import Identity
-from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.demos.disturbed import DisturbedPolicy
 from pytest_libero_max.errors import OptionError, did_you_mean
-from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
+from pytest_libero_max.events.new_case import make_case
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, arms_of
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.stage import Stage
@@ -96,15 +95,12 @@ def planned(
         for index in chosen:
             metadata = task_metadata(suite, index)
             for init in inits:
-                yield Planned(_case(suite, index, init, _WITHOUT_SETUP, 0), BASE)
+                yield Planned(make_case(_WITHOUT_SETUP, suite, index, init), BASE)
                 for number, event in enumerate(events):
                     if eligible(event, metadata):
-                        yield Planned(_case(suite, index, init, event, (init + number) % 2), DYNAMIC)
-
-
-def _case(suite: str, index: int, init: int, event: str, variant: int) -> Case:
-    metadata, identity = task_metadata(suite, index), Identity("libero", suite, index, init)
-    return parse_case(case_record(identity, resolve_event(event, variant, metadata, identity), metadata.name))
+                        yield Planned(
+                            make_case(event, suite, index, init, variant=(init + number) % 2), DYNAMIC
+                        )
 
 
 def record(

@@ -1,7 +1,7 @@
 """Finding a known object in the image of the main camera: by its colours and its outline.
 
 What is known beforehand is what demonstrations show: how the object looks in unmodified scenes
-(``servo_colours.json``, written by ``fixtures/servo_colours.py``), how large it is, and how high it stands.
+(``servo_colours.json``, written by ``tests.scripts.servo_colours``), how large it is, and how high it stands.
 An object is where its outline, projected by the nominal camera, holds the most of its colours inside and the
 least around it.
 """

@@ -8,7 +8,7 @@ from pathlib import Path
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
-from pytest_libero_max.report.gates import Gate, GateResult, evaluate, require_known_groups
+from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups
 from pytest_libero_max.report.statistics_json import contrast_json
 from pytest_libero_max.report.writers.files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
@@ -62,7 +62,7 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
     report = report_of(stored)
     others = {gate.run for gate in gates if gate.run is not None}
     against = {other: _against(stored, start / other) for other in sorted(others)}
-    return tuple(evaluate(gate, report, against) for gate in gates)
+    return tuple(evaluate_gate(gate, report, against) for gate in gates)
 
 
 def gate_lines(results: Sequence[GateResult]) -> list[str]:

@@ -187,7 +187,7 @@ def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:
     return tuple(parse_gate(line) for line in lines if line)
 
 
-def evaluate(gate: Gate, report: Json, contrasts: Mapping[str, Json | str] | None = None) -> GateResult:
+def evaluate_gate(gate: Gate, report: Json, contrasts: Mapping[str, Json | str] | None = None) -> GateResult:
     """Decide a gate. Pure: reads nothing but its arguments.
 
     Args:

@@ -1,8 +1,14 @@
 from __future__ import annotations
 
+import ast
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
+
+import pytest_libero_max
 
 CONFTEST = """
 import sys
@@ -21,3 +27,37 @@ def test_a_played_pair_imports_nothing_of_the_construction(
     modules = (pytester.path / "modules.txt").read_text().split()
     assert "pytest_libero_max.pairing.runner" in modules
     assert not [name for name in modules if name.startswith("pytest_libero_max.construction")]
+
+
+HEAVY = ("mujoco", "cv2", "scipy", "hypothesis", "robosuite", "torch", "numba")
+
+
+def test_importing_the_package_imports_nothing_heavy_and_few_of_its_own_modules() -> None:
+    script = f"import sys, pytest_libero_max; print([m for m in sys.modules if m.split('.')[0] in {HEAVY}])"
+    script += "; print([m for m in sys.modules if m.startswith('pytest_libero_max.')])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == ["[]", "[]"]
+
+
+@pytest.mark.parametrize("name", pytest_libero_max.__all__)
+def test_every_public_name_is_where_the_facade_says(name: str) -> None:
+    value = getattr(pytest_libero_max, name)
+    assert value.__doc__
+    assert name in dir(pytest_libero_max)
+    for public in getattr(value, "__all__", ()):
+        assert hasattr(value, public), f"{name}.{public}"
+
+
+def test_type_checkers_see_the_names_that_the_facade_offers() -> None:
+    tree = ast.parse(Path(pytest_libero_max.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    seen = {alias.name: node.module for node in imports for alias in node.names}
+    assert sorted(seen) == sorted(pytest_libero_max.__all__)
+    for name, module in pytest_libero_max._MODULE_OF.items():
+        assert seen[name] == f"pytest_libero_max.{module}"
+
+
+def test_a_name_that_is_not_public_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'Nothing'"):
+        pytest_libero_max.Nothing  # noqa: B018

@@ -8,7 +8,7 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in
-from pytest_libero_max.report.gates import evaluate, parse_gate
+from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
@@ -60,7 +60,7 @@ def test_a_gate_can_ask_for_every_column_that_is_a_number(column: Column) -> Non
     for end in ends:
         gate = parse_gate(f"event.camera_shift.{_name(column)}{end} > 0")
         expected = column.numbers(REPORT["by"]["event"]["camera_shift"])
-        assert evaluate(gate, REPORT).value == expected[column.key + end.replace(".", "_")]
+        assert evaluate_gate(gate, REPORT).value == expected[column.key + end.replace(".", "_")]
 
 
 @pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.key)

@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.gates import OPERATORS, evaluate, parse_gate, parse_gates, require_known_groups
+from pytest_libero_max.report.gates import (
+    OPERATORS,
+    evaluate_gate,
+    parse_gate,
+    parse_gates,
+    require_known_groups,
+)
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
 
 PAIRS = plan()
@@ -70,7 +76,7 @@ CONTRAST: Json = {
     ],
 )
 def test_a_gate_is_decided(text: str, value: float, passed: bool) -> None:
-    result = evaluate(parse_gate(text), REPORT)
+    result = evaluate_gate(parse_gate(text), REPORT)
     assert result.value == pytest.approx(value)
     assert result.verdict == ("passed" if passed else "failed")
     assert result.reason == f"{text}: {result.verdict}, it is {value:.12g}."
@@ -78,9 +84,9 @@ def test_a_gate_is_decided(text: str, value: float, passed: bool) -> None:
 
 def test_interval_ends_are_addressable() -> None:
     change = REPORT["overall"]["paired_change"]
-    assert evaluate(parse_gate("delta.lower >= -0.9"), REPORT).value == change["lower"]
-    assert evaluate(parse_gate("delta.upper <= 0.9"), REPORT).value == change["upper"]
-    assert evaluate(parse_gate("source.pro.base_sr.lower > 0"), REPORT).passed
+    assert evaluate_gate(parse_gate("delta.lower >= -0.9"), REPORT).value == change["lower"]
+    assert evaluate_gate(parse_gate("delta.upper <= 0.9"), REPORT).value == change["upper"]
+    assert evaluate_gate(parse_gate("source.pro.base_sr.lower > 0"), REPORT).passed
 
 
 @pytest.mark.parametrize(
@@ -94,31 +100,32 @@ def test_interval_ends_are_addressable() -> None:
     ],
 )
 def test_another_run_is_addressable(text: str, value: float) -> None:
-    result = evaluate(parse_gate(text), REPORT, {"old": CONTRAST})
+    result = evaluate_gate(parse_gate(text), REPORT, {"old": CONTRAST})
     assert result.passed
     assert result.value == value
 
 
 def test_a_gate_against_a_run_that_is_not_there_is_undecidable() -> None:
     gate = parse_gate("regressions_vs(old) <= 3")
-    assert evaluate(gate, REPORT).reason.endswith("undecidable, there is no comparison with 'old'.")
-    result = evaluate(gate, REPORT, {"old": "Cannot read old."})
+    assert evaluate_gate(gate, REPORT).reason.endswith("undecidable, there is no comparison with 'old'.")
+    result = evaluate_gate(gate, REPORT, {"old": "Cannot read old."})
     assert result.verdict == "undecidable"
     assert result.reason == "regressions_vs(old) <= 3: undecidable, Cannot read old."
 
 
 def test_missing_pairs_make_rates_undecidable_and_counts_not() -> None:
     report = _report(played=30)
-    rate = evaluate(parse_gate("dynamic_sr > 0"), report)
+    rate = evaluate_gate(parse_gate("dynamic_sr > 0"), report)
     assert rate.verdict == "undecidable"
     assert rate.reason == "dynamic_sr > 0: undecidable, 30 of 32 planned pairs of the run were played."
-    assert evaluate(parse_gate("missing == 0"), report).verdict == "failed"
-    assert evaluate(parse_gate("invalid == 1"), report).passed
-    assert evaluate(parse_gate("event.illumination_switch.base_sr > 0"), report).passed
+    assert evaluate_gate(parse_gate("missing == 0"), report).verdict == "failed"
+    assert evaluate_gate(parse_gate("invalid == 1"), report).passed
+    assert evaluate_gate(parse_gate("event.illumination_switch.base_sr > 0"), report).passed
     assert (
-        evaluate(parse_gate("regressions_vs(old) <= 99"), report, {"old": CONTRAST}).verdict == "undecidable"
+        evaluate_gate(parse_gate("regressions_vs(old) <= 99"), report, {"old": CONTRAST}).verdict
+        == "undecidable"
     )
-    versus = evaluate(parse_gate("event.obstacle_insertion.base_sr > 0"), report)
+    versus = evaluate_gate(parse_gate("event.obstacle_insertion.base_sr > 0"), report)
     assert "2 of 4 planned pairs of event obstacle_insertion" in versus.reason
 
 
@@ -126,18 +133,18 @@ def test_a_zero_denominator_makes_a_gate_undecidable() -> None:
     records = [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS]
     report = build_report(records, [], PAIRS, PROVENANCE)
     for name in ("conditional_regression", "retained", "stale_mean"):
-        result = evaluate(parse_gate(f"{name} <= 0.9"), report)
+        result = evaluate_gate(parse_gate(f"{name} <= 0.9"), report)
         assert result.verdict == "undecidable"
         assert f"no pair to measure {name} on" in result.reason
 
 
 def test_without_a_changed_pair_the_p_value_is_one() -> None:
     report = build_report([record_of(pair, True, True) for pair in PAIRS], [], PAIRS, PROVENANCE)
-    assert evaluate(parse_gate("p_value == 1"), report).passed
+    assert evaluate_gate(parse_gate("p_value == 1"), report).passed
 
 
 def test_a_group_the_run_does_not_have_is_undecidable_with_a_hint() -> None:
-    result = evaluate(parse_gate("suite.libero_spacial.dynamic_sr >= 0.5"), REPORT)
+    result = evaluate_gate(parse_gate("suite.libero_spacial.dynamic_sr >= 0.5"), REPORT)
     assert result.verdict == "undecidable"
     assert "Did you mean 'libero_spatial'?" in result.reason
 
@@ -208,8 +215,8 @@ def test_gates_come_from_lines_with_comments() -> None:
 
 @given(st.sampled_from([">=", ">"]), st.floats(-0.9, 0.4), st.floats(0, 0.5))
 def test_a_stricter_threshold_never_opens_a_gate(sign: str, threshold: float, more: float) -> None:
-    loose = evaluate(parse_gate(f"delta {sign} {threshold:.6f}"), REPORT)
-    strict = evaluate(parse_gate(f"delta {sign} {threshold + more:.6f}"), REPORT)
+    loose = evaluate_gate(parse_gate(f"delta {sign} {threshold:.6f}"), REPORT)
+    strict = evaluate_gate(parse_gate(f"delta {sign} {threshold + more:.6f}"), REPORT)
     assert loose.passed or not strict.passed
 
 
@@ -218,8 +225,8 @@ def test_a_percentage_is_exactly_its_hundredth() -> None:
     assert report["overall"]["paired_change"]["value"] == -0.028
     assert -2.8 / 100 > -0.028, "as floating-point numbers the two differ"
     for text in ("delta >= -2.8%", "delta <= -2.8%", "delta == -2.8%", "delta >= -0.028"):
-        assert evaluate(parse_gate(text), report).passed, text
-    assert not evaluate(parse_gate("delta > -2.8%"), report).passed
+        assert evaluate_gate(parse_gate(text), report).passed, text
+    assert not evaluate_gate(parse_gate("delta > -2.8%"), report).passed
 
 
 @given(st.integers(1, 120).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
@@ -233,22 +240,22 @@ def test_a_gate_set_at_the_value_a_run_reports_holds(counts: tuple[int, int]) ->
                 continue  # such a gate can never fail
             row = report["overall"]
             row["dynamic_success"] |= {"lower": 0, "upper": 1}
-            assert evaluate(parse_gate(f"dynamic_sr {sign} {number}"), report).passed
+            assert evaluate_gate(parse_gate(f"dynamic_sr {sign} {number}"), report).passed
 
 
 def test_four_alike_pairs_do_not_pass_a_gate_on_the_lower_end() -> None:
     pairs = plan()
     report = build_report([record_of(pair, True, True) for pair in pairs], [], pairs, PROVENANCE)
-    result = evaluate(parse_gate("event.camera_shift.delta.lower >= -5%"), report)
+    result = evaluate_gate(parse_gate("event.camera_shift.delta.lower >= -5%"), report)
     assert result.verdict == "failed"
     assert result.value == pytest.approx(0.025**0.25 - 1, abs=1e-8)
 
 
 def test_an_interval_by_task_needs_tasks() -> None:
-    result = evaluate(parse_gate("delta.clustered.lower >= -0.5"), REPORT)
+    result = evaluate_gate(parse_gate("delta.clustered.lower >= -0.5"), REPORT)
     assert result.verdict == "undecidable"
     assert "tasks of the run: 1, with a changed pair: 1; at least 30 and 15 are needed" in result.reason
-    assert evaluate(parse_gate("delta.clustered >= -0.5"), REPORT).passed
+    assert evaluate_gate(parse_gate("delta.clustered >= -0.5"), REPORT).passed
 
 
 def test_an_interval_by_task_decides_where_there_are_enough() -> None:
@@ -258,7 +265,7 @@ def test_an_interval_by_task_decides_where_there_are_enough() -> None:
     by_task = report["overall"]["paired_change"]["by_task"]
     assert by_task["tasks"] >= 30
     assert by_task["lower"] <= report["overall"]["paired_change"]["lower"] < -0.3
-    result = evaluate(parse_gate("delta.clustered.lower >= -0.9"), report)
+    result = evaluate_gate(parse_gate("delta.clustered.lower >= -0.9"), report)
     assert result.passed
     assert result.value == by_task["lower"]
 
@@ -266,12 +273,12 @@ def test_an_interval_by_task_decides_where_there_are_enough() -> None:
 @pytest.mark.parametrize(("whole", "verdict"), [(True, "passed"), (False, "failed")])
 def test_only_a_whole_track_is_one(whole: bool, verdict: str) -> None:
     report = {**REPORT, "selection": {"whole": whole}}
-    assert evaluate(parse_gate("whole_track == 1"), report).verdict == verdict
+    assert evaluate_gate(parse_gate("whole_track == 1"), report).verdict == verdict
 
 
 def test_a_run_that_does_not_say_its_selection_decides_nothing_about_it() -> None:
     report = {key: value for key, value in REPORT.items() if key != "selection"}
-    result = evaluate(parse_gate("whole_track == 1"), report)
+    result = evaluate_gate(parse_gate("whole_track == 1"), report)
     assert result.verdict == "undecidable"
     assert "does not say what part of its track it is" in result.reason
 

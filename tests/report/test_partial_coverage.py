@@ -12,7 +12,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide
-from pytest_libero_max.report.gates import evaluate, parse_gate, parse_gates
+from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
@@ -62,10 +62,10 @@ def test_every_report_says_what_is_unsupported() -> None:
 
 def test_gates_see_that_a_part_is_unsupported() -> None:
     report = {**_report(), "selection": {"whole": True}}
-    assert evaluate(parse_gate("whole_track == 1"), report).verdict == "failed"
-    assert evaluate(parse_gate("unsupported == 0"), report).value == 32
-    assert evaluate(parse_gate("suite.libero_object.dynamic_sr >= 0.5"), report).verdict == "undecidable"
-    assert evaluate(parse_gate("dynamic_sr >= 0.5"), report).passed
+    assert evaluate_gate(parse_gate("whole_track == 1"), report).verdict == "failed"
+    assert evaluate_gate(parse_gate("unsupported == 0"), report).value == 32
+    assert evaluate_gate(parse_gate("suite.libero_object.dynamic_sr >= 0.5"), report).verdict == "undecidable"
+    assert evaluate_gate(parse_gate("dynamic_sr >= 0.5"), report).passed
 
 
 def test_a_comparison_is_on_the_supported_cases_and_ranks_whole_runs_alone() -> None:

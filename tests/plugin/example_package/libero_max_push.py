@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from pytest_libero_max.changes import Change, Evidence, Factor
-from pytest_libero_max.changes.fields import ManifestFields, Vector3, strength_of, text, vector3
+from pytest_libero_max import Change, EventKind, Evidence, Scenario
+from pytest_libero_max.changes import Factor, ManifestFields, Vector3, strength_of, text, vector3
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.events.kind import EventKind, Scenario
-from pytest_libero_max.events.relocation import DIRECTIONS
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
-    from pytest_libero_max.benchmark.identity import Identity
-    from pytest_libero_max.tasks.contents import TaskMetadata
-    from pytest_libero_max.worlds.contract import Entity, World
+    from pytest_libero_max import Entity, Identity, TaskMetadata, World
+
+DIRECTIONS = 8
+"""Number of directions along the table; the identity of a case says which one it is."""
 
 SPEEDS_M_S = (0.3, 0.5)
 """Speed that the target is given, by variant: it slides for one or two centimetres."""
@@ -77,9 +77,9 @@ class Push(EventKind):
         return task.planar(task.primary_target)
 
     def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
-        x, y = DIRECTIONS[identity.direction_index(self.name)]
+        angle = 2.0 * math.pi * identity.direction_index(self.name) / DIRECTIONS
         speed = SPEEDS_M_S[variant]
-        velocity = [round(x * speed, 8), round(y * speed, 8), 0.0]
+        velocity = [round(math.cos(angle) * speed, 8), round(math.sin(angle) * speed, 8), 0.0]
         return Scenario({"operation": "push_object", "object": task.primary_target, "velocity_m_s": velocity})
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:

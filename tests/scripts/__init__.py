@@ -1,0 +1,1 @@
+"""Scripts of the developers: they measure, damage and compare. Run as ``python -m tests.scripts.NAME``."""
