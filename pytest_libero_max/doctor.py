@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pytest_libero_max.errors import LiberoMaxError, SubstrateError
-from pytest_libero_max.machine import GIB, WORKER_BYTES, available_bytes, free_disk_bytes, memory_bytes
+from pytest_libero_max.machine import GIB, available_bytes, free_disk_bytes, memory_bytes
 from pytest_libero_max.substrates.contract import SubstrateOptions
+from pytest_libero_max.substrates.registry import DEFAULT, SUBSTRATES
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 
@@ -82,11 +83,12 @@ def _rendering() -> Iterator[Finding]:
 def _resources() -> Iterator[Finding]:
     processors, available = len(os.sched_getaffinity(0)), available_bytes()
     if available is not None:
-        fits = available // WORKER_BYTES
+        each = SUBSTRATES[DEFAULT].worker_gib
+        fits = int(available / (each * GIB))
         text = (
             f"{processors} processors, {available / GIB:.1f} of {memory_bytes() / GIB:.1f} GiB memory free: "
-            f"-n {max(min(processors, fits), 1)} for the embedded scenes, where each worker takes "
-            f"{WORKER_BYTES / GIB:.1f} GiB and the policy"
+            f"-n {max(min(processors, fits), 1)} on the {DEFAULT} substrate, where each worker takes "
+            f"{each:.1f} GiB and the policy"
         )
         yield Finding("ok" if fits >= processors else "note", text)
     free = free_disk_bytes(Path())

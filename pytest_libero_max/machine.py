@@ -9,12 +9,6 @@ from pathlib import Path
 
 GIB = 2**30
 
-WORKER_BYTES = int(0.8 * GIB)
-"""Memory of a process that plays the embedded scenes with images: at most 0.75 GiB was measured."""
-
-GENUINE_WORKER_BYTES = int(3.2 * GIB)
-"""The same with LIBERO's own models: what a process has after seven scenes, two of which it keeps."""
-
 _M_MMAP_THRESHOLD = -3
 _LARGE_BLOCK_BYTES = 2**20
 

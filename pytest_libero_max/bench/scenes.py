@@ -5,25 +5,20 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from statistics import median
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pytest_libero_max.bench.clock import processor_seconds
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
-from pytest_libero_max.substrates.embedded.scene import build_scene
-from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.substrates.contract import Substrate
 from pytest_libero_max.tasks.libero_tasks import tasks
-from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS
-from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, World
 
-if TYPE_CHECKING:
-    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
-
-OpenScene = Callable[[str, int], AbstractContextManager[MujocoWorld]]
+OpenScene = Callable[[str, int], AbstractContextManager[World]]
 """Makes the world of a task, by suite and number, and closes it."""
 
 SCENES = sum(len(tasks(suite)) for suite in SUITE_BUDGETS)
@@ -51,27 +46,23 @@ class SceneCost:
     image_ms: float
 
 
-def embedded_scene(suite: str, index: int) -> AbstractContextManager[MujocoWorld]:
-    """The world of an embedded task."""
-    return closing(EmbeddedWorld(build_scene(suite, index)))
-
-
-def genuine_scenes(substrate: LiberoSubstrate) -> OpenScene:
-    """The worlds of LIBERO's own tasks, one at a time."""
+def scenes_of(substrate: Substrate) -> OpenScene:
+    """Return a function that opens the worlds of LIBERO's own tasks, one at a time."""
+    cases = {(case.suite, case.task_index): case for case in load_track("original")}
 
     @contextmanager
-    def open_scene(suite: str, index: int) -> Iterator[MujocoWorld]:
+    def open_scene(suite: str, index: int) -> Iterator[World]:
         try:
-            yield substrate.task_world(suite, index, seed=0)
+            yield substrate.world(cases[suite, index])
         finally:
             substrate.close()
-            gc.collect()  # an environment refers to itself, and holds most of a gigabyte
+            gc.collect()  # an environment refers to itself, and a genuine one holds most of a gigabyte
 
     return open_scene
 
 
 def measure_scenes(
-    open_scene: OpenScene = embedded_scene, *, steps: int = 40, images: int = 10, size: int = 256
+    open_scene: OpenScene, *, steps: int = 40, images: int = 10, size: int = 256
 ) -> Iterator[SceneCost]:
     """Measure all forty, one after the other.
 

@@ -29,9 +29,9 @@ def track_names(folder: Path = FOLDER) -> tuple[str, ...]:
     return tuple(sorted(path.name.partition(".json")[0] for path in folder.glob("*.json*")))
 
 
-def genuine_name(name: str, folder: Path = FOLDER) -> str:
-    """The name of a track's version for the genuine scenes, if there is one; otherwise the name as it is."""
-    return f"{GENUINE}/{name}" if name in track_names(folder / GENUINE) else name
+def name_in(below: str, name: str, folder: Path = FOLDER) -> str:
+    """Name of the version of a track in a folder below, if there is one; otherwise the name as it is."""
+    return f"{below}/{name}" if below and name in track_names(folder / below) else name
 
 
 def track_path(name: str, folder: Path = FOLDER) -> Path:

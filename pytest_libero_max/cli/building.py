@@ -15,7 +15,7 @@ from pytest_libero_max.errors import OptionError
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
     from pytest_libero_max.construction.examiner import Progress
-    from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
+    from pytest_libero_max.substrates.contract import Catalogue, Substrate
 
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -28,7 +28,7 @@ def add_commands(commands: Commands) -> None:
     gallery = commands.add_parser(
         "gallery",
         help="Draw the embedded scenes, their variations and the events",
-        description="With --substrate libero: only the events, on the cases of that substrate's smoke track.",
+        description="On a substrate without sheets of its own: only the events.",
     )
     gallery.add_argument("folder", type=Path, metavar="FOLDER", help="Where the pictures are written")
     gallery.add_argument(
@@ -152,116 +152,75 @@ def _catalogue(options: argparse.Namespace) -> None:
 
 def _gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.sheets import write_event_sheet, write_page_pictures
-    from pytest_libero_max.substrates.embedded.catalogue.catalogue_sheets import (
-        write_plus_sheet,
-        write_pro_sheet,
-    )
-    from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet
-    from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+    from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
 
-    if options.substrate != "embedded":
-        _genuine_gallery(options)
-        return
+    kind, told = SUBSTRATES[options.substrate], substrate_options(options)
+    track = kind.tracks(told).pictured
+    sheets: dict[Path, Callable[[Path, Substrate], None]] = {
+        **{options.folder / name: draw for name, draw in kind.sheets.items()},
+        options.folder / "events.webp": partial(write_event_sheet, track=track),
+    }
+    if options.page_pictures is not None:
+        sheets[options.page_pictures] = partial(write_page_pictures, track=track)
+    substrate = open_substrate(options.substrate, told)
     with Work() as work:
-        work.show("scenes.png")
-        write_contact_sheet(options.folder / "scenes.png")
-        substrate = EmbeddedSubstrate()
-        sheets: dict[Path, Callable[[Path, EmbeddedSubstrate], None]] = {
-            options.folder / "events.jpg": write_event_sheet,
-            options.folder / "plus.png": write_plus_sheet,
-            options.folder / "pro.png": write_pro_sheet,
-        }
-        if options.page_pictures is not None:
-            sheets[options.page_pictures] = write_page_pictures
         try:
-            for number, (path, write) in enumerate(sheets.items(), start=2):
-                work.show(f"{path.name}, {number} of {len(sheets) + 1}")
+            for number, (path, write) in enumerate(sheets.items(), start=1):
+                work.show(f"{path.name}, {number} of {len(sheets)}")
                 write(path, substrate)
         finally:
             substrate.close()
 
 
-def _genuine_gallery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.benchmark.tracks import genuine_name
-    from pytest_libero_max.construction.sheets import write_event_sheet
-    from pytest_libero_max.substrates.registry import open_substrate
-
-    if options.page_pictures is not None:
-        raise OptionError("--page-pictures are those of the embedded scenes. Leave out --substrate.")
-    substrate = open_substrate(options.substrate, substrate_options(options))
-    with Work() as work:
-        work.show("events.webp")
-        try:
-            write_event_sheet(options.folder / "events.webp", substrate, genuine_name("smoke"))
-        finally:
-            substrate.close()
-
-
 def _eligibility(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.configurations import OWN, eligibility_lines
+    from pytest_libero_max.construction.configurations import eligibility_lines
 
-    origin = OWN if options.substrate == "embedded" else _installed_catalogue(options)
-    print("\n".join(eligibility_lines(origin)))
+    print("\n".join(eligibility_lines(_catalogue_of(options))))
 
 
-def _installed_catalogue(options: argparse.Namespace) -> InstalledCatalogue:
-    from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
-    from pytest_libero_max.substrates.libero.installation import find_installations
+def _catalogue_of(options: argparse.Namespace) -> Catalogue:
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    if options.substrate != "libero" or options.source_variations == "own":
-        raise OptionError(
-            f"substrate={options.substrate!r} with source variations {options.source_variations!r}: only "
-            "embedded has catalogues of its own, and libero those of the variations that are installed."
-        )
-    where = substrate_options(options)
-    installations = find_installations(where.installations, assets=where.assets)
-    return InstalledCatalogue(installations, options.plus_classification)
+    return SUBSTRATES[options.substrate].catalogue(substrate_options(options))
 
 
 def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.examiner import Examiner
+    from pytest_libero_max.construction.genuine import TRACKS, build_genuine
     from pytest_libero_max.construction.overview import overview_lines, write_overview
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verification import verify
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    if options.substrate != "embedded":
-        _build_genuine(options)
-        return
-    if options.tracks or options.plus_classification:
+    told, whole = substrate_options(options), SUBSTRATES[options.substrate].plays_frozen
+    if whole and (options.tracks or options.plus_classification):
         raise OptionError(
-            "The embedded tracks are built together, from the package's own catalogues. Give no TRACK and no "
-            "--plus-classification, or add --substrate libero."
+            f"The {options.substrate} tracks are built together, from the package's own catalogues. Give no "
+            "TRACK and no --plus-classification, or add --substrate libero."
         )
-    with Work() as work, Examiner(options.work, options.jobs, _tell(work)) as examiner:
+    catalogue = _catalogue_of(options)
+    with (
+        Work() as work,
+        Examiner(options.work, options.jobs, _tell(work), options.substrate, told) as examiner,
+    ):
         work.say(f"What is found is kept in {examiner.path()}")
-        write_release(build_release(examiner.examine), options.folder)
+        if whole:
+            release = build_release(examiner.examine)
+        else:
+            release = build_genuine(examiner.examine, catalogue, options.tracks or TRACKS)
+        write_release(release, options.folder)
     write_overview(options.folder)
-    print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
-
-
-def _build_genuine(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.examiner import Examiner
-    from pytest_libero_max.construction.genuine import TRACKS, build_genuine
-    from pytest_libero_max.construction.overview import overview_lines, write_overview
-    from pytest_libero_max.construction.release import write_release
-
-    catalogue, where = _installed_catalogue(options), substrate_options(options)
-    with Work() as work, Examiner(options.work, options.jobs, _tell(work), "libero", where) as examiner:
-        work.say(f"What is found is kept in {examiner.path()}")
-        release = build_genuine(examiner.examine, catalogue, options.tracks or TRACKS)
-    write_release(release, options.folder)
-    write_overview(options.folder)
-    print("\n".join(overview_lines(options.folder)))
+    checks = ["", *verify(options.folder)] if whole else []
+    print("\n".join([*overview_lines(options.folder), *checks]))
 
 
 def _certify(options: argparse.Namespace) -> None:
-    from pytest_libero_max.benchmark.tracks import track_names
     from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import certificate_lines, write_overview
-    from pytest_libero_max.construction.release import add_certificates, read_certificates
+    from pytest_libero_max.construction.release import add_certificates, independent_tracks, read_certificates
 
-    everything = ("original", "max") if options.substrate == "embedded" else track_names(options.folder)
-    tracks, where = options.tracks or everything, (options.substrate, substrate_options(options))
+    tracks = options.tracks or independent_tracks(options.folder)
+    where = (options.substrate, substrate_options(options))
     with Work() as work, Examiner(options.work, options.jobs, _tell(work), *where) as examiner:
         work.say(f"What is found is kept in {examiner.path(options.expert)}")
         add_certificates(options.folder, tracks, partial(examiner.certify, expert=options.expert))

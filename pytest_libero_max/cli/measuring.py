@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.substrates import add_libero, substrate_options
+from pytest_libero_max.cli.substrates import add_libero, add_substrate, substrate_options
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import SubstrateError
 
@@ -30,13 +30,7 @@ def add_commands(commands: Commands) -> None:
     bench.set_defaults(run=_bench)
 
     scenes = commands.add_parser("bench-scenes", help="Measure what each of the forty scenes costs")
-    scenes.add_argument(
-        "--substrate",
-        default="embedded",
-        choices=("embedded", "libero"),
-        help="Whose scenes (default: %(default)s)",
-    )
-    add_libero(scenes)
+    add_substrate(scenes)
     scenes.set_defaults(run=_bench_scenes)
 
     genuine = commands.add_parser(
@@ -72,15 +66,10 @@ def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
 
 
 def _bench_scenes(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.scenes import (
-        SCENES,
-        cost_lines,
-        embedded_scene,
-        genuine_scenes,
-        measure_scenes,
-    )
+    from pytest_libero_max.bench.scenes import SCENES, cost_lines, measure_scenes, scenes_of
+    from pytest_libero_max.substrates.registry import open_substrate
 
-    open_scene = embedded_scene if options.substrate == "embedded" else genuine_scenes(_genuine(options))
+    open_scene = scenes_of(open_substrate(options.substrate, substrate_options(options)))
     costs = []
     with Work() as work:
         work.show(f"0 of {SCENES} scenes measured")

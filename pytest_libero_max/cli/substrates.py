@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from pytest_libero_max.substrates.registry import DEFAULT
+
 if TYPE_CHECKING:
     from pytest_libero_max.substrates.contract import SubstrateOptions
 
@@ -26,7 +28,10 @@ def add_libero(command: argparse.ArgumentParser) -> None:
 def add_substrate(command: argparse.ArgumentParser) -> None:
     """Let a command be told what builds its worlds, and where LIBERO is."""
     command.add_argument(
-        "--substrate", default="embedded", metavar="NAME", help="embedded or libero (default: %(default)s)"
+        "--substrate",
+        default=DEFAULT,
+        metavar="NAME",
+        help="embedded, libero, or one of another package (default: %(default)s)",
     )
     command.add_argument(
         "--source-variations",
@@ -42,4 +47,9 @@ def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
     from pytest_libero_max.substrates.contract import SubstrateOptions
 
     variations: Literal["installed", "own"] = getattr(options, "source_variations", "installed")
-    return SubstrateOptions(tuple(options.libero), options.libero_assets, variations=variations)
+    return SubstrateOptions(
+        tuple(options.libero),
+        options.libero_assets,
+        variations=variations,
+        classification=getattr(options, "plus_classification", None),
+    )

@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
@@ -24,17 +24,10 @@ from pytest_libero_max.machine import return_large_blocks
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.substrates.contract import Substrate
-from pytest_libero_max.substrates.libero.plus import base_name
-from pytest_libero_max.substrates.registry import open_substrate, own_catalogue, own_variation
+from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
+from pytest_libero_max.substrates.registry import DEFAULT, SUBSTRATES, open_substrate, own_catalogue
 from pytest_libero_max.substrates.variation import digest_of
 from pytest_libero_max.worlds.threads import use_one_blas_thread
-
-if TYPE_CHECKING:
-    from pytest_libero_max.substrates.contract import SubstrateOptions
-
-BATCH = 12
-"""Cases that a process takes at a time: neighbours share scenes."""
 
 EXAMINED, CERTIFIED = "examined", "certified"
 EXAMINATIONS, CERTIFICATES = "examinations.jsonl", "certificates.jsonl"
@@ -100,7 +93,7 @@ class Examiner:
         folder: Path,
         jobs: int,
         report: Callable[[Progress], None] | None = None,
-        substrate: str = "embedded",
+        substrate: str = DEFAULT,
         options: SubstrateOptions | None = None,
     ) -> None:
         self._folder, self._substrate, self._options = folder, substrate, options
@@ -155,7 +148,7 @@ class Examiner:
         is_good: Callable[[Found], bool],
     ) -> dict[str, Found]:
         todo = [case for case in sorted(cases, key=self._order) if ledger.of(case) is None]
-        size = 1 if self._substrate == "libero" else BATCH  # a case there takes seconds, which are not lost
+        size = SUBSTRATES[self._substrate].batch
         batches = [todo[first : first + size] for first in range(0, len(todo), size)]
         waiting = {self._pool.submit(find, [case.record for case in batch]): batch for batch in batches}
         began, before, done = time.monotonic(), len(cases) - len(todo), 0
@@ -241,26 +234,9 @@ def examining_code(package: Path) -> list[Path]:
 
 
 def scene_order(substrate: str, options: SubstrateOptions | None) -> Callable[[Case], tuple[Any, ...]]:
-    """Sort key of cases, by which neighbours share a scene.
-
-    The installed LIBERO-Plus and LIBERO-PRO have catalogues of their own, which are not consulted.
-    """
-    own = options is not None and options.variations == "own"
-    return _installed_scene if substrate == "libero" and not own else _scene
-
-
-def _scene(case: Case) -> tuple[Any, ...]:
-    if case.source == "libero":
-        return case.suite, case.task_index, "", case.case_id
-    variation = own_variation(case)
-    return case.suite, variation.base_index, json.dumps(variation.scene, sort_keys=True), case.case_id
-
-
-def _installed_scene(case: Case) -> tuple[Any, ...]:
-    """Textures and meshes are those of the task that is varied, unless the variation brings others."""
-    name = case.record.get("task_name") if case.source == "plus" else None
-    task = f"{case.task_index:02d}" if name is None else base_name(name)
-    return case.suite, case.source, task, case.source_category or "", case.case_id
+    """Return the key by which cases are sorted, so that neighbours share a scene."""
+    scene_of, told = SUBSTRATES[substrate].scene_of, options or SubstrateOptions()
+    return lambda case: (*scene_of(told, case), case.case_id)
 
 
 _substrate: Substrate

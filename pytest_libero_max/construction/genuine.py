@@ -22,7 +22,7 @@ from pytest_libero_max.construction.selection import Examine, Pool, select
 from pytest_libero_max.construction.splits import SPLITS, full, protocol
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
+from pytest_libero_max.substrates.contract import Catalogue
 from pytest_libero_max.substrates.variation import Variation
 
 BENCHMARK, VERSION = "libero-max-genuine", "1.0.0"
@@ -38,7 +38,7 @@ SOURCES = ("plus", "pro")
 ExamineCases = Callable[[Sequence[Case]], Mapping[str, Preflight]]
 
 
-def build_genuine(examine: ExamineCases, catalogue: InstalledCatalogue, names: Iterable[str]) -> Release:
+def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[str]) -> Release:
     """Choose the cases of some tracks on genuine scenes.
 
     Args:
@@ -95,11 +95,11 @@ def _key(variation: Variation) -> tuple[str, str, int, str]:
 class Candidates:
     """Candidates of smoke: tasks that need no models of LIBERO-Plus, by source, with initial states."""
 
-    catalogue: InstalledCatalogue
+    catalogue: Catalogue
     by_source: Mapping[str, Sequence[Configuration]]
 
 
-def candidates_of(catalogue: InstalledCatalogue) -> Candidates:
+def candidates_of(catalogue: Catalogue) -> Candidates:
     """Candidates of smoke, the same on every machine with the packages.
 
     Raises:

@@ -17,6 +17,7 @@ from pytest_libero_max.benchmark.tracks import (
     frozen_files,
     load_track,
     read_checksums,
+    track_names,
     write_checksums,
     write_frozen,
 )
@@ -169,6 +170,12 @@ def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
     for name, check, detail in _read_table(folder / REJECTED):
         found[name] = (*found.get(name, ()), Problem(cast(Check, check), detail))
     return found
+
+
+def independent_tracks(folder: Path) -> tuple[str, ...]:
+    """Return the tracks that have every case of a folder, without those that were drawn from them."""
+    names = track_names(folder)
+    return ("original", "max") if "original" in names else names
 
 
 def read_certificates(folder: Path) -> dict[str, Certificate]:

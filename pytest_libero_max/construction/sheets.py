@@ -44,14 +44,15 @@ def write_event_sheet(path: Path, substrate: Substrate, track: str = ORIGINAL, s
     write_sheet(path, pictures, columns=4 * _PAIRS_A_ROW)
 
 
-def write_page_pictures(folder: Path, substrate: Substrate) -> None:
+def write_page_pictures(folder: Path, substrate: Substrate, track: str = ORIGINAL) -> None:
     """Write the same for pages of reports: one small file a variant, called like ``camera_shift-v1.webp``.
 
     Args:
         folder: Folder of the files.
         substrate: Builds the worlds.
+        track: Cases, as for :func:`write_event_sheet`.
     """
-    for name, seen in _seen(substrate, _PAGE_PX):
+    for name, seen in _seen(substrate, _PAGE_PX, track):
         pictures = [picture for both in seen.values() for picture in both]
         write_sheet(folder / f"{name}.webp", pictures, columns=len(pictures), colour_step=1)
 

@@ -20,9 +20,6 @@ MIN_PIXELS = 30
 """An entity is *seen* by a camera that shows this many pixels of it or more. The smallest one of the embedded
 scenes, a box of butter, has about 150 in an agent's view that nothing stands in."""
 
-_GENUINE = "libero"
-"""Prefix of the names of genuine scenes. Their goals may differ from those of embedded variations."""
-
 Pixels = Mapping[str, Mapping[str, int]]
 """By camera, the pixels of each entity that is in its image."""
 
@@ -78,7 +75,7 @@ def sights(world: World, case: Case, before: Pixels, after: Pixels) -> tuple[Sig
 
 def _roles(world: World, case: Case) -> dict[str, str]:
     roles = {"target": case.event.trigger.entity}
-    if world.scene.startswith(_GENUINE) and isinstance(world, PrivilegedWorld):
+    if isinstance(world, PrivilegedWorld):
         receptacle = _receptacle_of(world)
         return roles if receptacle is None else {**roles, "receptacle": receptacle}
     try:

@@ -16,30 +16,22 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.substrates.contract import SubstrateOptions
 
-GENERAL_TRACK = "smoke"
-"""The default."""
-
-PLAIN_TRACK = "original"
-"""What any LIBERO plays: its tasks without a variation."""
-
 
 def fitting_track(name: str | None, substrate: str, options: SubstrateOptions) -> str:
     """The track to play.
 
     Args:
-        name: What was asked for; None for the default: ``smoke``, or ``original`` on a libero substrate that
-            lacks what ``smoke`` needs.
+        name: Track that was asked for; None for the first default of the substrate of which every case plays.
         substrate: Name of the substrate.
         options: What it is told.
     """
-    from pytest_libero_max.benchmark.tracks import genuine_name
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    if substrate != "libero" or options.variations == "own":
-        return name or GENERAL_TRACK
+    tracks = SUBSTRATES[substrate].tracks(options)
     if name is not None:
-        return genuine_name(name)
-    general = genuine_name(GENERAL_TRACK)
-    return general if _fits(general, substrate, options) else PLAIN_TRACK
+        return tracks.name(name)
+    *preferred, last = map(tracks.name, tracks.defaults)
+    return next((track for track in preferred if _fits(track, substrate, options)), last)
 
 
 def require_fit(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:
@@ -105,13 +97,14 @@ def _refusal(
 
 def _fitting(substrate: str, options: SubstrateOptions) -> list[str]:
     """The tracks of which every case may play, as they are asked for."""
-    from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, track_names
+    from pytest_libero_max.benchmark.tracks import FOLDER, track_names
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    if substrate != "libero":
-        return [GENERAL_TRACK]
-    names = [f"{GENUINE}/{name}" for name in track_names(FOLDER / GENUINE)]
-    fit = [name for name in (*names, PLAIN_TRACK) if _fits(name, substrate, options)]
-    return [name.removeprefix(f"{GENUINE}/") for name in fit]
+    tracks = SUBSTRATES[substrate].tracks(options)
+    if not tracks.folder:
+        return list(tracks.defaults)
+    names = dict.fromkeys((*track_names(FOLDER / tracks.folder), *tracks.defaults))
+    return [name for name in names if _fits(tracks.name(name), substrate, options)]
 
 
 def _fits(name: str, substrate: str, options: SubstrateOptions) -> bool:

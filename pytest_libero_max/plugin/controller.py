@@ -48,7 +48,7 @@ from pytest_libero_max.runs.lock import require_free
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, StoredRun, read_to_resume, require_writable
 from pytest_libero_max.studies.playable import require_playable
-from pytest_libero_max.substrates.registry import describe_substrate
+from pytest_libero_max.substrates.registry import SUBSTRATES, describe_substrate, scores_of
 from pytest_libero_max.worlds.rendering import gl
 
 RECORD_PHASE = "record"
@@ -98,7 +98,7 @@ class RunController:
     def _require_fit(self) -> None:
         """Refuse cases that cannot play here, unless they are left out or the user has chosen the pairs."""
         settings = self.settings
-        frozen_here = settings.manifest is None and settings.substrate == "embedded"
+        frozen_here = settings.manifest is None and SUBSTRATES[settings.substrate].plays_frozen
         if not (frozen_here or settings.only_installed or chosen_by_hand(self.config)):
             cases = list(self.cases.values())
             require_fit(settings.case_set, cases, settings.substrate, settings.substrate_options)
@@ -140,7 +140,7 @@ class RunController:
         details += [f"selection: {', '.join(asked)}"] if asked else []
         details += [f"{len(self.measured)} measured before"] if self.measured else []
         workers = self.config.getoption("numprocesses", None) or 1
-        note = memory_note(workers, genuine=settings.substrate == "libero")
+        note = memory_note(workers, SUBSTRATES[settings.substrate])
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
             f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}",
@@ -225,6 +225,7 @@ class RunController:
                 **({} if settings.adaptive is None else {"adaptive": settings.adaptive}),
             },
             substrate=self.substrate,
+            scores=scores_of(self.settings.substrate),
             case_set={
                 "name": settings.case_set,
                 "digest": manifest.digest,

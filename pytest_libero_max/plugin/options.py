@@ -382,7 +382,7 @@ class Settings:
 
     @property
     def substrate_options(self) -> SubstrateOptions:
-        """What the libero substrate is told."""
+        """Options of the substrate."""
         return SubstrateOptions(
             self.libero, self.libero_assets, self.semantics, self.instruction, self.source_variations
         )
@@ -449,13 +449,7 @@ def resolve(config: pytest.Config) -> Settings:
     values["libero"] = tuple(_path(config, folder) for folder in values["libero"])
     if values["libero_assets"] is not None:
         values["libero_assets"] = _path(config, values["libero_assets"])
-    for name in ("libero", "libero-assets", "semantics", "instruction", "source-variations"):
-        key = f"libero_max_{name.replace('-', '_')}"
-        if config.getoption(key) is not None and values["substrate"] != "libero":
-            raise pytest.UsageError(
-                f"--libero-max-{name} is for the libero substrate, but the substrate is "
-                f"{values['substrate']}. Add --libero-max-substrate=libero."
-            )
+    _check_substrate_options(config, values["substrate"])
     _check_ray(config, values)
     values["study"] = _study(config, values)
     horizon, interval = values["horizon"], values["query_interval"]
@@ -469,6 +463,32 @@ def resolve(config: pytest.Config) -> Settings:
         config.option.libero_max_shard = "{}/{}".format(*values["shard"])
     settings = Settings(**values)
     return replace(settings, track=_track(settings, values["track"]))
+
+
+_SUBSTRATE_OPTIONS = {
+    "libero": "installations",
+    "libero-assets": "assets",
+    "semantics": "semantics",
+    "instruction": "instruction",
+    "source-variations": "variations",
+}
+"""The field of :class:`.SubstrateOptions` that an option fills, by the option's name."""
+
+
+def _check_substrate_options(config: pytest.Config, substrate: str) -> None:
+    """Check that the substrate reads the options that are given for it.
+
+    Raises:
+        pytest.UsageError: It does not.
+    """
+    for name, field in _SUBSTRATE_OPTIONS.items():
+        given = config.getoption(f"libero_max_{name.replace('-', '_')}") is not None
+        if given and field not in SUBSTRATES[substrate].reads:
+            readers = [kind.name for kind in SUBSTRATES.values() if field in kind.reads]
+            raise pytest.UsageError(
+                f"--libero-max-{name} is for the {' or '.join(readers)} substrate, but the substrate is "
+                f"{substrate}. Add --libero-max-substrate={readers[0]}."
+            )
 
 
 def _check_ray(config: pytest.Config, values: dict[str, Any]) -> None:

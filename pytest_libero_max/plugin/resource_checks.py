@@ -5,13 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from pytest_libero_max.errors import DiskError
-from pytest_libero_max.machine import (
-    GENUINE_WORKER_BYTES,
-    GIB,
-    WORKER_BYTES,
-    available_bytes,
-    free_disk_bytes,
-)
+from pytest_libero_max.machine import GIB, available_bytes, free_disk_bytes
+from pytest_libero_max.substrates.contract import SubstrateKind
 
 MIB = 2**20
 _PAIR_BYTES = 10_000
@@ -35,19 +30,19 @@ def require_room(output: Path, pairs: int) -> None:
         )
 
 
-def memory_note(workers: int, *, genuine: bool = False) -> str | None:
+def memory_note(workers: int, kind: SubstrateKind) -> str | None:
     """What to expect where the memory is too little for the workers; None where it is enough, or not known.
 
     Args:
         workers: Processes that play pairs.
-        genuine: Whether they play LIBERO's own models.
+        kind: Substrate that they play on.
     """
-    available, each = available_bytes(), GENUINE_WORKER_BYTES if genuine else WORKER_BYTES
+    available, each = available_bytes(), int(kind.worker_gib * GIB)
     if available is None or available >= workers * each:
         return None
     fits = max(available // each, 1)
     return (
         f"libero-max: {available / GIB:.1f} GiB of memory are free, and {workers} workers take about "
-        f"{workers * each / GIB:.1f} GiB with the {'genuine' if genuine else 'embedded'} scenes, without the "
-        f"policy. Play with -n {fits}, or serve the policy once for all workers (libero-max serve)."
+        f"{workers * each / GIB:.1f} GiB on the {kind.name} substrate, without the policy. "
+        f" Play with -n {fits}, or serve the policy once for all workers (libero-max serve)."
     )

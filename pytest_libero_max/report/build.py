@@ -34,6 +34,7 @@ from pytest_libero_max.stats.breakdown import (
 from pytest_libero_max.stats.intervals import CONFIDENCE, wilson
 from pytest_libero_max.stats.outcomes import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
+from pytest_libero_max.substrates.registry import scores_of
 
 REPORT_VERSION = 2
 
@@ -51,13 +52,6 @@ METHODS = {
     "floor": f"true where Base success is below {FLOOR_BASE_RATE:g}; a small change is no robustness there",
     "breakdowns": "descriptive; groups hold different cases, so differences between them are no effects",
 }
-
-GENUINE_SUBSTRATE = "libero"
-
-EMBEDDED_NOTE = (
-    "Measured on the embedded substrate: it shares tasks, protocol and events with the genuine one, not its "
-    "images. Its scores are not comparable with published ones."
-)
 
 
 def build_report(
@@ -121,7 +115,7 @@ def build_report(
         "selection": selection,
         "headline": _headline(counts, overall),
         "policy": policy,
-        "substrate": substrate_json(provenance["substrate"]["name"]),
+        "substrate": substrate_json(provenance),
         "caveats": caveats_of(played[pair.case_id] for pair in measured),
         "overall": result_json(overall, len(planned)),
         "noise_floor": _noise_floor(played.values()),
@@ -307,14 +301,19 @@ def _counts(
     }
 
 
-def substrate_json(name: str) -> Json:
-    """What a substrate's scores may be compared with."""
-    if name == GENUINE_SUBSTRATE:
-        return {"name": name, "scores_comparable_with_published": None, "note": None}
-    note = (
-        EMBEDDED_NOTE if name == "embedded" else f"Measured on the {name} substrate: a dry run, not a score."
-    )
-    return {"name": name, "scores_comparable_with_published": False, "note": note}
+def substrate_json(provenance: Json) -> Json:
+    """Name of the substrate of a run, and what its scores may be compared with.
+
+    Args:
+        provenance: As the run recorded it. Older runs recorded the name alone.
+    """
+    name = provenance["substrate"]["name"]
+    scores = provenance["scores"] if "scores" in provenance else scores_of(name)
+    return {
+        "name": name,
+        "scores_comparable_with_published": scores["comparable_with_published"],
+        "note": scores["note"],
+    }
 
 
 def _headline(counts: Json, overall: PairedResult) -> Json:

@@ -14,7 +14,6 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.stage import WAITED
 
-_GENUINE = "libero"
 _TOKENS = re.compile(
     r" (?:view(?: \d+){5} initstate \d+(?: noise \d+)?|(?:table|tb|light|add)(?: \d+)+"
     r"|(?:moved )?level\d+ sample\d+)$"
@@ -40,8 +39,8 @@ class Rule:
 
 
 def _semantics(record: PairRecord) -> str | None:
-    """How events were played; None where the event never came, or not on a genuine scene."""
-    return record.fingerprints.get("semantics") if _genuine(record) and record.triggered else None
+    """Name of the way in which the event was played; None without an event, or where there is but one way."""
+    return record.fingerprints.get("semantics") if record.triggered else None
 
 
 def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
@@ -55,13 +54,13 @@ def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
 
 
 def _own_variation(record: PairRecord) -> bool:
-    """Pairs on a genuine scene that a variation of this package's was applied to."""
-    own = record.fingerprints.get("source_variations") == "own"
-    return own and _genuine(record) and record.source != "libero"
+    """True for a pair on a genuine scene that a variation of this package's was applied to."""
+    return record.source != "libero" and record.fingerprints.get("source_variations") == "own"
 
 
 def _genuine(record: PairRecord) -> bool:
-    return record.fingerprints.get("substrate") == _GENUINE
+    """True for a pair on scenes of an installed package, which says in which of two ways it plays events."""
+    return "semantics" in record.fingerprints
 
 
 def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:

@@ -152,6 +152,8 @@ class Run:
             _check_part(values["provenance"], name, part)
         for name, rule in _SESSION.items():
             _require(f"provenance.{name}", values["provenance"].get(name), rule)
+        if "scores" in values["provenance"]:  # older runs know their substrate by its name alone
+            _check_part(values["provenance"], "scores", _SCORES)
         if "selection" in values["provenance"]:
             Selection.from_dict(values["provenance"]["selection"])
         return cls(tuple(map(planned_pair, values["planned"])), values["provenance"])
@@ -207,6 +209,12 @@ _PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
         "adaptive": TEXT.or_null,
     },
     "protocol": {"noise_floor": POSITIVE.or_null, "strength": SHARE.or_null, "study": OBJECT.or_null},
+}
+
+
+_SCORES = {
+    "comparable_with_published": Rule("true, false or null", lambda value: value in (True, False, None)),
+    "note": TEXT.or_null,
 }
 
 

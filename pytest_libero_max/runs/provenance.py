@@ -35,6 +35,7 @@ def collect(
     *,
     policy: Json,
     substrate: Json,
+    scores: Json,
     case_set: Json,
     protocol: Json,
     command: Sequence[str],
@@ -49,6 +50,7 @@ def collect(
         policy: What was asked for: ``reference``, and the ``horizon`` and ``query_interval`` that override
             its own.
         substrate: At least ``name``.
+        scores: What the substrate's scores mean: ``comparable_with_published`` and ``note``.
         case_set: At least ``name`` and ``digest``.
         protocol: What was chosen for the run and could change a result, for example the prefix mode.
         command: The command line; secrets and the home folder are taken out.
@@ -72,6 +74,7 @@ def collect(
         "gl_backend": gl_backend if gl_backend is not None else os.environ.get("MUJOCO_GL"),
         "git": git_state(folder or Path.cwd()),
         "substrate": _public_values(substrate),
+        "scores": scores,
         "case_set": _public_values(case_set),
         **({} if selection is None else {"selection": selection}),
         "policy": _public_values(policy),

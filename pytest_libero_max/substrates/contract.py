@@ -7,7 +7,7 @@ Nothing outside asks for a substrate by its name: what makes a difference elsewh
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -65,8 +65,13 @@ class Catalogue(Hashable, Protocol):
         """Entry of a variation in a manifest's ``substrate_variant``, if it has one."""
         ...
 
-    def lacks(self, variation: Variation) -> str:
-        """Say what the scene of a variation needs that is not on this machine; empty for nothing."""
+    def lacks(self, variation: Variation, *, models: bool = True) -> str:
+        """Say what the scene of a variation needs that is not on this machine; empty for nothing.
+
+        Args:
+            variation: One of :meth:`variations`.
+            models: False to count models that not every installation has as missing, even if they are here.
+        """
         ...
 
 
@@ -90,6 +95,35 @@ class SubstrateOptions:
     instruction: Literal["published", "clean"] = "published"
     variations: Literal["installed", "own"] = "installed"
     classification: Path | None = None
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The frozen tracks that a substrate plays.
+
+    Attributes:
+        folder: Folder of its own versions of tracks, below that of all tracks; empty for none.
+        defaults: Tracks to play where none is named: the first of which every case plays, or the last.
+        pictured: Track of which a gallery shows the events.
+    """
+
+    folder: str = ""
+    defaults: tuple[str, ...] = ("smoke",)
+    pictured: str = "original"
+
+    def name(self, track: str) -> str:
+        """Name of the substrate's own version of a track, if there is one; otherwise the name as it is."""
+        from pytest_libero_max.benchmark.tracks import name_in
+
+        return name_in(self.folder, track)
+
+
+def _general_tracks(options: SubstrateOptions) -> Tracks:
+    return Tracks()
+
+
+def _task_order(options: SubstrateOptions, case: Case) -> tuple[Any, ...]:
+    return case.suite, case.source, case.task_index, case.source_category or ""
 
 
 def _nothing(options: SubstrateOptions) -> dict[str, Any]:
@@ -122,6 +156,17 @@ class SubstrateKind:
         catalogue: Opens the catalogue of its source variations, from which cases can be chosen.
         variation_of: Finds the source variation of its own that a case plays, without building anything.
             Raises :class:`.SubstrateError` where it has none.
+        tracks: Returns the frozen tracks that it plays.
+        plays_frozen: True if every case of the tracks that come with this package plays, wherever that is.
+        reads: Fields of :class:`SubstrateOptions` that it reads; giving it another is refused.
+        comparable_with_published: False if its scores are never comparable with published ones, None if the
+            caveats of a run decide.
+        note: Sentences to print beside every score; empty for none, None to call every run of it a dry run.
+        worker_gib: Memory of a process that plays it with images, GiB.
+        limit_gib: Smallest memory limit of such a process, GiB of what it may ask for.
+        scene_of: Returns a key by which cases are sorted so that neighbours share a scene.
+        batch: Cases that a process examines at a time, after which they are kept.
+        sheets: Functions that draw contact sheets of its own with an open substrate, by the files' names.
     """
 
     name: str
@@ -130,3 +175,13 @@ class SubstrateKind:
     lacking: Callable[[SubstrateOptions, Sequence[Case]], Mapping[str, str]] = _nothing_lacking
     catalogue: Callable[[SubstrateOptions], Catalogue] = _no_catalogue
     variation_of: Callable[[Case], Variation] = _no_variation
+    tracks: Callable[[SubstrateOptions], Tracks] = _general_tracks
+    plays_frozen: bool = False
+    reads: frozenset[str] = frozenset()
+    comparable_with_published: bool | None = False
+    note: str | None = None
+    worker_gib: float = 0.8
+    limit_gib: float = 4.0
+    scene_of: Callable[[SubstrateOptions, Case], tuple[Any, ...]] = _task_order
+    batch: int = 12
+    sheets: Mapping[str, Callable[[Path, Any], None]] = field(default_factory=dict)

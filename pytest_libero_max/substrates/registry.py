@@ -68,6 +68,21 @@ def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substr
     return SUBSTRATES[name].open(options or SubstrateOptions())
 
 
+def scores_of(name: str) -> dict[str, Any]:
+    """Return what the scores of a substrate mean, as a run records it.
+
+    Args:
+        name: Name of a substrate. One that is not installed here is taken for an unknown one.
+    """
+    kind = SUBSTRATES[name] if name in SUBSTRATES else None  # noqa: SIM401 - it has no `get`
+    if kind is None or kind.note is None:
+        return {
+            "comparable_with_published": False,
+            "note": f"Measured on the {name} substrate: a dry run, not a score.",
+        }
+    return {"comparable_with_published": kind.comparable_with_published, "note": kind.note or None}
+
+
 def own_catalogue() -> Catalogue:
     """Return the catalogue of this package's own source variations."""
     return SUBSTRATES[DEFAULT].catalogue(SubstrateOptions())

@@ -12,7 +12,6 @@ from pytest_libero_max.benchmark.source_digest import code_digest
 from pytest_libero_max.changes import MoveObject
 from pytest_libero_max.construction.certificates import Certificate
 from pytest_libero_max.construction.examiner import (
-    BATCH,
     Examiner,
     Ledger,
     Progress,
@@ -25,6 +24,7 @@ from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.experts import noop
 from pytest_libero_max.substrates.contract import SubstrateOptions
+from pytest_libero_max.substrates.registry import SUBSTRATES
 from tests.construction.test_preflight import case_of, insertion, move
 
 NOOP = Path(noop.__file__)
@@ -38,7 +38,7 @@ def cases() -> list[Case]:
         replace(
             made[n % 3], case_id=f"case-{n:02d}", record={**made[n % 3].record, "case_id": f"case-{n:02d}"}
         )
-        for n in range(2 * BATCH + 3)
+        for n in range(2 * SUBSTRATES["embedded"].batch + 3)
     ]
 
 
@@ -62,7 +62,7 @@ def test_an_interrupted_examination_goes_on_where_it_stopped(
     examined: dict[str, Preflight], cases: list[Case], tmp_path: Path
 ) -> None:
     def stop(progress: Progress) -> None:
-        if progress.done == BATCH:
+        if progress.done == SUBSTRATES["embedded"].batch:
             raise Stopped
 
     with Examiner(tmp_path, 1, stop, substrate="tiny") as examiner, pytest.raises(Stopped):
@@ -70,7 +70,7 @@ def test_an_interrupted_examination_goes_on_where_it_stopped(
     with examiner.path().open("a") as file:
         file.write('["torn')
     measured = len(Ledger(examiner.path(), Preflight).found)
-    assert BATCH <= measured < len(cases)
+    assert SUBSTRATES["embedded"].batch <= measured < len(cases)
     seen: list[Progress] = []
     with Examiner(tmp_path, 1, seen.append, substrate="tiny") as second:
         assert second.path() == examiner.path()

@@ -16,7 +16,6 @@ from pytest_libero_max.benchmark.tracks import (
     FOLDER,
     GENUINE,
     content_of,
-    genuine_name,
     load_track,
     write_checksums,
     write_frozen,
@@ -37,7 +36,7 @@ def whole() -> Manifest:
 
 def test_the_track_on_genuine_scenes_comes_with_the_package() -> None:
     assert "smoke: one case of each event, variant and source" in verify(FOLDER / GENUINE)
-    smoke = load_track(genuine_name("smoke"))
+    smoke = load_track(f"{GENUINE}/smoke")
     assert smoke.benchmark_id == "libero-max-genuine-smoke"
     assert smoke.protocol["substrate"] == "LIBERO-Plus and LIBERO-PRO"
     needing_models = {"Background Textures", "Light Conditions"}

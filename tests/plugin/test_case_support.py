@@ -12,7 +12,6 @@ from pytest_libero_max.benchmark import tracks
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.plugin import case_support
 from pytest_libero_max.plugin.case_support import fitting_cases, fitting_track, require_fit
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import SUBSTRATES
@@ -41,7 +40,7 @@ def genuine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / tracks.GENUINE).mkdir()
     tracks.write_frozen(folder / tracks.GENUINE / "smoke.json.gz", load_track("original").to_json())
     tracks.write_checksums(folder / tracks.GENUINE, ["smoke.json.gz"])
-    for function in (tracks.track_names, tracks.track_path, tracks.load_track, tracks.genuine_name):
+    for function in (tracks.track_names, tracks.track_path, tracks.load_track, tracks.name_in):
         monkeypatch.setattr(function, "__defaults__", (folder,))
     monkeypatch.setattr(tracks, "FOLDER", folder)
     return folder
@@ -78,7 +77,7 @@ def test_the_default_is_what_any_libero_plays_where_smoke_lacks_something(
     genuine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lacks(monkeypatch, lambda options, cases: {case.case_id: "it" for case in cases[:1]})
-    assert fitting_track(None, "libero", ANY) == case_support.PLAIN_TRACK
+    assert fitting_track(None, "libero", ANY) == "original"
 
 
 def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_named(

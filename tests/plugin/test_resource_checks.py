@@ -8,6 +8,7 @@ from pytest_libero_max.errors import DiskError
 from pytest_libero_max.machine import GIB, free_disk_bytes
 from pytest_libero_max.plugin import resource_checks
 from pytest_libero_max.plugin.resource_checks import MIB, memory_note, require_room
+from pytest_libero_max.substrates.registry import SUBSTRATES
 from tests.plugin.test_run import Run
 
 
@@ -42,11 +43,13 @@ def test_a_session_without_room_ends_before_it_plays(run: Run, pytester: pytest.
 
 def test_too_little_memory_for_the_workers_is_said_with_a_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource_checks, "available_bytes", lambda: int(2.5 * GIB))
-    assert memory_note(3) is None
-    note = memory_note(8)
+    assert memory_note(3, SUBSTRATES["embedded"]) is None
+    note = memory_note(8, SUBSTRATES["embedded"])
     assert note is not None
     assert "2.5 GiB of memory are free, and 8 workers take about 6.4 GiB" in note
     assert "Play with -n 3," in note
-    assert "8 workers take about 25.6 GiB with the genuine scenes" in str(memory_note(8, genuine=True))
+    assert "8 workers take about 25.6 GiB on the libero substrate" in str(
+        memory_note(8, SUBSTRATES["libero"])
+    )
     monkeypatch.setattr(resource_checks, "available_bytes", lambda: None)
-    assert memory_note(1000) is None
+    assert memory_note(1000, SUBSTRATES["embedded"]) is None

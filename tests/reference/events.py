@@ -43,7 +43,7 @@ def page() -> str:
 
 Each event has two parameter variants, 0 and 1. The numbers are those of the benchmark's authors.
 
-![Each event, before and after](../../reports/events.jpg)
+![Each event, before and after](../../reports/events.webp)
 
 {overview}
 

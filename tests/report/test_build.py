@@ -148,6 +148,20 @@ def test_the_report_of_the_embedded_substrate_says_what_it_is_not() -> None:
     assert genuine["substrate"]["scores_comparable_with_published"] is None
 
 
+def test_a_run_on_a_substrate_that_is_not_installed_here_says_what_it_recorded() -> None:
+    pairs = plan()
+    elsewhere = {**PROVENANCE, "substrate": {"name": "another"}}
+    report = build_report(records_of(pairs), [], pairs, elsewhere)
+    assert report["substrate"]["note"] == "Measured on the another substrate: a dry run, not a score."
+    scores = {"comparable_with_published": None, "note": "On another simulator."}
+    report = build_report(records_of(pairs), [], pairs, {**elsewhere, "scores": scores})
+    assert report["substrate"] == {
+        "name": "another",
+        "scores_comparable_with_published": None,
+        "note": "On another simulator.",
+    }
+
+
 def test_the_policy_is_the_one_the_records_name() -> None:
     pairs = plan()
     records = records_of(pairs)

@@ -52,9 +52,9 @@ def test_the_git_state_is_commit_and_dirt(tmp_path: Path) -> None:
 
 def test_collecting_imports_no_simulator() -> None:
     code = (
-        "import sys; from pytest_libero_max.report import provenance, store, junit, run;"
-        "provenance.collect(policy={'reference': 'a.py'}, substrate={'name': 'embedded'}, case_set={},"
-        " protocol={}, command=[]);"
+        "import sys; from pytest_libero_max.runs import plan, provenance, store;"
+        "provenance.collect(policy={'reference': 'a.py'}, substrate={'name': 'embedded'}, scores={},"
+        " case_set={}, protocol={}, command=[]);"
         "heavy = {'mujoco', 'robosuite', 'numpy', 'scipy', 'numba', 'cv2'} & set(sys.modules);"
         "assert not heavy, heavy"
     )
@@ -67,6 +67,7 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
     origin = collect(
         policy={"reference": "/home/ann/a.py", "horizon": None},
         substrate={"name": "embedded"},
+        scores={"comparable_with_published": False, "note": "Not comparable."},
         case_set={"name": "track smoke", "digest": "ab"},
         protocol={"prefix": "fork"},
         command=["pytest"],
@@ -80,6 +81,7 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
         "gl_backend",
         "git",
         "substrate",
+        "scores",
         "case_set",
         "policy",
         "protocol",

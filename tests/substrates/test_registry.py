@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -7,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import pytest_libero_max
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import SubstrateKind, SubstrateOptions
 from pytest_libero_max.substrates.registry import (
@@ -14,7 +17,10 @@ from pytest_libero_max.substrates.registry import (
     SUBSTRATES,
     describe_substrate,
     open_substrate,
+    scores_of,
 )
+
+PACKAGE = Path(pytest_libero_max.__file__).parent
 
 MODULE = """
 from pytest_libero_max.substrates.contract import SubstrateKind
@@ -50,6 +56,45 @@ def test_another_package_adds_a_substrate(toy: None) -> None:
     assert substrate.name == "tiny"  # the toy opens it
     asked = SubstrateOptions(semantics="corrected")
     assert describe_substrate("toy", asked) == {"name": "toy", "semantics": "corrected"}
+
+
+def test_a_kind_answers_for_what_it_leaves_out(toy: None) -> None:
+    kind, options, case = SUBSTRATES["toy"], SubstrateOptions(), load_track("smoke").cases[0]
+    assert kind.tracks(options).name("smoke") == "smoke"
+    assert not kind.lacking(options, [case])
+    assert case.suite in kind.scene_of(options, case)
+    with pytest.raises(SubstrateError, match="no catalogue"):
+        kind.catalogue(options)
+    with pytest.raises(SubstrateError, match=f"{case.case_id}.*no source variations"):
+        kind.variation_of(case)
+    note = "Measured on the toy substrate: a dry run, not a score."
+    assert scores_of("toy") == {"comparable_with_published": False, "note": note}
+
+
+def _files(*below: str) -> Iterator[tuple[Path, ast.Module]]:
+    for path in sorted((PACKAGE.joinpath(*below)).rglob("*.py")):
+        yield path.relative_to(PACKAGE), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def test_nothing_asks_for_a_substrate_by_its_name() -> None:
+    """A source has the name of a substrate too, so comparisons with a ``source`` are left out."""
+    found = []
+    for path, tree in _files():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Compare) and "source" not in ast.unparse(node):
+                constants = {one.value for one in ast.walk(node) if isinstance(one, ast.Constant)}
+                if constants & set(SUBSTRATES):
+                    found.append(f"{path}:{node.lineno}: {ast.unparse(node)}")
+    assert not found
+
+
+@pytest.mark.parametrize("name", SUBSTRATES)
+def test_no_substrate_imports_another_one(name: str) -> None:
+    others = tuple(f"pytest_libero_max.substrates.{other}" for other in SUBSTRATES if other != name)
+    for path, tree in _files("substrates", name):
+        for node in ast.walk(tree):
+            module = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
+            assert not module.startswith(others), f"{path} imports {module}"
 
 
 def test_an_unknown_substrate_is_refused_with_the_closest_name() -> None:

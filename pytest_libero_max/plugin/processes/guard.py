@@ -16,18 +16,13 @@ from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.crash_log import MEMORY, Doing, LastWords
 from pytest_libero_max.plugin.processes.watchdog import Watchdog
+from pytest_libero_max.substrates.registry import SUBSTRATES
 
 WORDS_INPUT = "libero_max_words"
 """In a worker's input: the path of its last words."""
 
 OUT_OF_MEMORY = 70
 """Exit status of a process that wanted more memory than it may use."""
-
-LEAST_GIB = 4.0
-"""No process gets less by default: the embedded scenes with images need well below that."""
-
-GENUINE_LEAST_GIB = 10.0
-"""The same with LIBERO's own models. Each scene asks three times for 1.2 GiB and uses little of it."""
 
 SHARE = 0.9
 """Of the memory of the machine, what its processes may use together by default."""
@@ -50,7 +45,7 @@ class Guard:
         return_large_blocks()
         self.watchdog = Watchdog(settings.timeouts, words, stderr)
         self._words = words
-        self._memory_gib = memory_gib(settings.memory, workers, genuine=settings.substrate == "libero")
+        self._memory_gib = memory_gib(settings.memory, workers, SUBSTRATES[settings.substrate].limit_gib)
         if self._memory_gib is not None:
             limit_private_bytes(int(self._memory_gib * GIB))
 
@@ -99,16 +94,16 @@ class Guard:
         )
 
 
-def memory_gib(asked: float | None, workers: int, *, genuine: bool = False) -> float | None:
+def memory_gib(asked: float | None, workers: int, least: float) -> float | None:
     """The memory limit of a process, GiB; None for no limit.
 
     Args:
         asked: What the option says: 0 for no limit, None for a share of the machine.
         workers: How many processes share it.
-        genuine: Whether they play LIBERO's own models.
+        least: Limit below which no share of the machine goes, GiB; what the substrate needs.
     """
     if asked is None:
-        return max(GENUINE_LEAST_GIB if genuine else LEAST_GIB, SHARE * memory_bytes() / GIB / workers)
+        return max(least, SHARE * memory_bytes() / GIB / workers)
     return asked or None
 
 

@@ -198,7 +198,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             "left_out": {name: list(cases) for name, cases in common.left_out.items()},
             "unsupported": dict(common.unsupported),
         },
-        "substrate": substrate_json(next(iter(outcomes.values())).run.provenance["substrate"]["name"]),
+        "substrate": substrate_json(next(iter(outcomes.values())).run.provenance),
         "differences": list(_differences(outcomes)),
         "runs": rows,
         "contrasts": [

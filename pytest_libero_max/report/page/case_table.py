@@ -16,6 +16,7 @@ from pytest_libero_max.runs.media import PICTURES_NAME, caption_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay import replay_command
 from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.substrates.registry import SUBSTRATES
 
 OUTCOME_TITLES = {
     "preserved_success": "preserved",
@@ -107,11 +108,12 @@ def _commands(stored: StoredRun, traced: bool) -> Iterator[list[str]]:
     if traced:
         yield [f"Film it, {after}", "libero-max film .", ""]
     kind, _, track = stored.run.provenance["case_set"]["name"].partition(" ")
-    if kind == "track" and stored.run.provenance["substrate"]["name"] == "embedded":
+    substrate = stored.run.provenance["substrate"]["name"]
+    if kind == "track" and substrate in SUBSTRATES and SUBSTRATES[substrate].plays_frozen:
         yield [
             f"Draw its event before and after, {after}",
             f"libero-max show {track}",
-            f"--pictures={PICTURES_NAME}",
+            f"--substrate={substrate} --pictures={PICTURES_NAME}",
         ]
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
@@ -44,4 +46,42 @@ def _lacking(options: SubstrateOptions, cases: Sequence[Case]) -> Mapping[str, s
     return {case.case_id: why for case in plus}
 
 
-KIND = SubstrateKind("embedded", _open, lacking=_lacking, catalogue=_catalogue, variation_of=_variation_of)
+def _scene_of(options: SubstrateOptions, case: Case) -> tuple[Any, ...]:
+    if case.source == "libero":
+        return case.suite, case.task_index, ""
+    variation = _variation_of(case)
+    return case.suite, variation.base_index, json.dumps(variation.scene, sort_keys=True)
+
+
+def _draw_scenes(path: Path, substrate: Any) -> None:
+    from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet
+
+    write_contact_sheet(path)
+
+
+def _draw_plus(path: Path, substrate: Any) -> None:
+    from pytest_libero_max.substrates.embedded.catalogue.catalogue_sheets import write_plus_sheet
+
+    write_plus_sheet(path, substrate)
+
+
+def _draw_pro(path: Path, substrate: Any) -> None:
+    from pytest_libero_max.substrates.embedded.catalogue.catalogue_sheets import write_pro_sheet
+
+    write_pro_sheet(path, substrate)
+
+
+KIND = SubstrateKind(
+    "embedded",
+    _open,
+    lacking=_lacking,
+    catalogue=_catalogue,
+    variation_of=_variation_of,
+    plays_frozen=True,
+    note=(
+        "Measured on the embedded substrate: it shares tasks, protocol and events with the genuine one, not "
+        "its images. Its scores are not comparable with published ones."
+    ),
+    scene_of=_scene_of,
+    sheets={"scenes.png": _draw_scenes, "plus.png": _draw_plus, "pro.png": _draw_pro},
+)

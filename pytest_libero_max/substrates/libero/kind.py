@@ -6,7 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.substrates.contract import (
+    Catalogue,
+    Substrate,
+    SubstrateKind,
+    SubstrateOptions,
+    Tracks,
+)
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -57,4 +63,39 @@ def _lacking(options: SubstrateOptions, cases: Sequence[Case]) -> Mapping[str, s
     return lacking(_installations(options), cases)
 
 
-KIND = SubstrateKind("libero", _open, _describe, _lacking, _catalogue)
+def _tracks(options: SubstrateOptions) -> Tracks:
+    from pytest_libero_max.benchmark.tracks import GENUINE
+
+    if options.variations == "own":
+        return Tracks()
+    return Tracks(GENUINE, ("smoke", "original"), f"{GENUINE}/smoke")
+
+
+def _scene_of(options: SubstrateOptions, case: Case) -> tuple[Any, ...]:
+    """Key of a scene: textures and meshes are those of the task that is varied, unless it brings others."""
+    from pytest_libero_max.substrates.libero.plus import base_name
+    from pytest_libero_max.substrates.registry import own_variation
+
+    task = f"{case.task_index:02d}"
+    if options.variations == "own" and case.source != "libero":
+        task = f"{own_variation(case).base_index:02d}"
+    elif case.source == "plus" and "task_name" in case.record:
+        task = base_name(case.record["task_name"])
+    return case.suite, case.source, task, case.source_category or ""
+
+
+KIND = SubstrateKind(
+    "libero",
+    _open,
+    _describe,
+    _lacking,
+    _catalogue,
+    tracks=_tracks,
+    reads=frozenset({"installations", "assets", "semantics", "instruction", "variations"}),
+    comparable_with_published=None,
+    note="",
+    worker_gib=3.2,  # what a process has after seven scenes, two of which it keeps
+    limit_gib=10.0,  # each scene asks three times for 1.2 GiB and uses little of it
+    scene_of=_scene_of,
+    batch=1,  # a case takes seconds, which are not lost
+)

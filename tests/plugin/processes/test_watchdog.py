@@ -9,7 +9,7 @@ import pytest
 
 from pytest_libero_max.errors import CrashError, MemoryLimitError, TimeLimitError
 from pytest_libero_max.plugin.processes.crash_log import MEMORY, read_death
-from pytest_libero_max.plugin.processes.guard import GENUINE_LEAST_GIB, LEAST_GIB, memory_gib
+from pytest_libero_max.plugin.processes.guard import memory_gib
 
 HEAD = """
 import itertools
@@ -178,10 +178,9 @@ LastWords(Path(sys.argv[1])).note(Doing("base", {MEMORY!r}, "too much"))
 
 
 def test_the_memory_of_the_machine_is_shared() -> None:
-    whole = memory_gib(None, 1)
+    whole = memory_gib(None, 1, 4.0)
     assert whole is not None
-    assert memory_gib(None, 10_000) == LEAST_GIB
-    assert memory_gib(None, 10_000, genuine=True) == GENUINE_LEAST_GIB
-    assert memory_gib(None, 2) == max(LEAST_GIB, whole / 2)
-    assert memory_gib(0.0, 2) is None
-    assert memory_gib(3.5, 2) == 3.5
+    assert memory_gib(None, 10_000, 4.0) == 4.0
+    assert memory_gib(None, 2, 4.0) == max(4.0, whole / 2)
+    assert memory_gib(0.0, 2, 4.0) is None
+    assert memory_gib(3.5, 2, 4.0) == 3.5

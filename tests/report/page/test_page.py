@@ -69,7 +69,7 @@ def test_every_planned_pair_is_in_the_table_whatever_became_of_it() -> None:
     assert details[PAIRS[10].item_id]["Arms"]["Success"] == {"base": True, "dynamic": True}
     (play, draw) = cases["commands"]
     assert (play[1].split()[0], play[1].split()[-1], play[2]) == ("pytest", "-k", "")
-    assert draw[1:] == ["libero-max show smoke", "--pictures=pictures"]
+    assert draw[1:] == ["libero-max show smoke", "--substrate=embedded --pictures=pictures"]
     assert run_cases(run, {}, {}, traced=True)["commands"][1][1] == "libero-max film ."
 
 

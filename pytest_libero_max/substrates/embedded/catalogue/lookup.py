@@ -32,7 +32,7 @@ class EmbeddedCatalogue:
     def variant(self, variation: Variation) -> Json | None:
         return None
 
-    def lacks(self, variation: Variation) -> str:
+    def lacks(self, variation: Variation, *, models: bool = True) -> str:
         return ""
 
 
