@@ -1,6 +1,6 @@
 """The ``libero-max`` command: what is done around runs, not in them. Thin.
 
-One module a subject; each adds its commands to the parser.
+``libero-max NAME`` is the module ``NAME``, whose ``add_command`` adds it to the parser.
 """
 
 from __future__ import annotations
@@ -9,20 +9,39 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
-from pytest_libero_max.cli import (
-    building,
-    checking,
-    demonstrating,
-    filming,
-    launching,
-    measuring,
-    planning,
-    results,
-    serving,
-    watching,
-)
 from pytest_libero_max.errors import LiberoMaxError
+
+COMMANDS = (
+    "check",
+    "serve",
+    "bench",
+    "doctor",
+    "plan",
+    "launch",
+    "watch",
+    "report",
+    "compare",
+    "recovery",
+    "publish",
+    "merge",
+    "gate",
+    "power",
+    "film",
+    "rerun",
+    "demos",
+    "catalogue",
+    "gallery",
+    "eligibility",
+    "build",
+    "certify",
+    "preflight",
+    "freeze",
+    "verify",
+    "show",
+)
+"""Modules with commands, in the order of the help."""
 
 PIPE_CLOSED = 141
 """Exit status where the reader of standard output has gone, as a shell gives it to what SIGPIPE ends."""
@@ -73,17 +92,6 @@ def parser() -> argparse.ArgumentParser:
         description="Around runs of pytest --libero-max-policy: measure, compare, build the benchmark.",
     )
     commands = command.add_subparsers(required=True, metavar="COMMAND")
-    for subject in (
-        checking,
-        serving,
-        measuring,
-        planning,
-        launching,
-        watching,
-        results,
-        filming,
-        demonstrating,
-        building,
-    ):
-        subject.add_commands(commands)
+    for name in COMMANDS:
+        import_module(f"{__name__}.{name}").add_command(commands)
     return command

@@ -1,4 +1,4 @@
-"""The commands that play recorded pairs again to show them: film and rerun."""
+"""``libero-max film``: films of recorded pairs, which are played again for them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from pytest_libero_max.cli.substrates import add_libero
+from pytest_libero_max.cli.arguments import add_libero
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
 from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
-def add_commands(commands: Commands) -> None:
-    """Add ``film`` and ``rerun`` to the parser."""
+def add_command(commands: Commands) -> None:
+    """Add ``film`` to the parser."""
     film = commands.add_parser(
         "film",
         help="Film pairs of a run: all arms side by side, both cameras",
@@ -33,7 +33,7 @@ def add_commands(commands: Commands) -> None:
         "reaches the recorded digests. The run must have kept traces (--libero-max-traces). Without the "
         "extra film (PyAV), films are animated WebP. Exit status 1 if a film was refused.",
     )
-    _add_pairs(film, "films")
+    add_pairs(film, "films")
     film.add_argument(
         "--format", choices=FILM_FORMATS, help="Default: mp4 if PyAV is installed, otherwise webp"
     )
@@ -57,18 +57,8 @@ def add_commands(commands: Commands) -> None:
     )
     film.set_defaults(run=_film)
 
-    rerun = commands.add_parser(
-        "rerun",
-        help="Write pairs of a run for the viewer of Rerun (.rrd)",
-        description="The recorded actions are played again, as for films, and arms, cameras, poses, actions, "
-        "queries and event are put on one timeline. Needs the extra rerun. Exit status 1 if a file was "
-        "refused.",
-    )
-    _add_pairs(rerun, "rerun")
-    rerun.set_defaults(run=_rerun)
 
-
-def _add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
+def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
     """Let a command be told which pairs are played again, and how.
 
     Args:
@@ -110,7 +100,7 @@ def _film(options: argparse.Namespace) -> int:
     saw = options.view == "saw"
     if not saw and (options.adapter or options.profile):
         raise OptionError("--adapter and --profile say what the policy saw: give --view=saw as well.")
-    made = _each(
+    made = write_each(
         options,
         "films",
         lambda folder, record: film_path(folder, record, options.format, options.view),
@@ -120,19 +110,6 @@ def _film(options: argparse.Namespace) -> int:
     )
     if made.files and options.output is None and not saw:
         print(f"libero-max report {options.run_folder} links the films in report.html.")
-    return made.exit_status
-
-
-def _rerun(options: argparse.Namespace) -> int:
-    from pytest_libero_max.films.recorded import record_pair
-    from pytest_libero_max.runs.media import RERUN_NAME
-
-    made = _each(
-        options,
-        RERUN_NAME,
-        lambda folder, record: folder / f"{record.item_id}.rrd",
-        lambda ran: record_pair,
-    )
     return made.exit_status
 
 
@@ -152,7 +129,7 @@ class _Made(NamedTuple):
         return 1 if self.refused else 0
 
 
-def _each(
+def write_each(
     options: argparse.Namespace,
     name: str,
     path_of: Callable[[Path, PairRecord], Path],
@@ -161,7 +138,7 @@ def _each(
     """Play the chosen pairs again and write a file for each.
 
     Args:
-        options: See :func:`_add_pairs`.
+        options: See :func:`add_pairs`.
         name: Of the folder for the files, in that of the run.
         path_of: Path of the file of a pair, in a folder.
         how: What writes it, for a run of this policy (``policy`` of its provenance).

@@ -1,4 +1,4 @@
-"""The command that records training data: demos."""
+"""``libero-max demos``: episodes of the scripted expert as training data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 
 
-def add_commands(commands: Commands) -> None:
+def add_command(commands: Commands) -> None:
     """Add ``demos`` to the parser."""
     demos = commands.add_parser(
         "demos",

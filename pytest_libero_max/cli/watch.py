@@ -1,4 +1,4 @@
-"""The command that follows runs from their folders: watch."""
+"""``libero-max watch``: runs followed from their folders."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
-def add_commands(commands: Commands) -> None:
+def add_command(commands: Commands) -> None:
     """Add ``watch`` to the parser."""
     watch = commands.add_parser(
         "watch",

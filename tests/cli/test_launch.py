@@ -1,4 +1,4 @@
-"""Jobs for a scheduler: read by bash, and run here: by a made-up Slurm or a real one, and as pods."""
+"""Jobs for Slurm: read by bash, and run here by a made-up Slurm or a real one."""
 
 from __future__ import annotations
 
@@ -8,16 +8,13 @@ import re
 import shutil
 import stat
 import subprocess
-import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.cli.launching.shards import Shards
-from pytest_libero_max.cli.launching.slurm import slurm_script
+from pytest_libero_max.cli.launch import Shards, slurm_script
 from pytest_libero_max.runs.merge import merge_folders
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import BUDGET, REACHER, tiny_manifest
@@ -102,9 +99,6 @@ def test_the_script_is_one_that_bash_reads(tmp_path: Path, capsys: pytest.Captur
     assert shown.stdout.splitlines()[-len(words) :] == words
 
 
-PODS = ("kubernetes", "--image=x", "--claim=y")
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -112,12 +106,6 @@ PODS = ("kubernetes", "--image=x", "--claim=y")
         (["slurm", "--shards=2", "--workers=0", "--", "-q"], "--workers=0, but must be at least 1"),
         (["slurm", "--shards=2", "--", "--libero-max-shard=1/2"], "shard=1/2: each job gives that"),
         (["slurm", "--shards=2", "--", "-k", "a\nEND_OF_JOB"], "several lines"),
-        ([*PODS, "--shards=1", "--", "-q"], "--shards=1, but must be at least 2"),
-        ([*PODS, "--shards=2", "--output=/elsewhere", "--", "-q"], "outside of --mount=/work"),
-        ([*PODS, "--shards=2", "--output=../x", "--", "-q"], "outside of --mount=/work"),
-        ([*PODS, "--shards=2", "--mount=work", "--", "-q"], "--mount=work, but must be an absolute path"),
-        ([*PODS, "--shards=2", "--name=Max", "--", "-q"], "--name=Max, but a Job's name"),
-        ([*PODS, "--shards=2", "--cpus=0", "--", "-q"], "--cpus=0"),
     ],
 )
 def test_what_cannot_be_launched_is_said(
@@ -131,8 +119,8 @@ def test_a_scheduler_that_is_not_here_is_said(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
-    assert main(["launch", *PODS, "--shards=2", "--submit", "--", "-q"]) == 1
-    assert "Cannot run kubectl: " in capsys.readouterr().err
+    assert main(["launch", "slurm", "--shards=2", "--submit", "--", "-q"]) == 1
+    assert "Cannot run bash: " in capsys.readouterr().err
 
 
 def test_shards_are_played_merged_and_gone_on_with(
@@ -193,113 +181,6 @@ def test_a_real_slurm_plays_and_merges_shards(folder: Path) -> None:
     assert len(read_pairs(folder / "out").records) == 4
     merge_folders([folder / "out/shard-1", folder / "out/shard-2"], folder / "again")
     assert read_pairs(folder / "again").run == read_pairs(folder / "out").run
-
-
-def pod(
-    job: dict[str, Any], index: int | None = None, **environment: str
-) -> subprocess.CompletedProcess[str]:
-    """Run here what the pods of a Job run, in their environment."""
-    command = job["spec"]["template"]["spec"]["containers"][0]["command"]
-    # As Kubernetes does: $$ is $, and $(NAME) a variable of the container, of which there are none.
-    command = [word.replace("$$", "$") for word in command]
-    indexed = {} if index is None else {"JOB_COMPLETION_INDEX": str(index)}
-    return subprocess.run(
-        command, env={**os.environ, **indexed, **environment}, capture_output=True, text=True, check=False
-    )
-
-
-def test_jobs_of_kubernetes_say_what_a_pod_needs(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["-k", "a and $(touch pwned) $$ $(JOB) `b` \\ \"'", "--libero-max-policy=my adapter's.py"]
-    asked = ["--shards=64", "--at-once=8", "--workers=4", "--memory=8Gi", "--gpus=1", "--name=mine"]
-    before = "source '/opt/my env'"
-    assert main(["launch", *PODS, *asked, "--python=printf", "--before", before, "--", *words]) == 0
-    jobs = json.loads(capsys.readouterr().out)
-    assert (jobs["apiVersion"], jobs["kind"]) == ("v1", "List")
-    play, merge = jobs["items"]
-    assert [job["metadata"]["name"] for job in (play, merge)] == ["mine", "mine-merge"]
-    spec = play["spec"]
-    assert (spec["completionMode"], spec["completions"], spec["parallelism"]) == ("Indexed", 64, 8)
-    # Retries of single indices exist for pods that are never restarted in their place alone.
-    assert spec["backoffLimitPerIndex"] > 0
-    assert spec["template"]["spec"]["restartPolicy"] == "Never"
-    assert spec["podFailurePolicy"]["rules"][0]["action"] == "Ignore"
-    assert merge["spec"]["suspend"] is True
-    (container,) = spec["template"]["spec"]["containers"]
-    assert container["resources"] == {
-        "requests": {"cpu": "4", "memory": "8Gi", "nvidia.com/gpu": "1"},
-        "limits": {"memory": "8Gi", "nvidia.com/gpu": "1"},
-    }
-    (volume,) = spec["template"]["spec"]["volumes"]
-    (mount,) = container["volumeMounts"]
-    assert volume["persistentVolumeClaim"] == {"claimName": "y"}
-    assert (mount["name"], mount["mountPath"]) == (volume["name"], "/work")
-    for job in (play, merge):
-        bash, flag, script = job["spec"]["template"]["spec"]["containers"][0]["command"]
-        assert (bash, flag) == ("bash", "-c")
-        assert script.replace("$$", "").count("$") == 0  # nothing for Kubernetes to read as its own
-        script = script.replace("$$", "$")
-        subprocess.run(["bash", "-n"], input=script, text=True, check=True)
-        assert f"\n{before}\n" in script.replace("cd /work || exit\n", "\n")
-    line = next(line for line in script_of(play).splitlines() if " -m pytest " in line).removesuffix(" \\")
-    shown = subprocess.run(
-        ["bash"],
-        input=line.replace("printf", "printf '%s\\n'", 1),
-        text=True,
-        capture_output=True,
-        check=True,
-    )
-    assert shown.stdout.splitlines()[-len(words) :] == words
-
-
-def script_of(job: dict[str, Any]) -> str:
-    command = job["spec"]["template"]["spec"]["containers"][0]["command"]
-    return str(command[-1].replace("$$", "$"))
-
-
-def test_jobs_are_handed_to_kubectl(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    kubectl = tmp_path / "kubectl"
-    kubectl.write_text(f'#!/bin/bash\necho "$*" > "{tmp_path}/called"\ncat > "{tmp_path}/given"\nexit 3\n')
-    kubectl.chmod(kubectl.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
-    launch = ["launch", *PODS, "--shards=2"]
-    assert main([*launch, "--submit", "--", "-q"]) == 3
-    assert (tmp_path / "called").read_text() == "apply -f -\n"
-    assert main([*launch, "--", "-q"]) == 0
-    assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "given").read_text())
-
-
-def test_pods_play_shards_go_on_and_merge(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "adapter.py").write_text(REACHER + BROKEN)
-    pods = [*PODS, f"--mount={folder}", f"--python={sys.executable}", "--shards=2", "--output=out"]
-    assert main(["launch", *pods, "--", *PLAYED]) == 0
-    play, merge = json.loads(capsys.readouterr().out)["items"]
-
-    # A pair could not be measured: the pod fails, so that the shard is begun again.
-    done = pod(play, 1, BROKEN="1")
-    assert done.returncode == 11, done.stdout + done.stderr
-    assert "1 invalid" in done.stdout
-    # So it is where a pod was killed; what is measured is kept.
-    (folder / "out/shard-2/in-progress").write_text("process 1 on another-pod\n")
-    done = pod(play, 1)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "1 measured before" in done.stdout
-    assert "Exit status 1 of the merge. The shard that ends last merges all" in done.stdout
-    assert not (folder / "out/report.json").exists()
-
-    # The other shard has failed for good, for all that the second Job knows.
-    done = pod(merge)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "shard 1/2 not among the merged runs" in done.stdout
-    assert len(read_pairs(folder / "out").records) == 2
-
-    # But it comes, and is the last one.
-    done = pod(play, 0)
-    assert done.returncode == 0, done.stdout + done.stderr
-    whole = read_pairs(folder / "out")
-    assert len(whole.records) == 4
-    assert whole.run.provenance["selection"]["shards"] is None
 
 
 BROKEN = """

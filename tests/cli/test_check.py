@@ -13,7 +13,7 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.policies.loading import forget_adapter
 from tests.policies.clients import fakes
 
-TEMPLATE = Path(__file__).parents[1] / "fixtures" / "policies" / "vla.py"
+TEMPLATE = Path(__file__).parents[2] / "fixtures" / "policies" / "vla.py"
 
 
 @pytest.fixture(autouse=True)

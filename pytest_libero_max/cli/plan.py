@@ -1,4 +1,4 @@
-"""The command that says how long pairs will take: plan."""
+"""``libero-max plan``: time that pairs will take on a fleet, and its bottleneck."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
-def add_commands(commands: Commands) -> None:
+def add_command(commands: Commands) -> None:
     """Add ``plan`` to the parser."""
     plan = commands.add_parser(
         "plan",

@@ -1,4 +1,4 @@
-"""The command on one policy: check."""
+"""``libero-max check``: the usual mistakes of a policy, found with a few queries."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
-def add_commands(commands: Commands) -> None:
+def add_command(commands: Commands) -> None:
     """Add ``check`` to the parser."""
     check = commands.add_parser(
         "check", help="Ask a policy a few queries and name the usual mistakes; exit status 1 if one is found"

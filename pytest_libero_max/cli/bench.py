@@ -1,13 +1,12 @@
-"""Commands that look at this machine: how fast it is, and what it lacks."""
+"""``libero-max bench``: speed of steps, images and pairs on this machine, in three commands."""
 
 from __future__ import annotations
 
 import argparse
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.substrates import add_libero, add_substrate, substrate_options
+from pytest_libero_max.cli.arguments import add_libero, add_substrate, substrate_options
 from pytest_libero_max.cli.work import Work
-from pytest_libero_max.errors import SubstrateError
 
 if TYPE_CHECKING:
     from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
@@ -15,8 +14,8 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
-def add_commands(commands: Commands) -> None:
-    """Add ``bench``, ``bench-scenes``, ``bench-genuine`` and ``doctor`` to the parser."""
+def add_command(commands: Commands) -> None:
+    """Add ``bench``, ``bench-scenes`` and ``bench-genuine`` to the parser."""
     bench = commands.add_parser(
         "bench", help="Measure stepping, rendering and pairs side by side with robosuite"
     )
@@ -44,25 +43,14 @@ def add_commands(commands: Commands) -> None:
     add_libero(genuine)
     genuine.set_defaults(run=_bench_genuine)
 
-    doctor = commands.add_parser("doctor", help="Say what this machine lacks, and the commands that help")
-    add_libero(doctor)
-    doctor.set_defaults(run=_doctor)
 
+def _bench(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.pair_runner import measure_pairs
+    from pytest_libero_max.bench.stepping import measure_stepping
 
-def _bench_genuine(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.genuine import measure_genuine
-
-    substrate = _genuine(options)
-    times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
-    substrate.close()
-    print("\n".join(times.lines()))
-
-
-def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
-    from pytest_libero_max.substrates.libero.installation import find_installations
-    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
-
-    return LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))
+    suite, _, index = options.scene.partition("/")
+    print("\n".join(measure_stepping(suite, int(index or 0), steps=options.steps).lines()), flush=True)
+    print("\n".join(measure_pairs(suite, repeats=options.repeats).lines()))
 
 
 def _bench_scenes(options: argparse.Namespace) -> None:
@@ -79,20 +67,17 @@ def _bench_scenes(options: argparse.Namespace) -> None:
     print("\n".join(cost_lines(costs)))
 
 
-def _doctor(options: argparse.Namespace) -> None:
-    from pytest_libero_max.doctor import diagnose
+def _bench_genuine(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.genuine import measure_genuine
 
-    findings = diagnose(substrate_options(options))
-    print("\n".join(map(str, findings)))
-    missing = [finding for finding in findings if finding.level == "missing"]
-    if missing:
-        raise SubstrateError(f"{len(missing)} of {len(findings)} findings are missing; see above.")
+    substrate = _genuine(options)
+    times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
+    substrate.close()
+    print("\n".join(times.lines()))
 
 
-def _bench(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.pair_runner import measure_pairs
-    from pytest_libero_max.bench.stepping import measure_stepping
+def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
+    from pytest_libero_max.substrates.libero.installation import find_installations
+    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
-    suite, _, index = options.scene.partition("/")
-    print("\n".join(measure_stepping(suite, int(index or 0), steps=options.steps).lines()), flush=True)
-    print("\n".join(measure_pairs(suite, repeats=options.repeats).lines()))
+    return LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))

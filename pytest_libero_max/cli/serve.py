@@ -1,4 +1,4 @@
-"""The command that serves a policy: serve."""
+"""``libero-max serve``: a policy of an adapter behind a socket."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
-def add_commands(commands: Commands) -> None:
+def add_command(commands: Commands) -> None:
     """Add ``serve`` to the parser."""
     serve = commands.add_parser(
         "serve", help="Serve a policy of an adapter, for workers here or elsewhere, until Ctrl-C"

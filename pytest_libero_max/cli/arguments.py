@@ -1,0 +1,117 @@
+"""Arguments that several commands share, and what their values stand for."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from pytest_libero_max.cli.work import Work
+from pytest_libero_max.substrates.registry import DEFAULT
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.manifests import Manifest
+    from pytest_libero_max.construction.examiner import Progress
+    from pytest_libero_max.substrates.contract import Catalogue, SubstrateOptions
+
+
+def add_libero(command: argparse.ArgumentParser) -> None:
+    """Let a command be told where LIBERO is."""
+    command.add_argument(
+        "--libero", type=Path, action="append", default=[], metavar="FOLDER", help="Checkout of a LIBERO"
+    )
+    command.add_argument(
+        "--libero-assets",
+        type=Path,
+        metavar="FOLDER",
+        help="Models and textures, if it has none of its own",
+    )
+
+
+def add_substrate(command: argparse.ArgumentParser) -> None:
+    """Let a command be told what builds its worlds, and where LIBERO is."""
+    command.add_argument(
+        "--substrate",
+        default=DEFAULT,
+        metavar="NAME",
+        help="embedded, libero, or one of another package (default: %(default)s)",
+    )
+    command.add_argument(
+        "--source-variations",
+        default="installed",
+        choices=("installed", "own"),
+        help="On libero: variations of LIBERO-Plus and -PRO as installed, or own (default: %(default)s)",
+    )
+    add_libero(command)
+
+
+def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
+    """What :func:`add_libero` or :func:`add_substrate` was told."""
+    from pytest_libero_max.substrates.contract import SubstrateOptions
+
+    variations: Literal["installed", "own"] = getattr(options, "source_variations", "installed")
+    return SubstrateOptions(
+        tuple(options.libero),
+        options.libero_assets,
+        variations=variations,
+        classification=getattr(options, "plus_classification", None),
+    )
+
+
+def add_classification(command: argparse.ArgumentParser) -> None:
+    """Let a command be told which classification of LIBERO-Plus it reads."""
+    command.add_argument(
+        "--plus-classification",
+        type=Path,
+        metavar="FILE",
+        help="On the libero substrate: task_classification.json of LIBERO-Plus's repository, which its "
+        "package lacks (default: that of the checkout)",
+    )
+
+
+def add_expert(command: argparse.ArgumentParser, *, default: str | None) -> None:
+    """Let a command be told which policy plays the cases that pass."""
+    command.add_argument(
+        "--expert",
+        metavar="POLICY",
+        default=default,
+        help="Privileged policy that solves the tasks, as for pytest --libero-max-policy: it plays each case "
+        "that passes, and one that it completes is certified. It decides nothing else (default: "
+        + (default or "none; then nothing is certified")
+        + ")",
+    )
+
+
+def add_examination(command: argparse.ArgumentParser) -> None:
+    """Let a command be told how many processes examine cases, and where they keep what they find."""
+    command.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
+    command.add_argument(
+        "--work",
+        type=Path,
+        default=Path(".libero-max"),
+        metavar="FOLDER",
+        help="Keeps examinations between interruptions (default: %(default)s)",
+    )
+
+
+def tell(work: Work) -> Callable[[Progress], None]:
+    """Return what shows how far an examiner is."""
+    return lambda progress: work.show(str(progress), last=progress.ended)
+
+
+def catalogue_of(options: argparse.Namespace) -> Catalogue:
+    """Return the catalogue of source variations of the substrate that is asked for."""
+    from pytest_libero_max.substrates.registry import SUBSTRATES
+
+    return SUBSTRATES[options.substrate].catalogue(substrate_options(options))
+
+
+def manifest_of(name: str) -> Manifest:
+    """A track by its name or a manifest by its path, with its events and changes checked."""
+    from pytest_libero_max.benchmark.tracks import load_cases
+    from pytest_libero_max.events.registry import check_cases
+
+    manifest = load_cases(name)
+    check_cases(manifest)
+    return manifest

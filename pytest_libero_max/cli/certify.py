@@ -1,0 +1,51 @@
+"""``libero-max certify``: the frozen cases that the scripted expert completes."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.arguments import (
+    add_examination,
+    add_expert,
+    add_substrate,
+    substrate_options,
+    tell,
+)
+from pytest_libero_max.cli.work import Work
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``certify`` to the parser."""
+    certify = commands.add_parser(
+        "certify",
+        help="Let the scripted expert play the frozen cases that have no certificate yet",
+        description="Interrupted, it goes on where it stopped.",
+    )
+    certify.add_argument("folder", type=Path, metavar="FOLDER", help="The tracks, as build wrote them")
+    certify.add_argument(
+        "tracks", nargs="*", metavar="TRACK", help="Which tracks (default: original and max; on libero, all)"
+    )
+    add_expert(certify, default="expert")
+    add_substrate(certify)
+    add_examination(certify)
+    certify.set_defaults(run=_certify)
+
+
+def _certify(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.examiner import Examiner
+    from pytest_libero_max.construction.overview import certificate_lines, write_overview
+    from pytest_libero_max.construction.release import add_certificates, independent_tracks, read_certificates
+
+    tracks = options.tracks or independent_tracks(options.folder)
+    where = (options.substrate, substrate_options(options))
+    with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:
+        work.say(f"What is found is kept in {examiner.path(options.expert)}")
+        add_certificates(options.folder, tracks, partial(examiner.certify, expert=options.expert))
+    write_overview(options.folder)
+    print("\n".join(certificate_lines(read_certificates(options.folder))))

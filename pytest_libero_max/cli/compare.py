@@ -1,0 +1,49 @@
+"""``libero-max compare``: runs side by side on the cases they share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``compare`` to the parser."""
+    compare = commands.add_parser(
+        "compare", help="Compare runs on the cases they share, and list what flipped"
+    )
+    compare.add_argument(
+        "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of two or more runs"
+    )
+    compare.add_argument(
+        "--restrict", action="store_true", help="Compare on common cases where the runs have different ones"
+    )
+    compare.add_argument(
+        "--flips", type=int, default=20, metavar="N", help="Listed at most (default: %(default)s)"
+    )
+    compare.add_argument("--json", type=Path, metavar="FILE", help="Also write the comparison here")
+    compare.add_argument(
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        help="Also write the comparison here as JSON, Markdown and HTML, with its figures",
+    )
+    compare.set_defaults(run=_compare)
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+    from pytest_libero_max.report.comparison.compare_files import write_comparison
+    from pytest_libero_max.report.comparison.compare_text import comparison_lines
+    from pytest_libero_max.report.writers.files import report_json, write_text
+
+    runs = read_runs(options.folders)
+    comparison = compare_runs(runs, options.restrict)
+    if options.json:
+        write_text(options.json, report_json(comparison))
+    if options.output:
+        write_comparison(comparison, options.output, common_cases(runs, options.restrict))
+    print("\n".join(comparison_lines(comparison, options.flips)))

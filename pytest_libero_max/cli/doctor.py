@@ -1,0 +1,29 @@
+"""``libero-max doctor``: what this machine lacks."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.arguments import add_libero, substrate_options
+from pytest_libero_max.errors import SubstrateError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``doctor`` to the parser."""
+    doctor = commands.add_parser("doctor", help="Say what this machine lacks, and the commands that help")
+    add_libero(doctor)
+    doctor.set_defaults(run=_doctor)
+
+
+def _doctor(options: argparse.Namespace) -> None:
+    from pytest_libero_max.doctor import diagnose
+
+    findings = diagnose(substrate_options(options))
+    print("\n".join(map(str, findings)))
+    missing = [finding for finding in findings if finding.level == "missing"]
+    if missing:
+        raise SubstrateError(f"{len(missing)} of {len(findings)} findings are missing; see above.")

@@ -1,0 +1,27 @@
+"""``libero-max eligibility``: number of variations that can host each event."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.arguments import add_classification, add_substrate, catalogue_of
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``eligibility`` to the parser."""
+    eligibility = commands.add_parser(
+        "eligibility", help="Count the variations that can host each event, by source category"
+    )
+    add_classification(eligibility)
+    add_substrate(eligibility)
+    eligibility.set_defaults(run=_eligibility)
+
+
+def _eligibility(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.configurations import eligibility_lines
+
+    print("\n".join(eligibility_lines(catalogue_of(options))))

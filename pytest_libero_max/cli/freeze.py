@@ -1,0 +1,27 @@
+"""``libero-max freeze``: the smaller tracks, drawn again from max."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``freeze`` to the parser."""
+    freeze = commands.add_parser("freeze", help="Draw the smaller tracks again from max, with checksums")
+    freeze.add_argument("folder", type=Path, metavar="FOLDER", help="The tracks, as build wrote them")
+    freeze.set_defaults(run=_freeze)
+
+
+def _freeze(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.overview import write_overview
+    from pytest_libero_max.construction.release import write_splits
+    from pytest_libero_max.construction.verification import verify
+
+    write_splits(options.folder)
+    write_overview(options.folder)
+    print("\n".join(verify(options.folder)))

@@ -1,0 +1,58 @@
+"""``libero-max gate``: gates decided on a stored run."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.errors import OptionError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``gate`` to the parser."""
+    gate = commands.add_parser(
+        "gate", help="Decide gates on a stored run; exit status 10 where one does not hold, 11 if incomplete"
+    )
+    gate.add_argument("folder", type=Path, metavar="FOLDER", help="The output folder of the run")
+    gate.add_argument(
+        "--gate",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="For example 'dynamic_sr >= 0.6'; may be repeated (default: libero_max_gate of the ini file)",
+    )
+    gate.set_defaults(run=_gate)
+
+
+def _gate(options: argparse.Namespace) -> int:
+    from pytest_libero_max.cli.ini_file import ini_lines
+    from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
+    from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
+    from pytest_libero_max.report.gates import parse_gates
+    from pytest_libero_max.report.writers.files import report_of
+    from pytest_libero_max.report.writers.summary import incomplete_text
+    from pytest_libero_max.runs.store import read_pairs
+
+    here = Path.cwd()
+    gates = parse_gates(options.gate or ini_lines("libero_max_gate", here))
+    if not gates:
+        raise OptionError(
+            "There is no gate to decide. Give --gate=CONDITION, or libero_max_gate in pytest's ini file."
+        )
+    stored = read_pairs(options.folder)
+    require_usable(gates, stored.run.planned, options.folder, here)
+    verdicts = decide(gates, options.folder, here)
+    print("\n".join(gate_lines(verdicts)))
+    failed = [verdict for verdict in verdicts if not verdict.passed]
+    counts = report_of(stored)["pairs"]
+    if not counts["complete"]:
+        print(f"{incomplete_text(counts)} Exit status {INCOMPLETE}.")
+        return INCOMPLETE
+    if failed:
+        print(f"Exit status {GATE_FAILED}: {len(failed)} of {len(gates)} gates do not hold.")
+        return GATE_FAILED
+    return 0

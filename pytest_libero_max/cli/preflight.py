@@ -1,0 +1,47 @@
+"""``libero-max preflight``: the checks of the construction on the cases of a track or manifest."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.arguments import (
+    add_examination,
+    add_expert,
+    add_substrate,
+    manifest_of,
+    substrate_options,
+    tell,
+)
+from pytest_libero_max.cli.work import Work
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``preflight`` to the parser."""
+    preflight = commands.add_parser("preflight", help="Examine the cases of a track or manifest")
+    preflight.add_argument("cases", metavar="TRACK|MANIFEST", help="A track's name or a manifest's path")
+    preflight.add_argument("--limit", type=int, metavar="N", help="Only N of them, spread evenly")
+    add_expert(preflight, default=None)
+    add_examination(preflight)
+    add_substrate(preflight)
+    preflight.set_defaults(run=_preflight)
+
+
+def _preflight(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.sampling import stratified
+    from pytest_libero_max.construction.examiner import Examiner
+    from pytest_libero_max.construction.overview import certificate_lines, preflight_lines
+
+    cases = manifest_of(options.cases).cases
+    if options.limit is not None:
+        cases = stratified(cases, options.limit)
+    where = options.substrate, substrate_options(options)
+    with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:
+        found = examiner.examine(cases)
+        print("\n".join(preflight_lines(found)), flush=True)
+        if options.expert is not None:
+            passed = [case for case in cases if found[case.case_id].passed]
+            print("\n".join(["", *certificate_lines(examiner.certify(passed, options.expert))]))

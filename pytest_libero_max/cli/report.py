@@ -1,0 +1,54 @@
+"""``libero-max report``: the report of a run, computed again from its pairs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``report`` to the parser."""
+    report = commands.add_parser(
+        "report", help="Compute the report of a run again from its pairs.jsonl alone"
+    )
+    report.add_argument("folder", type=Path, metavar="FOLDER", help="The output folder of the run")
+    report.add_argument(
+        "--figures",
+        action="store_true",
+        help="Also write the figures, as SVG and (with the extra figures) PNG",
+    )
+    report.add_argument("--tables", action="store_true", help="Also write the tables as CSV and LaTeX")
+    report.add_argument(
+        "--badge", action="store_true", help="Also write badge.json, which a badge of shields.io can show"
+    )
+    report.set_defaults(run=_report)
+
+
+def _report(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.studies.study_tables import study_csv
+    from pytest_libero_max.report.writers import raster
+    from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
+    from pytest_libero_max.report.writers.files import write_figures, write_reports, write_text
+    from pytest_libero_max.report.writers.summary import summary_lines
+    from pytest_libero_max.report.writers.tables import csv_text, latex_text
+
+    report, paths = write_reports(options.folder)
+    if options.figures:
+        paths += write_figures(report, options.folder)
+    if options.tables:
+        tables = {"report.csv": csv_text(report), "report.tex": latex_text(report)}
+        if "study" in report:
+            tables["study.csv"] = study_csv(report["study"])
+        for name, text in tables.items():
+            write_text(options.folder / name, text)
+        paths += [options.folder / name for name in tables]
+    if options.badge:
+        write_text(options.folder / BADGE_NAME, badge_json(report))
+        paths.append(options.folder / BADGE_NAME)
+    print("\n".join(summary_lines(report, [str(path) for path in paths])))
+    if options.figures and not raster.available():
+        print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")

@@ -1,0 +1,37 @@
+"""``libero-max rerun``: recorded pairs for the viewer of Rerun, played again for it."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.film import add_pairs, write_each
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``rerun`` to the parser."""
+    rerun = commands.add_parser(
+        "rerun",
+        help="Write pairs of a run for the viewer of Rerun (.rrd)",
+        description="The recorded actions are played again, as for films, and arms, cameras, poses, actions, "
+        "queries and event are put on one timeline. Needs the extra rerun. Exit status 1 if a file was "
+        "refused.",
+    )
+    add_pairs(rerun, "rerun")
+    rerun.set_defaults(run=_rerun)
+
+
+def _rerun(options: argparse.Namespace) -> int:
+    from pytest_libero_max.films.recorded import record_pair
+    from pytest_libero_max.runs.media import RERUN_NAME
+
+    made = write_each(
+        options,
+        RERUN_NAME,
+        lambda folder, record: folder / f"{record.item_id}.rrd",
+        lambda ran: record_pair,
+    )
+    return made.exit_status

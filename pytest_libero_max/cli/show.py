@@ -1,0 +1,71 @@
+"""``libero-max show``: the tracks, one of them, or one case of it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.arguments import add_substrate, manifest_of, substrate_options
+from pytest_libero_max.errors import OptionError
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.manifests import Manifest
+
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``show`` to the parser."""
+    show = commands.add_parser("show", help="Show the tracks, one of them, or one case of it")
+    show.add_argument("cases", nargs="?", metavar="TRACK|MANIFEST", help="Without: an overview of all tracks")
+    show.add_argument("case", nargs="?", metavar="CASE", help="Id of a case: everything about it")
+    show.add_argument("--json", action="store_true", help="The manifest's own text, unpacked")
+    show.add_argument(
+        "--pictures",
+        type=Path,
+        metavar="FOLDER",
+        help="Also write what each camera sees just before and after the event of CASE, without a policy",
+    )
+    show.add_argument(
+        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
+    )
+    add_substrate(show)
+    show.set_defaults(run=_show)
+
+
+def _show(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.tracks import FOLDER
+    from pytest_libero_max.construction.overview import manifest_lines, overview_lines
+
+    if options.pictures is not None and options.case is None:
+        raise OptionError("--pictures shows the event of one case: give TRACK and CASE as well.")
+    if options.cases is None:
+        print("\n".join(overview_lines(FOLDER)))
+        return
+    manifest = manifest_of(options.cases)
+    if options.json:
+        print(manifest.to_json(), end="")
+    elif options.case is None:
+        print("\n".join(manifest_lines(manifest)))
+    else:
+        _show_case(options, manifest)
+
+
+def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
+    from pytest_libero_max.benchmark.tracks import is_manifest_path, track_path
+    from pytest_libero_max.construction.case_text import case_lines, find_case, write_event_pictures
+    from pytest_libero_max.construction.release import read_certificates
+    from pytest_libero_max.substrates.registry import open_substrate
+
+    case, name = find_case(manifest, options.case), options.cases
+    certificates = {} if is_manifest_path(name) else read_certificates(track_path(name).parent)
+    print("\n".join(case_lines(case, certificates)))
+    if options.pictures is None:
+        return
+    substrate = open_substrate(options.substrate, substrate_options(options))
+    try:
+        paths = write_event_pictures(options.pictures, substrate.world(case), case, options.size)
+    finally:
+        substrate.close()
+    print("\n".join(f"Written: {path}" for path in paths))

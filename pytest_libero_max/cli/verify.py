@@ -1,0 +1,27 @@
+"""``libero-max verify``: quotas, identities, digests and splits of the tracks."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``verify`` to the parser."""
+    check = commands.add_parser("verify", help="Check quotas, identities, digests and splits of the tracks")
+    check.add_argument("folder", type=Path, nargs="?", metavar="FOLDER", help="Default: the package's own")
+    check.set_defaults(run=_verify)
+
+
+def _verify(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE
+    from pytest_libero_max.construction.verification import verify
+
+    folders = [options.folder] if options.folder else [FOLDER, FOLDER / GENUINE]
+    for folder in folders:
+        if options.folder or folder.is_dir():
+            print("\n".join(verify(folder)))

@@ -1,0 +1,19 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cli import main
+
+
+def test_a_report_is_recomputed_from_the_pairs_alone(
+    stored: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = stored("run", seed=1)
+    assert main(["report", folder, "--figures", "--tables"]) == 0
+    assert "64 of 64 planned pairs played" in capsys.readouterr().out
+    names = {path.name for path in Path(folder).iterdir()}
+    assert {"report.json", "report.md", "report.html", "report.csv", "report.tex"} <= names
+    assert {"base-to-dynamic.svg", "base-to-dynamic.png"} <= names
