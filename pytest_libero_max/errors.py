@@ -162,6 +162,10 @@ class ProtocolError(LiberoMaxError):
     """A pair is not a valid measurement: the prefixes differ, or the event fired twice."""
 
 
+class ProbeError(LiberoMaxError):
+    """A probe raised, wrote to the world, or yields something else than it declares."""
+
+
 class ReportError(LiberoMaxError):
     """Results cannot be read, written or aggregated."""
 

@@ -14,7 +14,7 @@ from pytest_libero_max.demos.disturbed import DisturbedPolicy
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, arms_of
+from pytest_libero_max.events.schedules import BASE, DYNAMIC, arms_of
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.contract import Policy
@@ -126,15 +126,14 @@ def record(
     policy = pushed or policy
     arm = next(arm for arm in arms_of(plan.case) if arm.name == plan.arm)
     stage = Stage(plan.case, world, policy)
-    rollout = Rollout.start(stage)
-    rollout.may_branch = False
+    rollout = Rollout.start(stage, (arm,))
     instruction, shown = stage.instruction, []
     while rollout.running:
-        _fire_what_is_due(rollout, arm)
+        rollout.let_happen()
         shown.append(world.observe(CAMERAS, image_size))
         rollout.advance()
     result = rollout.result()
-    steps = [answer.step for answer in result.answers]
+    steps = [query.step for query in result.queries]
     return Demonstration(
         result.success,
         instruction,
@@ -143,9 +142,3 @@ def record(
         pushed.meant_at(steps, result.steps) if pushed else result.actions,
         result.actions if pushed else None,
     )
-
-
-def _fire_what_is_due(rollout: Rollout, arm: Arm) -> None:
-    for entry in arm.schedule[len(rollout.firings) :]:
-        if entry.trigger.fires(rollout.moment):
-            rollout.fire(entry)

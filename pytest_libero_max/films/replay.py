@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Revert, schedule_from_list
-from pytest_libero_max.pairing.prefix import event_link, first_link, next_link
+from pytest_libero_max.pairing.changing import Applied, apply_change, begin_world
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.pairing.stage import Applied, apply_change, begin_world
 from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.pairing.trajectory import event_link, first_link, next_link
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, World, WorldState
 
 

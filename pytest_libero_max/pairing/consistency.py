@@ -1,4 +1,4 @@
-"""Asks a policy again: whether its answers depend on what the contract allows, and on nothing else.
+"""The same query asked twice: a check that answers depend on what the contract allows, and on nothing else.
 
 A policy answers from the observation, the query and, if it offers ``snapshot`` and ``restore``, the memory
 that they carry. So the same observation and query, with the memory it had, must give the same bytes again.
@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pytest_libero_max.errors import AdapterError, ProtocolError
-from pytest_libero_max.pairing.stage import Answer, Stage
+from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.pairing.trajectory import QueryResult
 from pytest_libero_max.policies.check import copy_memory, memory_digest, remembers, restore_memory
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import WorldState
@@ -21,7 +22,7 @@ again when the arm has ended."""
 
 @dataclass(frozen=True)
 class Memory:
-    """What a policy's ``snapshot`` returned.
+    """A copy of a policy's memory, as its ``snapshot`` returned it.
 
     Attributes:
         value: The copy; None for a policy without one.
@@ -70,17 +71,17 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """An answer with all that is needed to ask for it again.
+class RecordedQuery:
+    """A query's result with all that is needed to ask for it again.
 
     Attributes:
-        answer: The answer.
+        result: The result.
         state: The world at the query.
         digest: Its fingerprint, 32 bytes.
         memory: The policy's memory before the query; None for the first query, before which it has none.
     """
 
-    answer: Answer
+    result: QueryResult
     state: WorldState
     digest: bytes
     memory: Memory | None
@@ -95,23 +96,23 @@ class Asked:
         """
         stage.world.restore(self.state)
         if stage.world.digest() != self.digest:
-            raise restored_elsewhere(stage, self.answer.step)
+            raise restored_elsewhere(stage, self.result.step)
         stage.begin_policy()
         self.ask_again_here(stage)
 
     def ask_again_here(self, stage: Stage) -> None:
-        """The same where the world is at the query and the policy has begun."""
+        """Ask and compare where the world is at the query and the policy has begun; see :meth:`ask_again`."""
         if self.memory is None or not remembers(stage.policy):
-            require_same_answer(self.answer, stage)
+            require_same_answer(self.result, stage)
             return
         # A copy that has no fingerprint is used twice, so that one which is written to is found as well.
         for _ in range(1 if self.memory.digest else 2):
-            self.memory.restore(stage, self.answer.step)
-            require_same_answer(self.answer, stage)
-        self.memory.require_unchanged(stage, self.answer.step)
+            self.memory.restore(stage, self.result.step)
+            require_same_answer(self.result, stage)
+        self.memory.require_unchanged(stage, self.result.step)
 
 
-def require_same_answer(answer: Answer, stage: Stage) -> None:
+def require_same_answer(result: QueryResult, stage: Stage) -> None:
     """Ask a query again, in the world as it is, and compare the bytes.
 
     Raises:
@@ -119,12 +120,12 @@ def require_same_answer(answer: Answer, stage: Stage) -> None:
         AdapterError: A policy with ``snapshot`` answers differently.
     """
     with stage.clock("asked_again_s"):
-        again = stage.ask(answer.index, answer.step)
-    if not stage.spec.repeatable or again.actions.tobytes() == answer.actions.tobytes():
+        again = stage.ask(stage.query(result.index, result.step))
+    if not stage.spec.repeatable or again.actions.tobytes() == result.actions.tobytes():
         return
     where = (
-        f"{stage.case.item_id}: policy {stage.spec.name!r} answered query {answer.index} at step "
-        f"{answer.step} differently when it was shown the same observation again"
+        f"{stage.case.item_id}: policy {stage.spec.name!r} answered query {result.index} at step "
+        f"{result.step} differently when it was shown the same observation again"
     )
     if remembers(stage.policy):
         raise AdapterError(
@@ -140,7 +141,7 @@ def require_same_answer(answer: Answer, stage: Stage) -> None:
 
 
 def restored_elsewhere(stage: Stage, step: int) -> ProtocolError:
-    """The error of a world whose snapshot does not bring it back."""
+    """Error of a world whose snapshot does not bring it back."""
     return ProtocolError(
         f"{stage.case.item_id}: the world restored from the snapshot at step {step} is not the one it was "
         f"taken from, so the arms would not share their prefix. The snapshots of {stage.world.scene!r} leave "

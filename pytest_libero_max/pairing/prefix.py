@@ -1,27 +1,22 @@
-"""The executed prefix: the proof that two arms share it, and the two ways back to where they part.
-
-The proof is a hash chain. Its first link is the digest of the world after the settle steps; every executed
-step adds a link over (previous link, action bytes, digest of the world after the step), every change one over
-(previous link, digest of the world after the change). Two rollouts with the same link have executed the same
-actions and gone through the same states, bit for bit.
-"""
+"""The executed prefix: the point at which arms part, and the two ways back to it."""
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pytest_libero_max.errors import ProtocolError
-from pytest_libero_max.events.schedules import Entry
-from pytest_libero_max.pairing.consistency import Asked, Memory, require_same_answer, restored_elsewhere
-from pytest_libero_max.pairing.stage import Answer, Applied, Stage
+from pytest_libero_max.pairing.consistency import (
+    Memory,
+    RecordedQuery,
+    require_same_answer,
+    restored_elsewhere,
+)
+from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.pairing.trajectory import Trajectory, event_link, first_link, next_link
 from pytest_libero_max.policies.check import memory_of, remembers, sees
 from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.worlds.contract import Array, WorldState
+from pytest_libero_max.worlds.contract import WorldState
 
 PrefixMode = Literal["fork", "replay"]
 """How an arm gets to the branch point: ``fork`` restores the snapshot taken there, ``replay`` plays the
@@ -29,86 +24,40 @@ recorded actions from reset."""
 
 
 @dataclass(frozen=True)
-class Firing:
-    """An entry of a schedule that has happened.
-
-    Attributes:
-        entry: Which.
-        step: Policy steps executed before it.
-        queries: Policy queries before it.
-        distance_m: Distance of the end effector to the case's trigger entity then.
-        proof: Last link of the hash chain before it, hexadecimal.
-        applied: What it did; the change is the one that was made, also for a reversal.
-    """
-
-    entry: Entry
-    step: int
-    queries: int
-    distance_m: float
-    proof: str
-    applied: Applied
-
-
-@dataclass(frozen=True)
 class BranchPoint:
     """A rollout between two steps: all that is needed to go on from there.
 
     Attributes:
-        step: Policy steps executed. At 0 the policy has not begun.
-        distance_m: Distance of the end effector to the trigger entity.
-        min_distance_m: The smallest of them so far; infinite before the first step.
+        trajectory: What has happened.
         state: The world.
-        digest: Its fingerprint, 32 bytes.
-        memory: What the policy remembers; None at step 0.
-        pending: (k, 7) queued actions, which an event does not cancel.
-        actions: (step, 7) executed so far.
-        end_effector: (step, 3) m, world frame, after each step.
-        entity: (step, 3) m, world frame: the trigger entity after each step.
-        answers: The queries so far.
-        asked: The last of them, to be asked again; None where there is none, or the policy does not repeat
+        memory: What the policy remembers; None at step 0, where it has not begun.
+        recorded: The last query, to be asked again; None where there is none, or the policy does not repeat
             itself.
-        firings: The entries of the schedule that have happened.
-        chain: The links of the hash chain: the first, one for each step, one for each change.
     """
 
-    step: int
-    distance_m: float
-    min_distance_m: float
+    trajectory: Trajectory
     state: WorldState
-    digest: bytes
     memory: Memory | None
-    pending: NDArray[np.float64]
-    actions: NDArray[np.float64]
-    end_effector: Array
-    entity: Array
-    answers: tuple[Answer, ...]
-    asked: Asked | None
-    firings: tuple[Firing, ...]
-    chain: tuple[bytes, ...]
+    recorded: RecordedQuery | None
+
+    @property
+    def step(self) -> int:
+        """Number of policy steps executed. At 0 the policy has not begun."""
+        return self.trajectory.step
+
+    @property
+    def digest(self) -> bytes:
+        """Fingerprint of the world, 32 bytes."""
+        return self.trajectory.digest
 
     @property
     def proof(self) -> str:
-        """The last link, hexadecimal."""
-        return self.chain[-1].hex()
-
-
-def first_link(digest: bytes) -> bytes:
-    """The chain's beginning: 32 bytes over the world's digest when the policy takes over."""
-    return hashlib.sha256(b"libero-max-chain" + digest).digest()
-
-
-def next_link(link: bytes, action: NDArray[np.float64], digest: bytes) -> bytes:
-    """The link after one more step: 32 bytes over the last one, the (7,) action and the world's digest."""
-    return hashlib.sha256(link + action.tobytes() + digest).digest()
-
-
-def event_link(link: bytes, digest: bytes) -> bytes:
-    """The link after an event: 32 bytes over the previous one and the world's digest right after it."""
-    return hashlib.sha256(link + b"event" + digest).digest()
+        """The last link of the hash chain, hexadecimal."""
+        return self.trajectory.proof
 
 
 def way_back(policy: Policy, mode: PrefixMode) -> PrefixMode:
-    """The way in which a policy is brought back: one that cannot copy what it remembers is shown it again."""
+    """Mode in which a policy is brought back: one that cannot copy what it remembers is shown it again."""
     return "replay" if memory_of(policy) in ("queries", "frames") else mode
 
 
@@ -145,8 +94,8 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
 
 def _fork(branch: BranchPoint, stage: Stage) -> None:
     world = stage.world
-    if branch.asked is not None:
-        branch.asked.ask_again(stage)
+    if branch.recorded is not None:
+        branch.recorded.ask_again(stage)
         world.restore(branch.state)
     else:
         world.restore(branch.state)
@@ -157,22 +106,22 @@ def _fork(branch: BranchPoint, stage: Stage) -> None:
 
 
 def _replay(branch: BranchPoint, stage: Stage) -> None:
-    world = stage.world
+    world, played = stage.world, branch.trajectory
     stage.begin_world()
     digest = world.digest()
-    links = [first_link(digest)]
-    _compare(links, branch, 0, stage)
+    link = first_link(digest)
+    _compare(link, played.first, branch, 0, stage)
     remembering = remembers(stage.policy)
+    recorded = branch.recorded if remembering else None
     # Where answers are not compared, a policy without a snapshot still has to see what it saw.
     show = stage.spec.repeatable or not remembering
-    shown = {answer.step: answer for answer in branch.answers} if show else {}
+    shown = {result.step: result for result in played.queries} if show else {}
     for step in range(branch.step + 1):
-        for firing in (firing for firing in branch.firings if firing.step == step):
+        for firing in (firing for firing in played.firings if firing.step == step):
             firing.applied.change.apply(world)
             digest, before = world.digest(), digest
-            if digest != before:
-                links.append(event_link(links[-1], digest))
-                _compare(links, branch, step, stage)
+            link = link if digest == before else event_link(link, digest)
+            _compare(link, firing.link, branch, step, stage)
         if step == branch.step:
             return
         if step == 0:
@@ -182,18 +131,18 @@ def _replay(branch: BranchPoint, stage: Stage) -> None:
         elif show and sees(stage.policy):
             stage.show(step)
         # The first query, before which there is no memory, has just been asked again.
-        asked = branch.asked
-        if asked is not None and asked.memory is not None and remembering and asked.answer.step == step:
-            asked.ask_again_here(stage)
+        if recorded is not None and recorded.memory is not None and recorded.result.step == step:
+            recorded.ask_again_here(stage)
         stage.watch.step()
-        world.step(branch.actions[step])
+        executed = played.executed[step]
+        world.step(executed.action)
         digest = world.digest()
-        links.append(next_link(links[-1], branch.actions[step], digest))
-        _compare(links, branch, step + 1, stage)
+        link = next_link(link, executed.action, digest)
+        _compare(link, executed.link, branch, step + 1, stage)
 
 
-def _compare(links: list[bytes], branch: BranchPoint, step: int, stage: Stage) -> None:
-    if links[-1] == branch.chain[len(links) - 1]:
+def _compare(link: bytes, recorded: bytes, branch: BranchPoint, step: int, stage: Stage) -> None:
+    if link == recorded:
         return
     where = f"after step {step} of {branch.step}" if step else "before the first step"
     raise ProtocolError(

@@ -27,7 +27,7 @@ from pytest_libero_max.pairing.version_1 import from_version_1
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.rollout import RolloutResult
-    from pytest_libero_max.pairing.stage import Answer
+    from pytest_libero_max.pairing.trajectory import QueryResult
     from pytest_libero_max.policies.contract import MemoryKind, PolicySpec
 
 RECORD_VERSION = 2
@@ -118,32 +118,27 @@ class ArmRecord:
         """
         rollout = rollouts[arm.name]
         first = next(name for name, other in rollouts.items() if other is rollout)
-        response_step, stale_actions = None, None
-        if rollout.firings:
-            event = rollout.firings[0]
-            after = [answer for answer in rollout.answers[event.queries :] if answer.is_asked]
-            response_step = after[0].step if after else None
-            stale_actions = (rollout.steps if response_step is None else response_step) - event.step
+        seen: Mapping[str, Mapping[str, Any]] = rollout.probes
         return cls(
             schedule=tuple(entry.to_dict() for entry in arm.schedule),
             repetition=arm.repetition,
             success=rollout.success,
             steps=rollout.steps,
-            queries=len(rollout.answers),
+            queries=len(rollout.queries),
             firings=tuple(
                 FiringRecord(
                     firing.step, firing.queries, firing.distance_m, firing.proof, firing.applied.to_dict()
                 )
                 for firing in rollout.firings
             ),
-            response_step=response_step,
-            stale_actions=stale_actions,
-            min_distance_m=rollout.min_distance_m,
-            clipped_components=rollout.clipped_components,
-            contacts=rollout.contacts,
+            response_step=seen["response"]["response_step"],
+            stale_actions=seen["response"]["stale_actions"],
+            min_distance_m=seen["approach"]["min_distance_m"],
+            clipped_components=seen["clipping"]["clipped_components"],
+            contacts=tuple(seen["contacts"]["contacts"]),
             proof=rollout.proof,
             shares=None if first == arm.name else first,
-            notes=_summed(rollout.answers[rollout.firings[0].queries if rollout.firings else 0 :]),
+            notes=_summed(rollout.queries[rollout.firings[0].queries if rollout.firings else 0 :]),
         )
 
     def to_dict(self) -> Json:
@@ -175,9 +170,9 @@ class ArmRecord:
         return arm
 
 
-def _summed(answers: Sequence[Answer]) -> dict[str, int] | None:
+def _summed(queries: Sequence[QueryResult]) -> dict[str, int] | None:
     """The notes of some queries, added up; None where nothing was noted."""
-    noted = [answer.notes for answer in answers if answer.notes is not None]
+    noted = [query.notes for query in queries if query.notes is not None]
     names = sorted({name for notes in noted for name in notes})
     return {name: sum(notes.get(name, 0) for notes in noted) for name in names} if noted else None
 

@@ -1,21 +1,33 @@
-"""One rollout while it is being played."""
+"""A rollout that is driven from outside: it says which query is next, takes the answer, and plays on.
+
+Everything else happens inside: entries of schedules fire, actions are executed, the hash chain grows, probes
+are asked. The runner, a batch of pairs and the environment for other loops all drive this one loop::
+
+    while (query := rollout.due()) is not None:
+        rollout.answer(my_policy(rollout.observed(), query))
+"""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.events.schedules import Entry, Revert
+from pytest_libero_max.errors import ActionError, ProtocolError
+from pytest_libero_max.events.schedules import BASE, Arm, Entry, Revert
 from pytest_libero_max.events.triggers import Moment, distance_m
-from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, Asked, Memory
-from pytest_libero_max.pairing.prefix import BranchPoint, Firing, event_link, first_link, next_link
-from pytest_libero_max.pairing.queue import ActionQueue
-from pytest_libero_max.pairing.stage import Answer, Stage, apply_change
-from pytest_libero_max.policies.check import sees
-from pytest_libero_max.worlds.contract import Array, Control
+from pytest_libero_max.pairing.changing import apply_change
+from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, Memory, RecordedQuery
+from pytest_libero_max.pairing.prefix import BranchPoint
+from pytest_libero_max.pairing.probes.probe import Value, View
+from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.pairing.trajectory import Firing, QueryResult, Step, Trajectory, next_link
+from pytest_libero_max.policies.check import check_actions, sees
+from pytest_libero_max.policies.contract import BatchItem, Query
+from pytest_libero_max.worlds.contract import Array, Observation, WorldState
 
 
 @dataclass(frozen=True)
@@ -23,230 +35,348 @@ class RolloutResult:
     """A rollout that has ended. Everything in it counts from the first policy step, prefix included.
 
     Attributes:
-        success: Whether the task was completed within the budget.
-        steps: Policy steps taken.
-        actions: (steps, 7) as the policy returned them.
-        end_effector: (steps, 3) m, world frame, after each step.
-        entity: (steps, 3) m, world frame: the trigger entity after each step.
-        min_distance_m: Smallest distance of the two.
-        answers: Every query with all the actions it returned.
-        firings: The entries of the schedule that happened, in order.
-        contacts: What touches the trigger entity at the end.
-        proof: Last link of the hash chain, hexadecimal.
-        control: What the actions are.
+        trajectory: What has happened.
+        probes: What the probes saw: for each, by name, the value of each column.
     """
 
-    success: bool
-    steps: int
-    actions: NDArray[np.float64]
-    end_effector: Array
-    entity: Array
-    min_distance_m: float
-    answers: tuple[Answer, ...]
-    firings: tuple[Firing, ...]
-    contacts: tuple[str, ...]
-    proof: str
-    control: Control = "delta"
+    trajectory: Trajectory
+    probes: Mapping[str, Mapping[str, Value]]
 
     @property
-    def clipped_components(self) -> int:
-        """How many of the 7 * steps components of the executed actions are beyond +-1: they are clipped.
+    def success(self) -> bool:
+        """True if the task was completed within the budget."""
+        return self.trajectory.success
 
-        Of poses only the gripper is.
-        """
-        clipped = self.actions if self.control == "delta" else self.actions[:, -1]
-        return int((np.abs(clipped) > 1.0).sum())
+    @property
+    def steps(self) -> int:
+        """Number of policy steps taken."""
+        return self.trajectory.step
+
+    @property
+    def actions(self) -> NDArray[np.float64]:
+        """(steps, 7) as the policy returned them."""
+        return self.trajectory.actions
+
+    @property
+    def end_effector(self) -> Array:
+        """(steps, 3) m, world frame, after each step."""
+        return self.trajectory.end_effector
+
+    @property
+    def entity(self) -> Array:
+        """(steps, 3) m, world frame: the trigger entity after each step."""
+        return self.trajectory.entity
+
+    @property
+    def queries(self) -> tuple[QueryResult, ...]:
+        """Every query with all the actions it returned."""
+        return self.trajectory.queries
+
+    @property
+    def firings(self) -> tuple[Firing, ...]:
+        """The entries of the schedule that happened, in order."""
+        return self.trajectory.firings
+
+    @property
+    def proof(self) -> str:
+        """Last link of the hash chain, hexadecimal."""
+        return self.trajectory.proof
+
+
+@dataclass(frozen=True)
+class Parted:
+    """Arms that have shared everything so far, and where they go on.
+
+    Attributes:
+        arms: The arms.
+        branch: From where; None: from the start.
+    """
+
+    arms: tuple[Arm, ...]
+    branch: BranchPoint | None = None
 
 
 class Rollout:
-    """A rollout between two steps: the stage, the queue of actions, and the record of what happened.
+    """A rollout while it is being played: of one arm, or of several as long as they share everything.
 
-    Begin one with :meth:`start` or :meth:`resume`, and :meth:`advance` it while it is :attr:`running`.
+    Begin one with :meth:`start` or :meth:`resume`. Where arms part, those in which nothing happens go on
+    here, and the others are left in :attr:`parted`.
 
     Attributes:
-        success: Whether the last step completed the task.
-        distance_m: Distance of the end effector to the trigger entity after the last step, or at the start.
-        min_distance_m: The smallest after a step so far; infinite before the first step.
-        firings: The entries of the schedule that have happened.
-        may_branch: Whether a branch point may still be taken. What only branch points need is kept as long
-            as it is true.
-        asked: A late query, to be asked again: the last one as long as branch points may be taken, one of the
-            last four afterwards. None where there is none, or the policy does not repeat itself.
+        trajectory: What has happened so far.
+        arms: The arms that are being played.
+        parted: The arms that parted from them.
+        recorded: A late query, to be asked again: the last one as long as arms may part, one of the last four
+            afterwards. None where there is none, or the policy does not repeat itself.
     """
 
-    def __init__(self, stage: Stage, pending: NDArray[np.float64] | None = None) -> None:
-        self.success = False
-        self.distance_m = math.inf
-        self.min_distance_m = math.inf
-        self.firings: list[Firing] = []
-        self.may_branch = True
-        self.asked: Asked | None = None
+    def __init__(self, stage: Stage, trajectory: Trajectory, arms: Sequence[Arm]) -> None:
+        self.trajectory = trajectory
+        self.parted: list[Parted] = []
+        self.recorded: RecordedQuery | None = None
         self._stage = stage
-        self._queue = ActionQueue(stage.spec.query_interval, pending)
-        self._actions: list[NDArray[np.float64]] = []
-        self._end_effector: list[Array] = []
-        self._entity: list[Array] = []
-        self._answers: list[Answer] = []
-        self._chain: list[bytes] = []
-        self._digest = b""
+        self._entity, self._budget, self._sees = stage.entity, stage.case.budget, sees(stage.policy)
+        self._due: Query | None = None
+        self._kept: tuple[WorldState, bytes, Memory | None] | None = None
+        self._go_on_with(tuple(arms))
 
     @classmethod
-    def start(cls, stage: Stage) -> Rollout:
+    def start(cls, stage: Stage, arms: Sequence[Arm] = (Arm(BASE),)) -> Rollout:
         """A rollout from the beginning: reset, shared setup, settle steps.
 
-        The policy is told that an episode begins right before the first step, after what the schedule does
-        at the start.
+        The policy is told that an episode begins right before its first query, after what a schedule does at
+        the start.
+
+        Args:
+            stage: With what it is played.
+            arms: What happens in it. One arm after another cadence than the stage's cannot be among them.
         """
         stage.begin_world()
-        rollout = cls(stage)
-        rollout._digest = stage.world.digest()
-        rollout._chain = [first_link(rollout._digest)]
-        rollout.distance_m = distance_m(stage.world.end_effector(), stage.world.position(stage.entity))
+        world = stage.world
+        distance = distance_m(world.end_effector(), world.position(stage.entity))
+        rollout = cls(stage, Trajectory.begin(stage.spec.query_interval, world.digest(), distance), arms)
+        rollout.trajectory = rollout.trajectory.watched(stage.probes.start(rollout._view()))
         return rollout
 
     @classmethod
-    def resume(cls, branch: BranchPoint, stage: Stage) -> Rollout:
+    def resume(cls, branch: BranchPoint, stage: Stage, arms: Sequence[Arm] = (Arm(BASE),)) -> Rollout:
         """The rollout that goes on from a branch point; world and policy are there already.
 
         Where the world has been altered since, its new digest goes into the hash chain first. Without an
         alteration the rollout is the one that was branched from.
         """
-        rollout = cls(stage, branch.pending)
-        rollout.distance_m, rollout.min_distance_m = branch.distance_m, branch.min_distance_m
-        rollout.firings = list(branch.firings)
-        rollout._actions = list(branch.actions)
-        rollout._end_effector = list(branch.end_effector)
-        rollout._entity = list(branch.entity)
-        rollout._answers = list(branch.answers)
-        rollout.asked = branch.asked
-        rollout._chain, rollout._digest = list(branch.chain), branch.digest
-        rollout._note_change()
+        rollout = cls(stage, branch.trajectory.altered(stage.world.digest()), arms)
+        rollout.recorded = branch.recorded
         return rollout
 
     @property
-    def steps(self) -> int:
-        """Policy steps executed."""
-        return len(self._actions)
+    def success(self) -> bool:
+        """True if the last step completed the task."""
+        return self.trajectory.success
 
     @property
     def running(self) -> bool:
-        """Whether the episode goes on: the task is not completed and budget is left."""
-        return not self.success and len(self._actions) < self._stage.case.budget
+        """True if the episode goes on: the task is not completed and budget is left."""
+        return not self.trajectory.success and len(self.trajectory.executed) < self._budget
 
-    @property
-    def moment(self) -> Moment:
-        """What triggers are asked about."""
-        fired = tuple(firing.step for firing in self.firings)
-        return Moment(self.steps, self._stage.case.budget, self._stage.world, fired)
+    # Driving it.
 
-    def advance(self) -> None:
-        """Execute one action, after a query if none is queued.
+    def due(self) -> Query | None:
+        """Play on to the next query and return it; None at the end of the episode.
+
+        Entries of the schedule fire, and queued actions are executed. The same query is returned until it is
+        answered.
+
+        Raises:
+            SimulatorError: The simulation broke.
+            ProtocolError: A change left the world bit for bit as it was.
+            ChangeError: A change does not fit this world, or cannot be taken back.
+            ProbeError: A probe raised or wrote to the world.
+        """
+        while self._due is None and self.running:
+            self.let_happen()
+            if self.trajectory.queued:
+                self._execute()
+            else:
+                self._due = self._next_query()
+        return self._due
+
+    def observed(self) -> Observation:
+        """What a policy is shown of the world as it is now: the cameras and size of the stage's spec."""
+        return self._stage.observed()
+
+    def item(self) -> BatchItem:
+        """The query that is due with all that an answer may depend on."""
+        return BatchItem(self.observed(), self._require_due(), self._stage.episode)
+
+    def answer(self, actions: ArrayLike, notes: Mapping[str, int] | None = None) -> None:
+        """Answer the query that is due.
+
+        Args:
+            actions: (n, 7), Q <= n <= H (chunk size), of which the first Q will be executed.
+            notes: What is to be counted of the query, by name.
+
+        Raises:
+            ActionError: The actions cannot be played.
+            ProtocolError: No query is due.
+        """
+        self._require_due()
+        # The numbers are ours: whoever answers has had the query in their hands.
+        index, step = len(self.trajectory.queries), self.trajectory.step
+        try:
+            checked = check_actions(actions, self._stage.spec)
+        except ActionError as error:
+            raise ActionError(f"query {index} at step {step}: {error}") from error
+        self._take(QueryResult(index, step, checked, notes))
+
+    # Driving it with the policy of the stage.
+
+    def ask(self) -> None:
+        """Ask the stage's policy the query that is due; the first begins its episode.
 
         Raises:
             AdapterError: The policy broke its contract.
-            SimulatorError: The simulation broke.
         """
-        stage, world = self._stage, self._stage.world
-        if not self._actions:
-            stage.begin_policy()
-        if not self._queue:
-            self._query()
-        elif sees(stage.policy):
-            stage.show(len(self._actions))
-        action = self._queue.pop()
-        stage.watch.step()
-        world.step(action)
-        self._digest = world.digest()
-        self._actions.append(action)
-        self._chain.append(next_link(self._chain[-1], action, self._digest))
-        self.success = world.succeeded()
-        end_effector, entity = world.end_effector(), world.position(stage.entity)
-        self._end_effector.append(end_effector)
-        self._entity.append(entity)
-        self.distance_m = distance_m(end_effector, entity)
-        self.min_distance_m = min(self.min_distance_m, self.distance_m)
+        query = self._require_due()
+        if query.index == 0:
+            self._stage.begin_policy()
+        self._take(self._stage.ask(query))
+
+    def advance(self) -> None:
+        """Execute one action, after what happens now, and after a query if none is queued."""
+        self.let_happen()
+        if not self.trajectory.queued:
+            self._due = self._due or self._next_query()
+            self.ask()
+        self._execute()
 
     def advance_to_end(self) -> RolloutResult:
-        """Play to the end of the episode, whatever the schedule says."""
-        self.may_branch = False
-        while self.running:
-            self.advance()
+        """Play to the end of the episode."""
+        while self.due() is not None:
+            self.ask()
         return self.result()
 
-    def fire(self, entry: Entry) -> None:
-        """Let an entry of the schedule happen now.
+    # What it has come to.
 
-        Raises:
-            ProtocolError: It left the world bit for bit as it was.
-            ChangeError: It does not fit this world, or cannot be taken back.
+    def let_happen(self) -> None:
+        """Let the entries of the schedules happen whose moment is now; arms may part.
+
+        The errors are those of :meth:`due`.
         """
-        stage, action = self._stage, entry.action
-        proof = self._chain[-1].hex()
-        with stage.clock("event_s"):
-            if isinstance(action, Revert):
-                earlier = self.firings[action.entry].applied
-                change = earlier.change.reverted(earlier.evidence)
+        if self.trajectory.just_asked:  # triggers were asked before the query
+            return
+        while self.running and (happening := self._happening()):
+            if len(self._groups) == 1:
+                self._fire(happening[0])
+                self._go_on_with(self.arms)
             else:
-                change = action
-            applied = apply_change(change, stage.world, stage.spec, stage.case.item_id)
-        self.firings.append(Firing(entry, self.steps, len(self._answers), self.distance_m, proof, applied))
-        self._note_change()
+                self._part(happening)
 
     def branch(self) -> BranchPoint:
         """The rollout as it is now, as a value.
 
         Raises:
             AdapterError: The policy's snapshot raised.
+            ProbeError: The state of a probe is no immutable value.
         """
+        self._stage.probes.require_values(self.trajectory.seen)
         return BranchPoint(
-            step=self.steps,
-            distance_m=self.distance_m,
-            min_distance_m=self.min_distance_m,
+            trajectory=self.trajectory,
             state=self._stage.world.snapshot(),
-            digest=self._digest,
-            memory=Memory.of(self._stage.policy) if self._actions else None,
-            pending=self._queue.pending,
-            actions=np.array(self._actions),
-            end_effector=np.array(self._end_effector),
-            entity=np.array(self._entity),
-            answers=tuple(self._answers),
-            asked=self.asked,
-            firings=tuple(self.firings),
-            chain=tuple(self._chain),
+            memory=Memory.of(self._stage.policy) if self.trajectory.executed else None,
+            recorded=self.recorded,
         )
 
     def result(self) -> RolloutResult:
-        """What has been played, of a rollout that is not running any more."""
-        return RolloutResult(
-            success=self.success,
-            steps=self.steps,
-            actions=np.array(self._actions),
-            end_effector=np.array(self._end_effector),
-            entity=np.array(self._entity),
-            min_distance_m=self.min_distance_m,
-            answers=tuple(self._answers),
-            firings=tuple(self.firings),
-            contacts=self._stage.world.contacts(self._stage.entity),
-            proof=self._chain[-1].hex(),
-            control=self._stage.spec.control,
-        )
+        """What has been played, of a rollout that is not running any more; the world is still at its end.
 
-    def _query(self) -> None:
+        Raises:
+            ProbeError: A probe raised, wrote to the world, or yields something else than it declares.
+        """
+        return RolloutResult(self.trajectory, self._stage.probes.columns(self._view()))
+
+    # Inside.
+
+    def _require_due(self) -> Query:
+        if self._due is None:
+            raise ProtocolError(
+                "no query is due in this rollout. Call due() until it returns a query, then answer it once."
+            )
+        return self._due
+
+    def _next_query(self) -> Query:
+        """The next query; what is needed to ask it again is kept, where it will be."""
+        stage, trajectory = self._stage, self.trajectory
+        index = len(trajectory.queries)
+        if stage.spec.repeatable and (self._may_part or index % SAMPLE_INTERVAL == 0):
+            # Before its first query a policy may not have a memory to copy yet.
+            memory = Memory.of(stage.policy) if index else None
+            self._kept = (stage.world.snapshot(), trajectory.digest, memory)
+        return stage.query(index, trajectory.step)
+
+    def _take(self, result: QueryResult) -> None:
+        """Go on with a checked answer to the query that is due."""
+        result.actions.setflags(write=False)
+        if self._kept is not None:
+            self.recorded = RecordedQuery(result, *self._kept)
+        self._due = self._kept = None
+        self.trajectory = self.trajectory.answered(result)
+        if self._stage.probes.on_queries:
+            self._watch("query")
+
+    def _execute(self) -> None:
+        """Execute the next of the queued actions."""
+        stage, world, trajectory = self._stage, self._stage.world, self.trajectory
+        if self._sees and not trajectory.just_asked:
+            stage.show(trajectory.step)
+        stage.watch.step()
+        action = trajectory.next_action
+        world.step(action)
+        digest, success = world.digest(), world.succeeded()
+        end_effector, entity = world.end_effector(), world.position(self._entity)
+        end_effector.setflags(write=False)
+        entity.setflags(write=False)
+        distance, link = distance_m(end_effector, entity), next_link(trajectory.link, action, digest)
+        step = Step(action, end_effector, entity, distance, success, link)
+        self.trajectory = trajectory.stepped(step, digest)
+        if stage.probes.on_steps:
+            self._watch("step")
+
+    def _watch(self, what: Literal["step", "query"]) -> None:
+        self.trajectory = self.trajectory.watched(self._stage.probes.after(what, self._view()))
+
+    def _view(self) -> View:
         stage = self._stage
-        index = len(self._answers)
-        keep = stage.spec.repeatable and (self.may_branch or index % SAMPLE_INTERVAL == 0)
-        # Before its first query a policy may not have a memory to copy yet.
-        memory = Memory.of(stage.policy) if keep and index else None
-        state = stage.world.snapshot() if keep else None
-        answer = stage.ask(index, self.steps)
-        if state is not None:
-            self.asked = Asked(answer, state, self._digest, memory)
-        self._answers.append(answer)
-        self._queue.refill(answer.actions)
+        return View(stage.world, self.trajectory, self._entity, self._budget, stage.spec.control)
 
-    def _note_change(self) -> None:
-        """Add a link to the hash chain if the world is not what it was after the last one."""
-        digest = self._stage.world.digest()
-        if digest != self._digest:
-            self._chain.append(event_link(self._chain[-1], digest))
-            self._digest = digest
+    def _go_on_with(self, arms: tuple[Arm, ...]) -> None:
+        """Play these arms from now on."""
+        done = len(self.trajectory.firings)
+        self.arms = arms
+        self._groups = _by_next_entry(arms, done)
+        self._may_part = any(arm.schedule[done:] != arms[0].schedule[done:] for arm in arms)
+
+    def _happening(self) -> list[Entry]:
+        """The next entries of the arms whose moment is now."""
+        entries = [entry for entry, _ in self._groups if entry is not None]
+        if not entries:
+            return []
+        fired = tuple(firing.step for firing in self.trajectory.firings)
+        moment = Moment(self.trajectory.step, self._budget, self._stage.world, fired)
+        return [entry for entry in entries if entry.trigger.fires(moment)]
+
+    def _fire(self, entry: Entry) -> None:
+        """Let an entry happen in all arms that are being played."""
+        stage, action = self._stage, entry.action
+        with stage.clock("event_s"):
+            if isinstance(action, Revert):
+                earlier = self.trajectory.firings[action.entry].applied
+                change = earlier.change.reverted(earlier.evidence)
+            else:
+                change = action
+            applied = apply_change(change, stage.world, stage.spec, stage.case.item_id)
+        self.trajectory = self.trajectory.fired(entry, applied, stage.world.digest())
+
+    def _part(self, happening: list[Entry]) -> None:
+        """Go on with the arms in which nothing happens now; or, where something does in all, with the first.
+
+        The others part from them here.
+        """
+        quiet = tuple(arm for entry, group in self._groups if entry not in happening for arm in group)
+        leaving = self._groups if quiet else self._groups[1:]
+        branch = self.branch()
+        self.parted += [Parted(group, branch) for entry, group in leaving if entry in happening]
+        self._go_on_with(quiet or self._groups[0][1])
+
+
+def _by_next_entry(arms: Sequence[Arm], done: int) -> list[tuple[Entry | None, tuple[Arm, ...]]]:
+    """The arms by what happens next in them; None where nothing does."""
+    groups: list[tuple[Entry | None, tuple[Arm, ...]]] = []
+    for arm in arms:
+        entry = arm.schedule[done] if done < len(arm.schedule) else None
+        place = next((i for i, (known, _) in enumerate(groups) if known == entry), None)
+        if place is None:
+            groups.append((entry, (arm,)))
+        else:
+            groups[place] = (entry, (*groups[place][1], arm))
+    return groups

@@ -6,12 +6,13 @@ its event, :func:`inject` makes the change, :func:`continue_rollout` plays on, :
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.events.schedules import (
     BASE,
     DYNAMIC,
@@ -22,14 +23,16 @@ from pytest_libero_max.events.schedules import (
     check_arms,
     trigger_of,
 )
-from pytest_libero_max.pairing.cadence import played_at
-from pytest_libero_max.pairing.clock import Clock
+from pytest_libero_max.pairing.changing import apply_change
 from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_branch, way_back
+from pytest_libero_max.pairing.probes.probe import Probes
+from pytest_libero_max.pairing.probes.standard import STANDARD
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
-from pytest_libero_max.pairing.stage import Stage, apply_change
-from pytest_libero_max.pairing.watch import NO_WATCH, Watch
-from pytest_libero_max.policies.check import memory_of, remembers
+from pytest_libero_max.pairing.rollout import Parted, Rollout, RolloutResult
+from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch
+from pytest_libero_max.policies.cadence import played_at
+from pytest_libero_max.policies.check import ask_together, batches, memory_of, remembers
 from pytest_libero_max.policies.contract import Policy, PolicySpec
 from pytest_libero_max.worlds.contract import World
 
@@ -42,11 +45,14 @@ class PairSettings:
         prefix: How an arm gets to the branch point; see :func:`return_to`.
         fingerprints: What could change a result, for the record: versions, substrate, assets.
         watch: Told what begins, so that it can end what takes too long.
+        probes: What is read in every arm; see
+            :func:`~pytest_libero_max.pairing.probes.registry.probes_called`.
     """
 
     prefix: PrefixMode = "fork"
     fingerprints: Mapping[str, str] = field(default_factory=dict)
     watch: Watch = NO_WATCH
+    probes: Probes = STANDARD
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,86 @@ def measure_pair(
         SubstrateError: The world cannot start this case.
         ChangeError: The setup or a change does not fit this world.
         ManifestError: Two arms have one name.
+        ProbeError: A probe raised, or wrote to the world.
     """
+    return _driven(_pair(case, world, policy, settings, on_phase, arms))
+
+
+def measure_in_step(
+    places: Sequence[tuple[Case, World]], policy: Policy, settings: PairSettings | None = None
+) -> list[Pair]:
+    """Play several pairs at once, whose queries one policy answers together.
+
+    In each round every pair plays on to its next query, and ``predict_batch`` answers all of them. Each pair
+    is the one that :func:`measure_pair` plays, where a batch's answers are those of single queries.
+
+    Args:
+        places: What to play, Base and Dynamic, each in a world of its own.
+        policy: A checked policy with ``predict_batch``, without a memory, that reads no simulator.
+        settings: How to play.
+
+    Returns:
+        The pairs in the order of the places.
+
+    Raises:
+        AdapterError: The policy cannot answer queries of several episodes together, or two places have one
+            world.
+        LiberoMaxError: One of the pairs could not be played, see :func:`measure_pair`; none is returned then.
+    """
+    name = policy.spec.name
+    if not batches(policy) or memory_of(policy) != "none" or policy.spec.privileged:
+        raise AdapterError(
+            f"policy {name!r} cannot answer queries of several episodes together: that takes "
+            "predict_batch(items), no memory, and no look into the simulator. Play its pairs one by one."
+        )
+    if len({id(world) for _, world in places}) < len(places):
+        raise AdapterError("two pairs that are played in step have one world. Give each a world of its own.")
+    playing = {number: _pair(*place, policy, settings) for number, place in enumerate(places)}
+    pairs: dict[int, Pair] = {}
+    while playing:
+        due: list[Rollout] = []
+        for number, pair in tuple(playing.items()):
+            try:
+                due.append(next(pair))
+            except StopIteration as end:
+                pairs[number] = end.value
+                del playing[number]
+        if due:
+            answers = ask_together(policy, [rollout.item() for rollout in due])
+            for rollout, actions in zip(due, answers, strict=True):
+                rollout.answer(actions)
+    return [pairs[number] for number in range(len(places))]
+
+
+_Playing = Generator[Rollout, None, Pair]
+"""A pair being played: yields the rollout whose query is due, and goes on once that is answered."""
+
+
+def _driven(playing: _Playing) -> Pair:
+    """A pair whose queries the policy of its stage answers, one by one."""
+    try:
+        rollout = next(playing)
+        while True:
+            try:
+                rollout.ask()
+            except BaseException as error:
+                rollout = playing.throw(error)  # so that writes to the world are found and taken back
+            else:
+                rollout = next(playing)
+    except StopIteration as end:
+        pair: Pair = end.value
+        return pair
+
+
+def _pair(
+    case: Case,
+    world: World,
+    policy: Policy,
+    settings: PairSettings | None,
+    on_phase: Callable[[str], None] | None = None,
+    arms: Sequence[Arm] | None = None,
+) -> _Playing:
+    """Play a pair; see :func:`measure_pair`."""
     settings = PairSettings() if settings is None else settings
     enter = on_phase or (lambda phase: None)
     enter("setup")
@@ -122,9 +207,9 @@ def measure_pair(
     for cadence in dict.fromkeys(arm.cadence for arm in chosen):
         together = tuple(arm for arm in chosen if arm.cadence == cadence)
         with played_at(policy, cadence):
-            stage = Stage(case, world, policy, clock, settings.watch)
+            stage = Stage(case, world, policy, clock, settings.watch, settings.probes)
             try:
-                instruction, results = _play(stage, together, settings.prefix, enter)
+                instruction, results = yield from _play(stage, together, settings.prefix, enter)
             except Exception:
                 stage.require_untouched()  # a write to the model may be what the error came from
                 raise
@@ -140,45 +225,38 @@ def measure_pair(
     return Pair(record, rollouts)
 
 
-@dataclass(frozen=True)
-class _Task:
-    """Arms that have shared everything so far, and where they go on from; None: from the start."""
-
-    arms: tuple[Arm, ...]
-    branch: BranchPoint | None = None
-
-
 def _play(
     stage: Stage, arms: tuple[Arm, ...], mode: PrefixMode, enter: Callable[[str], None]
-) -> tuple[str, dict[str, RolloutResult]]:
+) -> Generator[Rollout, None, tuple[str, dict[str, RolloutResult]]]:
     """Play all arms, each shared part once.
 
     Returns:
         What the policy is told to do when an episode begins, and the results in the order of the arms.
     """
     repetitions = dict.fromkeys(arm.repetition for arm in arms)
-    tasks = [_Task(tuple(arm for arm in arms if arm.repetition == number)) for number in repetitions]
+    tasks = [Parted(tuple(arm for arm in arms if arm.repetition == number)) for number in repetitions]
     results: dict[str, RolloutResult] = {}
     instruction = ""
     while tasks:
         task = tasks.pop(0)
         name = task.arms[0].name
         if task.branch is None:
-            rollout = Rollout.start(stage)
+            rollout = Rollout.start(stage, task.arms)
             instruction = stage.instruction
             enter(name)
         else:
             enter(name)
             with stage.clock("prefix_s"):
                 return_to_branch(task.branch, stage, mode)
-            rollout = Rollout.resume(task.branch, stage)
+            rollout = Rollout.resume(task.branch, stage, task.arms)
         with stage.clock(f"arm_{name}_s"):
-            together, parted = _play_together(rollout, task.arms)
+            while rollout.due() is not None:
+                yield rollout
+        results |= dict.fromkeys((arm.name for arm in rollout.arms), rollout.result())
         stage.require_untouched()
-        results |= dict.fromkeys((arm.name for arm in together), rollout.result())
-        if parted or task.branch is not None:
+        if rollout.parted or task.branch is not None:
             _check_policy(rollout, stage, mode)
-        tasks = parted + tasks
+        tasks = rollout.parted + tasks
     return instruction, {arm.name: results[arm.name] for arm in arms}
 
 
@@ -188,57 +266,12 @@ def _check_policy(rollout: Rollout, stage: Stage, mode: PrefixMode) -> None:
     In ``replay`` a policy without ``snapshot`` may remember what it has seen, all of which it is shown.
 
     Raises:
-        ProtocolError: See :meth:`.consistency.Asked.ask_again`.
+        ProtocolError: See :meth:`.consistency.RecordedQuery.ask_again`.
         AdapterError: Likewise.
     """
     mode = way_back(stage.policy, mode)
-    if rollout.asked is not None and (mode == "fork" or remembers(stage.policy)):
-        rollout.asked.ask_again(stage)
-
-
-def _play_together(rollout: Rollout, arms: tuple[Arm, ...]) -> tuple[tuple[Arm, ...], list[_Task]]:
-    """Play to the end with the arms that stay equal; return these, and those that parted as tasks."""
-    parted: list[_Task] = []
-    while True:
-        done = len(rollout.firings)
-        groups = _by_next_entry(arms, done)
-        rollout.may_branch = any(arm.schedule[done:] != arms[0].schedule[done:] for arm in arms)
-        happening = _wait(rollout, [entry for entry, _ in groups if entry is not None])
-        if not happening:
-            return arms, parted
-        if len(groups) == 1:
-            rollout.fire(happening[0])
-            continue
-        # Arms in which nothing happens now go on first; where something happens in all, those of one entry.
-        quiet = tuple(arm for entry, group in groups if entry not in happening for arm in group)
-        leaving = groups if quiet else groups[1:]
-        branch = rollout.branch()
-        parted += [_Task(group, branch) for entry, group in leaving if entry in happening]
-        arms = quiet or groups[0][1]
-
-
-def _by_next_entry(arms: Sequence[Arm], done: int) -> list[tuple[Entry | None, tuple[Arm, ...]]]:
-    """The arms by what happens next in them; None where nothing does."""
-    groups: list[tuple[Entry | None, tuple[Arm, ...]]] = []
-    for arm in arms:
-        entry = arm.schedule[done] if done < len(arm.schedule) else None
-        place = next((i for i, (known, _) in enumerate(groups) if known == entry), None)
-        if place is None:
-            groups.append((entry, (arm,)))
-        else:
-            groups[place] = (entry, (*groups[place][1], arm))
-    return groups
-
-
-def _wait(rollout: Rollout, entries: list[Entry]) -> list[Entry]:
-    """Play until the first of the entries happen, and return these; none at the end of the episode."""
-    while rollout.running:
-        moment = rollout.moment
-        happening = [entry for entry in entries if entry.trigger.fires(moment)]
-        if happening:
-            return happening
-        rollout.advance()
-    return []
+    if rollout.recorded is not None and (mode == "fork" or remembers(stage.policy)):
+        rollout.recorded.ask_again(stage)
 
 
 # The pieces.
@@ -249,9 +282,14 @@ def play_prefix(case: Case, world: World, policy: Policy) -> BranchPoint | None:
 
     World and policy are left at the branch point. The arguments and errors are those of :func:`measure_pair`.
     """
-    rollout = Rollout.start(Stage(case, world, policy))
     event = Entry(trigger_of(case), Nothing())
-    return rollout.branch() if _wait(rollout, [event]) else None
+    rollout = Rollout.start(Stage(case, world, policy), (Arm(BASE), Arm(DYNAMIC, (event,))))
+    while rollout.running:
+        rollout.let_happen()
+        if rollout.parted:
+            return rollout.parted[0].branch
+        rollout.advance()
+    return None
 
 
 def inject(case: Case, world: World, spec: PolicySpec | None = None, strength: float = 1.0) -> Json:

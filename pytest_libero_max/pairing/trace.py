@@ -116,7 +116,7 @@ def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDA
 def _trace(rollout: RolloutResult) -> ArmTrace:
     return ArmTrace(
         actions=rollout.actions,
-        query_steps=np.array([answer.step for answer in rollout.answers], dtype=np.int64),
+        query_steps=np.array([query.step for query in rollout.queries], dtype=np.int64),
         end_effector=rollout.end_effector,
         entity=rollout.entity,
     )

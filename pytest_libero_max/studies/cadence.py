@@ -13,7 +13,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Cadence, Entry, change_of, trigger_of
-from pytest_libero_max.pairing.cadence import at_cadence
+from pytest_libero_max.policies.cadence import at_cadence
 from pytest_libero_max.studies.study import Study
 
 if TYPE_CHECKING:

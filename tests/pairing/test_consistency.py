@@ -125,7 +125,7 @@ def test_a_sound_memory_is_what_it_was_before_it_was_asked_again(world: TinyWorl
     assert fork.record.identity() == replay.record.identity()
     queries = fork.record.base_queries + fork.record.dynamic_queries
     assert len(policies["fork"].queries) == queries + 3  # before the event, and late in either arm
-    before = len(replay.base.answers) - fork.record.dynamic_queries
+    before = len(replay.base.queries) - fork.record.dynamic_queries
     assert len(policies["replay"].queries) == queries + before + 3
 
 
@@ -225,7 +225,7 @@ def test_what_a_policy_writes_into_a_query_alters_nothing(world: TinyWorld) -> N
             measure_pair(make_case(), world, policy, PairSettings(mode)) for policy in (scribbling, honest)
         ]
         assert pairs[0].record.identity() == pairs[1].record.identity()
-        for one, other in zip(pairs[0].base.answers, pairs[1].base.answers, strict=True):
+        for one, other in zip(pairs[0].base.queries, pairs[1].base.queries, strict=True):
             assert (one.index, one.step) == (other.index, other.step)
     assert scribbling.queries == honest.queries
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import AdapterError, ProtocolError
-from pytest_libero_max.pairing.prefix import PrefixMode, event_link, first_link, next_link
+from pytest_libero_max.pairing.prefix import PrefixMode
 from pytest_libero_max.pairing.runner import (
     PairSettings,
     continue_rollout,
@@ -20,6 +20,7 @@ from pytest_libero_max.pairing.runner import (
     play_prefix,
     return_to,
 )
+from pytest_libero_max.pairing.trajectory import event_link, first_link, next_link
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.strategies import RememberingPolicy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -76,7 +77,7 @@ def test_without_the_event_the_continuation_is_base(
     again = continue_rollout(branch, case, world, policy)
     assert again.proof == base.proof
     assert again.actions.tobytes() == base.actions.tobytes()
-    assert (again.success, again.contacts) == (base.success, base.contacts)
+    assert (again.success, again.probes) == (base.success, base.probes)
 
 
 def test_a_branch_point_can_be_returned_to_again_and_again(world: TinyWorld) -> None:
@@ -89,8 +90,8 @@ def test_a_branch_point_can_be_returned_to_again_and_again(world: TinyWorld) -> 
         inject(case, world)
         proofs.add(continue_rollout(branch, case, world, policy).proof)
     assert len(proofs) == 1
-    assert len(branch.chain) == branch.step + 1 == len(branch.actions) + 1
-    assert len(branch.pending) == -branch.step % 3
+    assert branch.step == len(branch.trajectory.executed) == len(branch.trajectory.actions)
+    assert len(branch.trajectory.pending) == branch.trajectory.queued == -branch.step % 3
 
 
 # Worlds that do not repeat themselves.

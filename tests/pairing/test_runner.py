@@ -266,7 +266,7 @@ def test_stale_actions_come_from_before_the_event_and_the_next_query_sees_it(wor
     assert record.evidence is not None
     shared = record.trigger_step + record.stale_actions
     assert pair.base.actions[:shared].tobytes() == dynamic.actions[:shared].tobytes()
-    assert len(dynamic.answers) * 8 >= dynamic.steps
+    assert len(dynamic.queries) * 8 >= dynamic.steps
     first_after = policy.views[len(policy.views) - record.dynamic_queries - 1]  # the last one is asked again
     in_base = policy.views[record.base_queries - record.dynamic_queries]
     # A camera shift moves no body: the same moment, seen from another place.

@@ -20,7 +20,7 @@ GRACE_S = 5.0
 
 
 class Watchdog:
-    """Ends what takes longer than a limit; a :class:`~pytest_libero_max.pairing.watch.Watch`.
+    """Ends what takes longer than a limit; a :class:`~pytest_libero_max.pairing.wall_clock.Watch`.
 
     A timer of the kernel sends a signal, whose handler writes the traceback of every thread and ends the
     process. Native code cannot hold it up. A process that plays pairs for a controller ends like this, and
@@ -68,11 +68,11 @@ class Watchdog:
         self._note(Doing(phase, self._doing.what, self._doing.limit))
 
     def query(self) -> None:
-        """See :class:`~pytest_libero_max.pairing.watch.Watch`."""
+        """See :class:`~pytest_libero_max.pairing.wall_clock.Watch`."""
         self._begin("a query of the policy", "query", self._limits.query)
 
     def step(self) -> None:
-        """See :class:`~pytest_libero_max.pairing.watch.Watch`."""
+        """See :class:`~pytest_libero_max.pairing.wall_clock.Watch`."""
         self._begin("a step of the simulator", "step", self._limits.step)
 
     def _begin(self, what: str, name: str, limit_s: float | None) -> None:

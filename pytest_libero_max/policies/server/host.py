@@ -6,12 +6,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.events.schedules import Cadence
+from pytest_libero_max.policies.cadence import played_at
 from pytest_libero_max.policies.check import (
     ask,
     ask_together,
@@ -46,7 +48,7 @@ class Question:
 
     item: BatchItem
     place: Place | None = None
-    cadence: tuple[int, int] | None = None
+    cadence: Cadence | None = None
     frames: tuple[tuple[Observation, int], ...] = ()
 
 
@@ -116,7 +118,7 @@ class Host:
         self._revision = policy.spec.revision or revision
         self._batching = batching
         self._memories = Memories() if remembers(policy) else None
-        self._episode: tuple[Episode, tuple[int, int] | None] | None = None
+        self._episode: tuple[Episode, Cadence | None] | None = None
         self._at: tuple[str, str | None] | None = None
         self._clients = 0
         self._lock = threading.Lock()
@@ -194,36 +196,12 @@ class Host:
             places = [place for place, question in enumerate(questions) if question.cadence == cadence]
             group = [questions[place] for place in places]
             try:
-                with self._at_cadence(cadence):
+                with played_at(self._policy, cadence):
                     own = self._together(group) if self._batching.size > 1 else [self._tried(group[0])]
             except AdapterError as error:
                 own = [error] * len(group)
             found |= dict(zip(places, own, strict=True))
         return [found[place] for place in range(len(questions))]
-
-    @contextmanager
-    def _at_cadence(self, cadence: tuple[int, int] | None) -> Iterator[None]:
-        """Let the policy declare a cadence, which one that reads its spec then follows.
-
-        Raises:
-            AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
-        """
-        spec = self._policy.spec
-        if cadence is None or cadence == (spec.horizon, spec.query_interval):
-            yield
-            return
-        other = replace(spec, horizon=cadence[0], query_interval=cadence[1])
-        try:
-            self._policy.spec = other
-        except AttributeError as error:
-            raise AdapterError(
-                f"The spec of policy {spec.name!r} cannot be assigned ({error}), but another cadence is "
-                "asked for. Make `spec` a plain attribute."
-            ) from error
-        try:
-            yield
-        finally:
-            self._policy.spec = spec
 
     def _together(self, questions: list[Question]) -> list[Answer | BaseException]:
         """The answers to several questions; where one of them makes trouble, each is asked alone."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pytest_libero_max.errors import LiberoMaxError, ServerError
+from pytest_libero_max.events.schedules import Cadence
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query
 from pytest_libero_max.policies.server.host import Host, Question
@@ -99,7 +100,7 @@ def _item(request: Any) -> BatchItem:
         ) from error
 
 
-def _cadence(request: Any) -> tuple[int, int] | None:
+def _cadence(request: Any) -> Cadence | None:
     """H and Q that the client plays; None where it does not say.
 
     Raises:
@@ -110,7 +111,8 @@ def _cadence(request: Any) -> tuple[int, int] | None:
         return None
     if not isinstance(value, list) or len(value) != 2 or not all(type(number) is int for number in value):
         raise ServerError("a request whose 'cadence' is no list of H and Q")
-    return value[0], value[1]
+    horizon, query_interval = value
+    return Cadence(query_interval, horizon)
 
 
 def _frames(request: Any) -> tuple[tuple[Observation, int], ...]:

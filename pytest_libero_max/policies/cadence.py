@@ -1,4 +1,4 @@
-"""Plays a policy with another Q or H than its own for a while."""
+"""A policy at another cadence than its own: Q (execution horizon, replan steps) and H (chunk size)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
 
     Args:
         policy: A checked policy, between two episodes.
-        cadence: What to declare. None: nothing is done.
+        cadence: What to declare. None, or its own: nothing is done.
 
     Raises:
         AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
@@ -48,8 +48,12 @@ def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
         yield
         return
     own = policy.spec
+    other = at_cadence(own, cadence)
+    if other == own:
+        yield
+        return
     try:
-        policy.spec = at_cadence(own, cadence)
+        policy.spec = other
     except AttributeError as error:
         raise AdapterError(
             f"The spec of policy {own.name!r} cannot be assigned ({error}), but playing it at another "

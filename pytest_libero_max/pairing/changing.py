@@ -1,0 +1,98 @@
+"""Acts on a world between its steps: the beginning of a case, and a change with what it did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.changes.base import Change, Evidence
+from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.registry import change_from_dict
+from pytest_libero_max.errors import ProtocolError
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, ImageSize, World
+
+
+def begin_world(case: Case, world: World, control: Control = "delta") -> None:
+    """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
+
+    Args:
+        case: What is played.
+        world: A world of its scene.
+        control: What the actions after the settle steps are taken for.
+
+    Raises:
+        SubstrateError: The scene has no such initial state.
+        ChangeError: The setup does not fit this world.
+        SimulatorError: The scene does not settle.
+    """
+    world.reset(case.init_state_index)
+    for change in case.event.setup:
+        change_from_dict(change).apply(world)
+    for _ in range(SETTLE_STEPS):
+        world.step(NOOP_ACTION)
+    world.set_control(control)
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A change that has happened.
+
+    Attributes:
+        change: The change.
+        evidence: What it found and left.
+        pixel_change: For each camera that was looked through, the mean absolute difference of its images
+            before and after, 0 to 255.
+    """
+
+    change: Change
+    evidence: Evidence
+    pixel_change: dict[str, float]
+
+    def to_dict(self) -> Json:
+        """The evidence and the change of pixels as JSON values."""
+        return {**self.evidence.to_dict(), "pixel_change": dict(self.pixel_change)}
+
+
+def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id: str) -> Applied:
+    """Apply a change to the world now, once, and measure what it did.
+
+    Args:
+        change: What to do.
+        world: To what.
+        spec: Whose cameras to measure the change of pixels in. None: nothing is rendered.
+        item_id: The case, for messages.
+
+    Raises:
+        ProtocolError: The change left the world bit for bit as it was.
+        ChangeError: It does not fit this world.
+    """
+    cameras, size = (spec.cameras, spec.image_size) if spec else ((), 1)
+    images = _look(world, cameras, size)
+    before = world.digest()
+    evidence = change.apply(world)
+    if world.digest() == before and not isinstance(change, Nothing):
+        raise ProtocolError(
+            f"{item_id}: {change.operation} left the world bit for bit as it was, so the arm would equal the "
+            "one without it. Its parameters describe no change; repair the manifest."
+        )
+    return Applied(
+        change,
+        evidence,
+        {
+            camera: float(np.abs(image.astype(np.int16) - images[camera]).mean())
+            for camera, image in _look(world, cameras, size).items()
+        },
+    )
+
+
+def _look(world: World, cameras: tuple[str, ...], size: ImageSize) -> dict[str, NDArray[Any]]:
+    if not cameras:
+        return {}
+    observation = world.observe(cameras, size)
+    return {camera: observation[f"{camera}_image"] for camera in cameras}

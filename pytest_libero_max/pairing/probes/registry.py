@@ -1,0 +1,61 @@
+"""The probes that can be asked for by name: a module of this folder each, and those of other packages."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.registry import Registry, modules_in
+
+if TYPE_CHECKING:
+    from pytest_libero_max.pairing.probes.probe import Probe, Probes
+
+ENTRY_POINT_GROUP = "pytest_libero_max.probes"
+
+_MODULES = "pytest_libero_max.pairing.probes"
+_NO_PROBES = ("probe", "registry", "standard")
+
+
+def _own() -> Mapping[str, Callable[[], Probe[Any]]]:
+    return {name: _loader(name) for name in modules_in(_MODULES) if name not in _NO_PROBES}
+
+
+def _loader(name: str) -> Callable[[], Probe[Any]]:
+    def load() -> Probe[Any]:
+        module = importlib.import_module(f"{_MODULES}.{name}")
+        (kind,) = (
+            value
+            for value in vars(module).values()
+            if isinstance(value, type) and value.__module__ == module.__name__
+        )
+        return _accept(name, kind)
+
+    return load
+
+
+def _accept(name: str, value: object) -> Probe[Any]:
+    from pytest_libero_max.pairing.probes.probe import check_probe
+    from pytest_libero_max.pairing.probes.standard import STANDARD
+
+    if name in {probe.name for probe in STANDARD.standard}:
+        raise ValueError("a probe of every pair has that name")
+    return check_probe(name, value)
+
+
+PROBES: Registry[Probe[Any]] = Registry("probe", ENTRY_POINT_GROUP, _own, _accept, OptionError)
+"""Every probe that can be asked for, by name."""
+
+
+def probes_called(names: Iterable[str]) -> Probes:
+    """The probes of every pair, and those with these names, each once.
+
+    Raises:
+        OptionError: There is no such probe, or it cannot be loaded.
+    """
+    from dataclasses import replace
+
+    from pytest_libero_max.pairing.probes.standard import STANDARD
+
+    return replace(STANDARD, added=tuple(PROBES[name] for name in dict.fromkeys(names)))

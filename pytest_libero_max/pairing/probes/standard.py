@@ -1,0 +1,106 @@
+"""The probes of every pair: their columns are fields of the record, and cost nothing a step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes, View
+
+
+class Approach(Probe[None]):
+    """Closest distance of the end effector to the trigger entity."""
+
+    name = "approach"
+    schema = (
+        Column(
+            "min_distance_m",
+            "float",
+            "Smallest distance of the end effector to the case's trigger entity",
+            "m",
+            optional=True,
+        ),
+    )
+    cost = "nothing a step"
+    every = "end"
+
+    def columns(self, state: None, view: View) -> Mapping[str, Any]:
+        """The smallest distance after a step; None where none was executed."""
+        return {"min_distance_m": min((step.distance_m for step in view.trajectory.executed), default=None)}
+
+
+class Clipping(Probe[None]):
+    """Actions beyond what the controller executes."""
+
+    name = "clipping"
+    schema = (
+        Column(
+            "clipped_components",
+            "int",
+            "Number of the 7 * steps components of the executed actions beyond +-1, which the controller "
+            "clips; under absolute control of those of the gripper",
+        ),
+    )
+    cost = "nothing a step"
+    every = "end"
+
+    def columns(self, state: None, view: View) -> Mapping[str, Any]:
+        """The number over all steps."""
+        executed = view.trajectory.actions
+        clipped = executed if view.control == "delta" or not executed.size else executed[:, -1]
+        return {"clipped_components": int((np.abs(clipped) > 1.0).sum())}
+
+
+class Contacts(Probe[None]):
+    """Contacts of the trigger entity at the end."""
+
+    name = "contacts"
+    schema = (Column("contacts", "str", "Names of what touches the trigger entity at the end", many=True),)
+    cost = "one look at the contacts, 0.05 ms an arm"
+    every = "end"
+
+    def columns(self, state: None, view: View) -> Mapping[str, Any]:
+        """The names, sorted."""
+        return {"contacts": view.world.contacts(view.entity)}
+
+
+class Response(Probe[None]):
+    """Time between the first event and the policy's next look."""
+
+    name = "response"
+    schema = (
+        Column(
+            "response_step",
+            "int",
+            "Policy steps executed at the first query after the first firing",
+            "steps",
+            optional=True,
+        ),
+        Column(
+            "stale_actions",
+            "int",
+            "Number of queued actions executed after the first firing and before that query; all later ones "
+            "where no query followed",
+            "steps",
+            optional=True,
+        ),
+    )
+    cost = "nothing a step"
+    every = "end"
+
+    def columns(self, state: None, view: View) -> Mapping[str, Any]:
+        """Both; None where nothing happened, and no response where no query followed."""
+        trajectory = view.trajectory
+        if not trajectory.firings:
+            return {"response_step": None, "stale_actions": None}
+        event = trajectory.firings[0]
+        after = (query.step for query in trajectory.queries[event.queries :] if query.is_asked)
+        response_step = next(after, None)
+        last = trajectory.step if response_step is None else response_step
+        return {"response_step": response_step, "stale_actions": last - event.step}
+
+
+STANDARD = Probes((Approach(), Clipping(), Contacts(), Response()))
+"""The probes of every pair."""

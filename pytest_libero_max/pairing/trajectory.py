@@ -1,0 +1,243 @@
+"""A rollout so far as one value, with the hash chain that proves it.
+
+The chain's first link is the digest of the world after the settle steps. Every executed step adds a link over
+(previous link, action bytes, digest of the world after the step), every change one over (previous link,
+digest of the world after the change). Two rollouts with the same link have executed the same actions and gone
+through the same states, bit for bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.events.schedules import Entry
+from pytest_libero_max.pairing.changing import Applied
+from pytest_libero_max.policies.check import Actions
+from pytest_libero_max.worlds.contract import Array
+
+
+def first_link(digest: bytes) -> bytes:
+    """The chain's beginning: 32 bytes over the world's digest when the policy takes over."""
+    return hashlib.sha256(b"libero-max-chain" + digest).digest()
+
+
+def next_link(link: bytes, action: NDArray[np.float64], digest: bytes) -> bytes:
+    """The link after one more step: 32 bytes over the last one, the (7,) action and the world's digest."""
+    return hashlib.sha256(link + action.tobytes() + digest).digest()
+
+
+def event_link(link: bytes, digest: bytes) -> bytes:
+    """The link after an event: 32 bytes over the previous one and the world's digest right after it."""
+    return hashlib.sha256(link + b"event" + digest).digest()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """An executed policy step.
+
+    Attributes:
+        action: (7,) as the policy returned it.
+        end_effector: (3,) m, world frame, after the step.
+        entity: (3,) m, world frame: the trigger entity after the step.
+        distance_m: Distance of the two.
+        success: True if the task's goal holds after the step.
+        link: The hash chain's link of the step.
+    """
+
+    action: NDArray[np.float64]
+    end_effector: Array
+    entity: Array
+    distance_m: float
+    success: bool
+    link: bytes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QueryResult:
+    """A query of the policy with all the actions it returned, executed or not.
+
+    Attributes:
+        index: Number of the query in the episode, from 0.
+        step: Policy steps executed before it.
+        actions: (n, 7), Q <= n <= H.
+        notes: What a wrapper around the policy counted at the query, by name; None where it counts nothing.
+    """
+
+    index: int
+    step: int
+    actions: Actions
+    notes: Mapping[str, int] | None = None
+
+    @property
+    def is_asked(self) -> bool:
+        """True if the policy was asked; a wrapper may have looked, and gone on with an earlier answer."""
+        return self.notes is None or bool(self.notes.get("asked", 1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Firing:
+    """An entry of a schedule that has happened.
+
+    Attributes:
+        entry: Which.
+        step: Policy steps executed before it.
+        queries: Policy queries before it.
+        distance_m: Distance of the end effector to the case's trigger entity then.
+        proof: Last link of the hash chain before it, hexadecimal.
+        applied: What it did; the change is the one that was made, also for a reversal.
+        link: The last link after it. The same as before it where the world stayed as it was.
+    """
+
+    entry: Entry
+    step: int
+    queries: int
+    distance_m: float
+    proof: str
+    applied: Applied
+    link: bytes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """All that has happened in a rollout, from the first policy step on.
+
+    A value: what happens next makes a new one, so to keep it is to fork it.
+
+    Attributes:
+        query_interval: Q (execution horizon, replan steps), the actions executed of an answer.
+        first: The first link of the hash chain.
+        link: The last one.
+        digest: Fingerprint of the world now, 32 bytes.
+        distance_m: Distance of the end effector to the trigger entity after the last step, or at the start.
+        executed: The steps.
+        queries: The queries.
+        firings: The entries of the schedule that happened, in order.
+        seen: The state of each probe, in the order of the probes.
+    """
+
+    query_interval: int
+    first: bytes
+    link: bytes
+    digest: bytes
+    distance_m: float
+    executed: tuple[Step, ...] = ()
+    queries: tuple[QueryResult, ...] = ()
+    firings: tuple[Firing, ...] = ()
+    seen: tuple[object, ...] = ()
+
+    @classmethod
+    def begin(cls, query_interval: int, digest: bytes, distance_m: float) -> Trajectory:
+        """The trajectory before the first step.
+
+        Args:
+            query_interval: Q.
+            digest: Fingerprint of the world, 32 bytes.
+            distance_m: Distance of the end effector to the trigger entity.
+        """
+        link = first_link(digest)
+        return cls(query_interval, link, link, digest, distance_m)
+
+    @property
+    def step(self) -> int:
+        """Number of policy steps executed."""
+        return len(self.executed)
+
+    @property
+    def success(self) -> bool:
+        """True if the last step completed the task."""
+        return bool(self.executed) and self.executed[-1].success
+
+    @property
+    def proof(self) -> str:
+        """The last link of the hash chain, hexadecimal."""
+        return self.link.hex()
+
+    @property
+    def queued(self) -> int:
+        """Number of actions that will be executed before the next query."""
+        return self.queries[-1].step + self.query_interval - len(self.executed) if self.queries else 0
+
+    @property
+    def pending(self) -> Actions:
+        """(k, 7) the queued actions, which an event does not cancel."""
+        if not self.queued:
+            return np.empty((0, 0))
+        last = self.queries[-1]
+        return last.actions[self.step - last.step : self.query_interval]
+
+    @property
+    def next_action(self) -> NDArray[np.float64]:
+        """(7,) the first of the queued actions. There must be one."""
+        last = self.queries[-1]
+        action: NDArray[np.float64] = last.actions[len(self.executed) - last.step]
+        return action
+
+    @property
+    def just_asked(self) -> bool:
+        """True if the last thing that happened is a query."""
+        return bool(self.queries) and self.queries[-1].step == len(self.executed)
+
+    @property
+    def actions(self) -> NDArray[np.float64]:
+        """(steps, 7) as the policy returned them."""
+        return np.array([step.action for step in self.executed])
+
+    @property
+    def end_effector(self) -> Array:
+        """(steps, 3) m, world frame, after each step."""
+        return np.array([step.end_effector for step in self.executed])
+
+    @property
+    def entity(self) -> Array:
+        """(steps, 3) m, world frame: the trigger entity after each step."""
+        return np.array([step.entity for step in self.executed])
+
+    def stepped(self, step: Step, digest: bytes) -> Trajectory:
+        """The trajectory after one more step, which left the world with this digest."""
+        # Written out, as in :meth:`answered`: replace() takes four times as long, and this is every step.
+        return Trajectory(
+            self.query_interval,
+            self.first,
+            step.link,
+            digest,
+            step.distance_m,
+            (*self.executed, step),
+            self.queries,
+            self.firings,
+            self.seen,
+        )
+
+    def answered(self, result: QueryResult) -> Trajectory:
+        """The trajectory after a query, whose first Q actions are queued."""
+        return Trajectory(
+            self.query_interval,
+            self.first,
+            self.link,
+            self.digest,
+            self.distance_m,
+            self.executed,
+            (*self.queries, result),
+            self.firings,
+            self.seen,
+        )
+
+    def fired(self, entry: Entry, applied: Applied, digest: bytes) -> Trajectory:
+        """The trajectory after an entry of the schedule, which left the world with this digest."""
+        after = self.altered(digest)
+        firing = Firing(entry, self.step, len(self.queries), self.distance_m, self.proof, applied, after.link)
+        return replace(after, firings=(*self.firings, firing))
+
+    def altered(self, digest: bytes) -> Trajectory:
+        """The trajectory with a link for a change of the world, if it is not what it was."""
+        if digest == self.digest:
+            return self
+        return replace(self, link=event_link(self.link, digest), digest=digest)
+
+    def watched(self, seen: tuple[object, ...]) -> Trajectory:
+        """The trajectory with other states of the probes."""
+        return replace(self, seen=seen)
