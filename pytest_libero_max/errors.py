@@ -28,6 +28,7 @@ __all__ = [
     "MemoryLimitError",
     "OptionError",
     "OtherRunError",
+    "ProbeError",
     "ProtocolError",
     "ReportError",
     "ServerError",

@@ -14,7 +14,7 @@ from pytest_libero_max.pairing.consistency import (
 )
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.pairing.trajectory import Trajectory, event_link, first_link, next_link
-from pytest_libero_max.policies.check import memory_of, remembers, sees
+from pytest_libero_max.policies.check import Actions, memory_of, remembers, sees
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import WorldState
 
@@ -49,6 +49,11 @@ class BranchPoint:
     def digest(self) -> bytes:
         """Fingerprint of the world, 32 bytes."""
         return self.trajectory.digest
+
+    @property
+    def pending(self) -> Actions:
+        """(k, 7) queued actions, which an event does not cancel."""
+        return self.trajectory.pending
 
     @property
     def proof(self) -> str:

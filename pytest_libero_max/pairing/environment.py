@@ -1,0 +1,159 @@
+"""One arm of a case as an environment for other people's loops: Gymnasium's ``reset`` and ``step``.
+
+Gymnasium need not be installed. The environment has no spaces and no vector form; it is the rollout that the
+runner plays, asked for one action at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.events.schedules import BASE, Arm
+from pytest_libero_max.pairing.probes.probe import Probes
+from pytest_libero_max.pairing.probes.standard import STANDARD
+from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
+from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, World
+
+Info = dict[str, Any]
+
+
+class _Outside:
+    """The policy of a stage whose queries somebody else answers."""
+
+    def __init__(self, spec: PolicySpec) -> None:
+        self.spec = spec
+
+    def reset(self, episode: Episode) -> None:
+        """Do nothing: whoever steps the environment keeps the policy."""
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        """Refuse: the actions come from outside.
+
+        Raises:
+            AdapterError: Always.
+        """
+        raise AdapterError("the actions of an environment come from its step(action), not from a policy.")
+
+
+class ArmEnv:
+    """An arm of a case that is stepped from outside, shaped like ``gymnasium.Env``.
+
+    The actions lead to the states, the proof and the results of the same actions in the runner. Play Base
+    and Dynamic one after the other: with the same actions, ``info["proof"]`` is equal up to the event.
+
+    Args:
+        case: What is played.
+        world: A world of its scene; what it was doing before leaves no trace.
+        arm: What happens in it; Base unless given.
+        cameras: Images of the observation.
+        image_size: Their side, or height and width, pixels.
+        control: What the actions are.
+        probes: What is read in the arm.
+    """
+
+    metadata: Mapping[str, Any] = {"render_modes": []}
+    render_mode = None
+
+    def __init__(
+        self,
+        case: Case,
+        world: World,
+        arm: Arm | None = None,
+        cameras: tuple[str, ...] = CAMERAS,
+        image_size: ImageSize = 256,
+        control: Control = "delta",
+        probes: Probes = STANDARD,
+    ) -> None:
+        spec = PolicySpec(
+            "outside", cameras=cameras, image_size=image_size, control=control, repeatable=False
+        )
+        self._arm = Arm(BASE) if arm is None else arm
+        self._stage = Stage(case, world, _Outside(spec), probes=probes)
+        self._rollout: Rollout | None = None
+        self._result: RolloutResult | None = None
+
+    @property
+    def result(self) -> RolloutResult:
+        """The episode that has ended, with what the probes saw.
+
+        Raises:
+            ProtocolError: It has not ended.
+        """
+        if self._result is None:
+            raise ProtocolError("the episode has not ended. Step until `terminated` or `truncated` is true.")
+        return self._result
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin the episode: initial state, setup, settle steps, what happens at the start.
+
+        Args:
+            seed: Ignored: the case fixes everything.
+            options: Ignored.
+
+        Returns:
+            LIBERO's observation, and the info of :meth:`step`.
+        """
+        self._result = None
+        self._rollout = Rollout.start(self._stage, (self._arm,))
+        self._rollout.due()
+        return self._rollout.observed(), self._info(self._rollout, 0)
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
+        """Execute one action, and let happen what happens after it.
+
+        Args:
+            action: (7,) a movement or a pose, as ``control`` says.
+
+        Returns:
+            The observation; 1.0 where the task is completed, else 0.0; whether it is completed; whether the
+            budget is spent; and an info with ``step`` (policy steps executed), ``instruction``, ``proof``
+            (hash chain, hexadecimal), ``events`` (what happened after the action: policy ``step``,
+            ``distance_m``, ``prefix_proof`` and ``evidence``) and, at the end, ``probes``.
+
+        Raises:
+            ActionError: The action cannot be played.
+            ProtocolError: The episode has not begun, or has ended.
+        """
+        rollout = self._rollout
+        if rollout is None or self._result is not None:
+            raise ProtocolError("no episode is running. Call reset() first.")
+        fired = len(rollout.trajectory.firings)
+        rollout.answer(action)
+        if rollout.due() is None:
+            self._result = rollout.result()
+            self._stage.require_untouched()
+        done, success = self._result is not None, rollout.success
+        info = self._info(rollout, fired)
+        return rollout.observed(), float(success), success, done and not success, info
+
+    def close(self) -> None:
+        """Do nothing: the world belongs to the caller."""
+
+    def _info(self, rollout: Rollout, fired: int) -> Info:
+        trajectory = rollout.trajectory
+        events = [
+            {
+                "step": firing.step,
+                "distance_m": firing.distance_m,
+                "prefix_proof": firing.proof,
+                "evidence": firing.applied.to_dict(),
+            }
+            for firing in trajectory.firings[fired:]
+        ]
+        return {
+            "step": trajectory.step,
+            "instruction": self._stage.instruction,
+            "proof": trajectory.proof,
+            "events": events,
+            **({} if self._result is None else {"probes": self._result.probes}),
+        }
