@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.errors import LiberoMaxError
     from pytest_libero_max.events.kind import EventKind, Scenario
     from pytest_libero_max.events.new_case import make_case
-    from pytest_libero_max.events.schedules import Arm, Entry, Revert
+    from pytest_libero_max.events.schedules import Arm, Entry, Revert, program_of
     from pytest_libero_max.events.triggers import Moment, Trigger
     from pytest_libero_max.pairing.record import PairRecord
     from pytest_libero_max.pairing.runner import (
@@ -88,6 +88,7 @@ __all__ = [
     "parse_gate",
     "play_pair",
     "play_prefix",
+    "program_of",
     "read_pairs",
     "return_to",
     "strategies",
@@ -121,7 +122,7 @@ _HOMES = {
     "tasks.contents": ("TaskMetadata",),
     "changes.base": ("Change", "Evidence"),
     "events.triggers": ("Trigger", "Moment"),
-    "events.schedules": ("Arm", "Entry", "Revert"),
+    "events.schedules": ("Arm", "Entry", "Revert", "program_of"),
     "studies.study": ("Study",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "worlds.contract": ("World", "WorldState", "Entity"),

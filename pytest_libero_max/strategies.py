@@ -32,7 +32,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event, Trigger
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event
 from pytest_libero_max.benchmark.cases import parse_case as _parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import SCORING_TRACK, Manifest
@@ -48,6 +48,7 @@ from pytest_libero_max.events.change_strategies import (
 )
 from pytest_libero_max.events.kind import VARIANTS
 from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
 
@@ -96,7 +97,7 @@ def events(
     seed = draw(SEEDS)
     scenario = draw(kind.strategy(known, trigger, seed))
     distance = draw(distances_m) if distances_m is not None else TRIGGER_DISTANCE_M
-    return kind.event(draw(st.sampled_from(VARIANTS)), seed, scenario, Trigger(trigger, distance))
+    return kind.event(draw(st.sampled_from(VARIANTS)), seed, scenario, Proximity(trigger, distance))
 
 
 @st.composite

@@ -70,7 +70,7 @@ def test_events_take_out_exactly_what_they_bring_back(event: Event) -> None:
     change = change_from_dict(event.change)
     if event.name in ("distractor_burst", "obstacle_insertion"):
         assert change.factors == {f"pose:{name}" for name in removed}
-        assert event.trigger.entity not in removed
+        assert event.entity not in removed
     else:
         assert removed == []
 

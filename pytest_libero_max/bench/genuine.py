@@ -109,7 +109,7 @@ def _with_pairs(
     world.reset(case.init_state_index)
     for _ in range(SETTLE_STEPS):
         world.step(NOOP_ACTION)  # LIBERO's objects start in the air
-    policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
+    policy = Hovering(world.position(case.event.entity) + np.array([0.0, 0.0, 0.15]))
     pair = measure_pair(case, world, policy)
     if pair.dynamic is None:
         raise SimulatorError(f"{case.item_id}: the event never fired, so there is no pair to measure.")

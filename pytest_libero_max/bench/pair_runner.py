@@ -92,7 +92,7 @@ def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTim
     scene = build_scene(case.suite, case.task_index)
     world = EmbeddedWorld(scene)
     world.reset(case.init_state_index)
-    policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
+    policy = Hovering(world.position(case.event.entity) + np.array([0.0, 0.0, 0.15]))
     envs = {hard: SceneEnv(scene, CAMERAS, IMAGE_SIZE, hard_reset=hard) for hard in (False, True)}
     pair = measure_pair(case, world, policy)
     final = final_positions(world, case, pair)

@@ -1,10 +1,13 @@
-"""Cases: the frozen benchmark units. Pure data, in the format of the manifests of LIBERO-MAX's authors."""
+"""Cases: the frozen benchmark units. Pure data, in the format of the manifests of LIBERO-MAX's authors.
+
+A case of the authors is one event at one trigger; a ``program`` says more (:mod:`.programs`).
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from pytest_libero_max.benchmark.documents import (
@@ -18,6 +21,7 @@ from pytest_libero_max.benchmark.documents import (
     require_word,
     slug,
 )
+from pytest_libero_max.benchmark.programs import Program, parse_program
 from pytest_libero_max.errors import ManifestError, did_you_mean
 
 Source = Literal["libero", "plus", "pro"]
@@ -36,16 +40,8 @@ SETTLE_STEPS = 10
 TRIGGER_DISTANCE_M = 0.18
 
 
-@dataclass(frozen=True)
-class Trigger:
-    """When an event fires: the first step with the end effector within ``distance_m`` of ``entity``."""
-
-    entity: str
-    distance_m: float = TRIGGER_DISTANCE_M
-    kind: Literal["on_proximity"] = "on_proximity"
-
-    def to_dict(self) -> Json:
-        return {"distance_m": self.distance_m, "type": self.kind, "value": self.entity}
+PROXIMITY = "on_proximity"
+"""Type of the trigger of every case of the authors."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +58,8 @@ class Event:
         response: What a policy is expected to do: ``continue`` or ``replan`` (``expected_response_mode``).
         change: The change as the manifest spells it: an ``operation`` and its parameters.
         setup: Changes both arms share, applied right after reset.
-        trigger: When the change happens.
+        trigger: When the change happens, as the manifest spells it: a ``type`` and its parameters, among them
+            the name of an entity in ``value``.
     """
 
     name: str
@@ -73,7 +70,12 @@ class Event:
     response: str
     change: Json
     setup: tuple[Json, ...]
-    trigger: Trigger
+    trigger: Json
+
+    @property
+    def entity(self) -> str:
+        """The entity that the trigger names; distances and contacts of every arm are about it."""
+        return str(self.trigger["value"])
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,8 @@ class Case:
         difficulty: LIBERO-Plus difficulty 1 to 5, or None.
         instruction: Prompt fixed by the manifest, or None where the substrate's task gives it.
         record: The case exactly as its manifest spells it.
+        program: The arms of the case, where its manifest spells them out. None: nothing happens in Base, the
+            event in Dynamic.
     """
 
     case_id: str
@@ -105,6 +109,7 @@ class Case:
     difficulty: int | None
     instruction: str | None
     record: Json
+    program: Program | None = None
 
     def __hash__(self) -> int:
         return hash(self.case_id)
@@ -121,14 +126,36 @@ class Case:
 
     @property
     def item_id(self) -> str:
-        """Name of the case's test item, for example ``libero-spatial-t00-i00-camera_shift-v1``."""
+        """Name of the case's test item, for example ``libero-spatial-t00-i00-camera_shift-v1``.
+
+        It ends with the name of the case's program where it has one.
+        """
         category = "" if self.source == "libero" else f"-{slug(self.source_category)}"
         suite = self.suite.removeprefix("libero_")
         width = 4 if self.source == "plus" else 2
         return (
             f"{self.source}{category}-{suite}-t{self.task_index:0{width}d}-i{self.init_state_index:02d}"
             f"-{self.event.name}-v{self.event.variant}"
+            + ("" if self.program is None else f"-{self.program.name}")
         )
+
+    @property
+    def needs_format_2(self) -> bool:
+        """True if the authors' format cannot say what the case is."""
+        return self.program is not None or self.event.trigger["type"] != PROXIMITY
+
+    def playing(self, program: Program) -> Case:
+        """The case with a program laid over it.
+
+        Raises:
+            ManifestError: It has one of its own.
+        """
+        if self.program is not None:
+            raise ManifestError(
+                f"case {self.case_id!r} has the program {self.program.name!r} already, so that "
+                f"{program.name!r} cannot be laid over it. Leave the program out, or play other cases."
+            )
+        return replace(self, record={**self.record, "program": program.to_dict()}, program=program)
 
 
 TIMING_BUCKETS = ("early", "middle", "late")
@@ -160,6 +187,7 @@ _CASE_OPTIONAL = {
     "substrate_difficulty",
     "substrate_variant",
     "dynamic_phase",
+    "program",
 }
 _SCENARIO_REQUIRED = {
     "scenario_id",
@@ -213,6 +241,7 @@ def parse_case(record: Any, where: str = "case") -> Case:
         difficulty=difficulty,
         instruction=_instruction(case, where),
         record=dict(case),
+        program=parse_program(case["program"], f"{where}: program") if "program" in case else None,
     )
 
 
@@ -265,18 +294,18 @@ def _draw(value: Any, where: str) -> int:
     return draw
 
 
-def _parse_trigger(value: Any, where: str) -> Trigger:
+def _parse_trigger(value: Any, where: str) -> Json:
+    """A trigger that names an entity; of other types than ``on_proximity`` only the form is checked here."""
     trigger = require_object(value, where)
+    require_text(trigger, "value", where)
+    if require_text(trigger, "type", where) != PROXIMITY:
+        return dict(trigger)
     require_keys(trigger, where, {"type", "value"}, {"distance_m"})
-    if trigger["type"] != "on_proximity":
-        raise ManifestError(
-            f"{where}.type={trigger['type']!r}; every event of the benchmark fires 'on_proximity'."
-        )
     distance = trigger.get("distance_m")
     longest = sys.float_info.max
     if isinstance(distance, bool) or not isinstance(distance, int | float) or not 0 < distance <= longest:
         raise ManifestError(f"{where}.distance_m={distance!r}, but must be a length in metres above 0.")
-    return Trigger(entity=require_text(trigger, "value", where), distance_m=float(distance))
+    return {**trigger, "distance_m": float(distance)}
 
 
 def _source(case: Json, where: str) -> tuple[Source, str]:

@@ -53,6 +53,15 @@ def read_content(path: Path) -> bytes:
     return unpacked.getvalue()
 
 
+def refuse_constant(name: str) -> float:
+    """Refuse ``NaN`` and ``Infinity``, as ``parse_constant`` of :func:`json.loads`.
+
+    Raises:
+        ValueError: Always.
+    """
+    raise ValueError(f"{name} is not JSON")
+
+
 def slug(text: str) -> str:
     """A name as one word of an id: lower case, underscores for spaces."""
     return text.lower().replace(" ", "_")

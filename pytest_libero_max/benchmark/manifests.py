@@ -4,6 +4,10 @@ The file format is that of the manifests that the authors of LIBERO-MAX released
 scored by the completion of the task; a manifest that is read and written again has the same bytes. Not played
 are their pairs that are scored by the policy's intent (``intent_96.json``), and their cases of version 1.0.0,
 which have a third draw of the parameters (``core.json``).
+
+Format 2 adds what the authors' format cannot say: cases with a ``program`` of their own
+(:mod:`pytest_libero_max.benchmark.programs`), or with a trigger other than ``on_proximity``. A manifest
+declares it in ``manifest_format``; one without the field is of format 1.
 """
 
 from __future__ import annotations
@@ -15,21 +19,26 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.benchmark.cases import Case, parse_case
+from pytest_libero_max.benchmark.cases import PROXIMITY, Case, parse_case
 from pytest_libero_max.benchmark.documents import (
     Json,
     canonical_digest,
     read_content,
+    refuse_constant,
     require_count,
     require_keys,
     require_object,
     require_text,
 )
+from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.benchmark.releases import Recognition, recognise
 from pytest_libero_max.errors import ManifestError
 
 SCORING_TRACK = "physical_completion"
 """The only way of scoring that is played: whether the goal of the task holds."""
+
+FORMAT_2 = 2
+"""Value of ``manifest_format`` where a case says more than the authors' format can."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +63,24 @@ class Manifest:
         """SHA-256 over the cases in manifest order, hexadecimal: the identity of the case set."""
         return canonical_digest([case.record for case in self.cases])
 
+    def playing(self, program: Program) -> Manifest:
+        """The manifest with a program laid over its cases.
+
+        Raises:
+            ManifestError: A case has one of its own.
+        """
+        return replace(self, cases=tuple(case.playing(program) for case in self.cases), recognition=None)
+
     def to_json(self) -> str:
         """The manifest's file content: sorted keys, two spaces, a final newline."""
-        document = {
+        document: Json = {
             "benchmark_id": self.benchmark_id,
             "benchmark_version": self.version,
             "protocol": self.protocol,
             "cases": [case.record for case in self.cases],
         }
+        if any(case.needs_format_2 for case in self.cases):
+            document["manifest_format"] = FORMAT_2
         return json.dumps(document, indent=2, sort_keys=True) + "\n"
 
 
@@ -93,7 +112,7 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
     except UnicodeDecodeError as error:
         raise _unreadable(path, error) from error
     try:
-        document = json.loads(text, parse_constant=_refuse_constant)
+        document = json.loads(text, parse_constant=refuse_constant)
     except (ValueError, RecursionError) as error:
         raise ManifestError(
             f"{path}: not a JSON document ({error}). The file is damaged or is not a manifest; restore it."
@@ -118,13 +137,28 @@ def parse_manifest(document: Any) -> Manifest:
         ManifestError: It breaks the format or contradicts itself.
     """
     top = require_object(document, "manifest")
-    require_keys(top, "manifest", {"benchmark_id", "benchmark_version", "protocol", "cases"})
+    require_keys(
+        top, "manifest", {"benchmark_id", "benchmark_version", "protocol", "cases"}, ("manifest_format",)
+    )
+    if top.get("manifest_format", FORMAT_2) != FORMAT_2:
+        raise ManifestError(
+            f"manifest_format={top['manifest_format']!r}, but this version reads {FORMAT_2}, and files "
+            "without the field. Use the version of pytest-libero-max that wrote the file, or a newer one."
+        )
     protocol = require_object(top["protocol"], "protocol")
     _check_protocol(protocol)
     raw = top["cases"]
     if not isinstance(raw, list) or not raw:
         raise ManifestError("cases must be a non-empty list.")
     cases = tuple(parse_case(record, f"cases[{i}]") for i, record in enumerate(raw))
+    beyond = next((case for case in cases if case.needs_format_2), None)
+    if beyond is not None and "manifest_format" not in top:
+        kind = beyond.event.trigger["type"]
+        what = f"scenario.trigger.type={kind!r}" if beyond.program is None else "a program"
+        raise ManifestError(
+            f"case {beyond.case_id!r} has {what}, but in the format of the authors every event fires "
+            f'{PROXIMITY!r}. Repair it, or add "manifest_format": {FORMAT_2} beside "cases".'
+        )
     for case_id, count in Counter(case.case_id for case in cases).items():
         if count > 1:
             raise ManifestError(f"case_id={case_id!r} occurs {count} times; ids must be unique.")
@@ -158,7 +192,3 @@ def _check_protocol(protocol: Json) -> None:
     for key in _PROTOCOL_OPTIONAL:
         if key in protocol:
             require_text(protocol, key, "protocol")
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is not JSON")

@@ -38,7 +38,7 @@ def scenario_record(identity: Identity, event: Event) -> Json:
         "scenario_id": identity.scenario_id(event.name, event.variant),
         "seed": event.seed,
         "severity": event.severity,
-        "trigger": event.trigger.to_dict(),
+        "trigger": dict(event.trigger),
     }
     if event.setup:
         record["setup"] = list(event.setup)

@@ -11,9 +11,11 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.construction.certificates import Certificate, Ending
-from pytest_libero_max.construction.preflight import approach
+from pytest_libero_max.construction.preflight import approach, proximity_of
 from pytest_libero_max.errors import LiberoMaxError, OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.events.schedules import arms_of, trigger_of
+from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.transforms.images import png_file
 from pytest_libero_max.report.writers.files import make_folder, write_bytes
 from pytest_libero_max.substrates.registry import own_variation
@@ -49,10 +51,10 @@ def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]
         case: The case.
         certificates: Those of the frozen cases, by id; empty where the case is none of them.
     """
-    kind, trigger = EVENTS[case.event.name], case.event.trigger
+    kind = EVENTS[case.event.name]
     setup = ", ".join(change["operation"] for change in case.event.setup)
     return [
-        f"{case.case_id}: {case.event.name}, variant {case.event.variant}, near {trigger.entity}",
+        f"{case.case_id}: {case.event.name}, variant {case.event.variant}, near {case.event.entity}",
         f"{case.source} {case.source_category}, {case.suite} task {case.task_index}, "
         f"initial state {case.init_state_index}, digest {case.digest}",
         "",
@@ -61,7 +63,8 @@ def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]
         f"Before it begins, in both arms: {setup or 'nothing'}",
         f"Event: {_first_paragraph(type(kind).__doc__)}",
         f"Family {kind.family}, severity {case.event.severity}",
-        f"When: at the first step after which the hand is within {trigger.distance_m} m of {trigger.entity}",
+        f"When: {_when(case)}",
+        *([] if case.program is None else [f"Program {case.program.name}: arms {_arms(case)}"]),
         f"Expected of a policy: {kind.expected}",
         f"Episode: at most {case.budget} steps, policy seed {case.policy_seed}",
         f"Certificate: {_certificate(certificates.get(case.case_id))}",
@@ -69,6 +72,19 @@ def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]
         "",
         *json.dumps(case.record, indent=2, sort_keys=True).splitlines(),
     ]
+
+
+def _when(case: Case) -> str:
+    """When the event happens, in words."""
+    trigger = trigger_of(case)
+    if isinstance(trigger, Proximity):
+        return f"at the first step after which the hand is within {trigger.distance_m} m of {trigger.entity}"
+    return json.dumps(case.event.trigger, sort_keys=True)
+
+
+def _arms(case: Case) -> str:
+    """The arms of a case with the number of entries of each."""
+    return ", ".join(f"{arm.name} ({len(arm.schedule)})" for arm in arms_of(case))
 
 
 def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image, Image]]:
@@ -117,8 +133,8 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
             raise OptionError(f"{path} exists. Remove it or give another folder.")
     if approach(world, case) is None:
         raise OptionError(
-            f"{case.item_id}: the hand does not come within {case.event.trigger.distance_m} m of "
-            f"{case.event.trigger.entity} on any of the ways of the preflight. Film a pair of it with "
+            f"{case.item_id}: the hand does not come within {proximity_of(case).distance_m} m of "
+            f"{case.event.entity} on any of the ways of the preflight. Film a pair of it with "
             "libero-max film."
         )
     seen = event_pictures(world, case, size)

@@ -29,7 +29,8 @@ from pytest_libero_max.construction.visibility import (
     pixels_of,
     sights,
 )
-from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.errors import ManifestError, SimulatorError
+from pytest_libero_max.events.schedules import trigger_of
 from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.worlds.contract import (
     CAMERAS,
@@ -176,7 +177,7 @@ def preflight(world: World, case: Case) -> Preflight:
             if found.problems:
                 return found
         if approach(world, case) is None:
-            trigger = case.event.trigger
+            trigger = proximity_of(case)
             detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}"
             return Preflight((Problem("trigger", f"{detail} on any of {len(_WAYS)} ways"),))
         return _try_here(world, case, touched, _HOLD_AT_TRIGGER)
@@ -203,8 +204,23 @@ def approach(world: World, case: Case) -> tuple[str, bool] | None:
     return None
 
 
+def proximity_of(case: Case) -> Proximity:
+    """The trigger of a case as the place to drive the hand to.
+
+    Raises:
+        ManifestError: It waits for something else than the hand near an entity.
+    """
+    trigger = trigger_of(case)
+    if not isinstance(trigger, Proximity):
+        raise ManifestError(
+            f"case {case.case_id!r}: scenario.trigger.type={trigger.type!r}, but the preflight drives the "
+            f"hand near an entity ({Proximity.type!r}) and makes nothing else happen. Leave the case out."
+        )
+    return trigger
+
+
 def _go(world: World, case: Case, aim: _Aim, high: bool) -> bool:
-    trigger = Proximity(case.event.trigger.entity, case.event.trigger.distance_m)
+    trigger = proximity_of(case)
     goal = world.position(trigger.entity) + aim.offset_m
     top = float(world.position(trigger.entity)[2]) + _HIGH_M
     points = [np.array([*world.end_effector()[:2], top]), np.array([*goal[:2], top])] if high else []

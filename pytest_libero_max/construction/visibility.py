@@ -74,7 +74,7 @@ def sights(world: World, case: Case, before: Pixels, after: Pixels) -> tuple[Sig
 
 
 def _roles(world: World, case: Case) -> dict[str, str]:
-    roles = {"target": case.event.trigger.entity}
+    roles = {"target": case.event.entity}
     if isinstance(world, PrivilegedWorld):
         receptacle = _receptacle_of(world)
         return roles if receptacle is None else {**roles, "receptacle": receptacle}

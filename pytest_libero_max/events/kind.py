@@ -7,8 +7,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, get_args
 
-from pytest_libero_max.benchmark.cases import SEVERITIES, Event, Trigger
+from pytest_libero_max.benchmark.cases import SEVERITIES, Event
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.triggers import Proximity, Trigger
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -65,9 +66,11 @@ class EventKind(ABC):
         return task.trigger_entity is not None
 
     def trigger(self, task: TaskMetadata) -> Trigger:
-        """When the event happens in an eligible task: when the hand comes near the trigger entity."""
-        assert task.trigger_entity is not None  # eligibility demands it
-        return Trigger(task.trigger_entity)
+        """When the event happens in an eligible task: when the hand comes near the trigger entity.
+
+        Another trigger must name an entity in ``value``, which the distances of every record are about.
+        """
+        return Proximity(entity_of(task))
 
     @abstractmethod
     def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
@@ -102,8 +105,14 @@ class EventKind(ABC):
             response=self.response,
             change=scenario.change,
             setup=scenario.setup,
-            trigger=trigger,
+            trigger=trigger.to_dict(),
         )
+
+
+def entity_of(task: TaskMetadata) -> str:
+    """The trigger entity of a task that an event is possible in."""
+    assert task.trigger_entity is not None  # eligibility demands it
+    return task.trigger_entity
 
 
 _WORD = re.compile(r"[a-z][a-z0-9_]*")

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import Case, Event
-from pytest_libero_max.errors import ManifestError, did_you_mean
+from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.kind import VARIANTS, EventKind, accept_kind
+from pytest_libero_max.events.schedules import arms_of, trigger_of
 from pytest_libero_max.registry import Registry, modules_in
 
 if TYPE_CHECKING:
@@ -115,8 +116,8 @@ def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identit
 def check_cases(cases: Iterable[Case]) -> None:
     """Check that every case of a manifest is one of an event that exists, before anything is played.
 
-    The event is registered, the case has its kind's family code, severity and response, and every change and
-    setup can be built.
+    The event is registered, the case has its kind's family code, severity and response, and every change,
+    setup and trigger can be built, those of its program included.
 
     Raises:
         ManifestError: A case is not; names it.
@@ -127,6 +128,14 @@ def check_cases(cases: Iterable[Case]) -> None:
     for case in cases:
         _check_event(case.event, f"case {case.case_id!r}: scenario")
     check_changes(cases)
+    for case in cases:
+        if not case.needs_format_2:
+            continue  # its one trigger and change are checked already
+        try:
+            trigger_of(case)
+            arms_of(case)
+        except (ManifestError, ChangeError) as error:
+            raise ManifestError(f"case {case.case_id!r}: {error}") from error
 
 
 def _check_event(event: Event, where: str) -> None:

@@ -1,26 +1,32 @@
-"""What happens in an arm, and when: a schedule is a tuple of entries, an arm a name and a schedule."""
+"""What happens in an arm, and when: a schedule is a tuple of entries, an arm a name and a schedule.
+
+:func:`arms_of` builds the arms of a case from its program (:mod:`pytest_libero_max.benchmark.programs`);
+:func:`program_of` writes arms as a program.
+"""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.documents import Json, require_count, require_keys, require_object
-from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.benchmark.cases import Case, Event
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.programs import BASE as BASE
+from pytest_libero_max.benchmark.programs import BASE_AGAIN as BASE_AGAIN
+from pytest_libero_max.benchmark.programs import DYNAMIC as DYNAMIC
+from pytest_libero_max.benchmark.programs import (
+    EVENT,
+    NAME,
+    Program,
+    check_entry,
+    parse_program,
+)
+from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.triggers import StepsAfter, Trigger, trigger_from_dict
 
 if TYPE_CHECKING:
     from pytest_libero_max.changes.base import Change
-
-BASE = "base"
-DYNAMIC = "dynamic"
-BASE_AGAIN = "base_again"
-"""The arm of the noise floor: Base, played a second time from the start."""
-
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,11 @@ class Cadence:
     query_interval: int
     horizon: int | None = None
 
+    def to_dict(self) -> Json:
+        """JSON types, without ``horizon`` where it is the policy's own."""
+        horizon = {} if self.horizon is None else {"horizon": self.horizon}
+        return {"query_interval": self.query_interval, **horizon}
+
 
 @dataclass(frozen=True)
 class Arm:
@@ -95,7 +106,7 @@ class Arm:
     cadence: Cadence | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+        if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
             raise ManifestError(
                 f"arm name={self.name!r}, but must be lower-case letters, digits and underscores, with a "
                 "letter first."
@@ -111,6 +122,15 @@ class Arm:
             if isinstance(entry.action, Revert):
                 _check_reversal(entry.action, self.schedule[:index], reversed_entries, where)
 
+    def to_dict(self) -> Json:
+        """The arm as a program spells it."""
+        values: Json = {"name": self.name, "schedule": [entry.to_dict() for entry in self.schedule]}
+        if self.repetition:
+            values["repetition"] = self.repetition
+        if self.cadence is not None:
+            values["cadence"] = self.cadence.to_dict()
+        return values
+
 
 def _check_reversal(reversal: Revert, earlier: Schedule, done: set[int], where: str) -> None:
     if not 0 <= reversal.entry < len(earlier) or isinstance(earlier[reversal.entry].action, Revert):
@@ -120,35 +140,70 @@ def _check_reversal(reversal: Revert, earlier: Schedule, done: set[int], where: 
     done.add(reversal.entry)
 
 
-def schedule_from_list(raw: Any, where: str = "schedule") -> Schedule:
-    """Read a list of what :meth:`Entry.to_dict` wrote.
+def schedule_from_list(
+    raw: Any, where: str = "schedule", event: Event | None = None, strength: float = 1.0
+) -> Schedule:
+    """Read a list of what :meth:`Entry.to_dict` wrote, or the schedule of a program.
+
+    Args:
+        raw: The entries.
+        where: How to name them in an error.
+        event: What ``"event"`` stands for. None: the schedule refers to none.
+        strength: Share of every change.
 
     Raises:
         ManifestError: It has another form.
-        ChangeError: A change is malformed.
+        ChangeError: A change is malformed, or cannot be scaled to this strength.
     """
-    from pytest_libero_max.changes.registry import change_from_dict
-
     if not isinstance(raw, list):
         raise ManifestError(f"{where} must be a list of entries, not {type(raw).__name__}.")
-    entries = []
-    for index, item in enumerate(raw):
-        place = f"{where}[{index}]"
-        values = require_object(item, place)
-        kind = "reverts" if "reverts" in values else "change"
-        require_keys(values, place, {"trigger", kind})
-        action = (
-            Revert(require_count(values, "reverts", place))
-            if kind == "reverts"
-            else change_from_dict(values["change"])
+    return tuple(_entry(item, f"{where}[{index}]", event, strength) for index, item in enumerate(raw))
+
+
+def _entry(raw: Any, where: str, event: Event | None, strength: float) -> Entry:
+    values = check_entry(raw, where)
+    own = (None, None) if event is None else (event.trigger, event.change)
+    trigger = trigger_from_dict(_filled(values["trigger"], own[0], f"{where}.trigger"), f"{where}.trigger")
+    if "reverts" in values:
+        return Entry(trigger, Revert(values["reverts"]))
+    change = _filled(values["change"], own[1], f"{where}.change")
+    try:
+        return Entry(trigger, _change(change, strength * values.get("strength", 1.0)))
+    except ChangeError as error:
+        raise ChangeError(f"{where}.change: {error}") from error
+
+
+def _filled(value: Any, own: Json | None, where: str) -> Any:
+    """The value with ``"event"``, or each ``{"event": FIELD}`` inside it, replaced by what it stands for."""
+    if own is None:
+        return value
+    if value == EVENT:
+        return own
+    return {key: _field(item, own, f"{where}.{key}") for key, item in value.items()}
+
+
+def _field(value: Any, own: Json, where: str) -> Any:
+    if isinstance(value, list):
+        return [_field(item, own, f"{where}[{index}]") for index, item in enumerate(value)]
+    if not isinstance(value, dict):
+        return value
+    if value.keys() != {EVENT}:
+        return {key: _field(item, own, f"{where}.{key}") for key, item in value.items()}
+    if value[EVENT] not in own:
+        raise ManifestError(
+            f"{where}={value!r}, but the case's event has no such field there. "
+            f"{did_you_mean(value[EVENT], own)}"
         )
-        entries.append(Entry(trigger_from_dict(values["trigger"], f"{place}.trigger"), action))
-    return tuple(entries)
+    return own[value[EVENT]]
 
 
 def trigger_of(case: Case) -> Trigger:
-    """When the case's event happens."""
-    return trigger_from_dict(case.event.trigger.to_dict(), f"case {case.case_id!r}: trigger")
+    """Trigger of the case's event.
+
+    Raises:
+        ManifestError: It is malformed.
+    """
+    return trigger_from_dict(case.event.trigger, f"case {case.case_id!r}: scenario.trigger")
 
 
 def change_of(case: Case, strength: float = 1.0) -> Change:
@@ -161,10 +216,14 @@ def change_of(case: Case, strength: float = 1.0) -> Change:
     Raises:
         ChangeError: The change is malformed, or cannot be scaled to this strength.
     """
+    return _change(case.event.change, strength)
+
+
+def _change(raw: Any, strength: float) -> Change:
     from pytest_libero_max.changes.nothing import Nothing
     from pytest_libero_max.changes.registry import change_from_dict
 
-    change = change_from_dict(case.event.change)
+    change = change_from_dict(raw)
     if strength == 1.0:
         return change
     scaled = change.scaled(strength)
@@ -172,19 +231,53 @@ def change_of(case: Case, strength: float = 1.0) -> Change:
 
 
 def arms_of(case: Case, repeat_base: bool = False, strength: float = 1.0) -> tuple[Arm, ...]:
-    """The arms of a pair: Base, in which nothing happens, and Dynamic, in which the case's event does.
+    """The arms of a case: Base, in which nothing happens, Dynamic, and those that its program adds.
 
     Args:
-        case: The case.
+        case: The case. Without a program, its event happens in Dynamic.
         repeat_base: Whether Base is played a second time from the start, for the noise floor.
-        strength: Share of the event's change, see :func:`change_of`.
+        strength: Share of every change, see :func:`change_of`.
 
     Raises:
-        ChangeError: The event's change is malformed, or cannot be scaled to this strength.
+        ManifestError: The program is malformed.
+        ChangeError: A change is malformed, or cannot be scaled to this strength.
     """
-    event = Entry(trigger_of(case), change_of(case, strength))
     again = (Arm(BASE_AGAIN, repetition=1),) if repeat_base else ()
-    return (Arm(BASE), Arm(DYNAMIC, (event,)), *again)
+    spelled = () if case.program is None else case.program.arms
+    where = "" if case.program is None else f"program {case.program.name!r}"
+    arms = {
+        raw["name"]: _arm(raw, f"{where}.arms[{i}]", case.event, strength) for i, raw in enumerate(spelled)
+    }
+    base = arms.pop(BASE, Arm(BASE))
+    dynamic = arms.pop(DYNAMIC, None) or Arm(DYNAMIC, (Entry(trigger_of(case), change_of(case, strength)),))
+    return (base, dynamic, *arms.values(), *again)
+
+
+def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:
+    cadence = raw.get("cadence")
+    schedule = schedule_from_list(raw.get("schedule", []), f"{where}.schedule", event, strength)
+    try:
+        return Arm(
+            raw["name"],
+            schedule,
+            raw.get("repetition", 0),
+            None if cadence is None else Cadence(cadence["query_interval"], cadence.get("horizon")),
+        )
+    except ManifestError as error:
+        raise ManifestError(f"{where}: {error}") from error
+
+
+def program_of(name: str, arms: Iterable[Arm]) -> Program:
+    """Arms as a program, for a manifest or a file.
+
+    Args:
+        name: The program's name.
+        arms: Base, Dynamic and others.
+
+    Raises:
+        ManifestError: A name breaks its rule, something happens in Base, or nothing in Dynamic.
+    """
+    return parse_program({"name": name, "arms": [arm.to_dict() for arm in check_arms(arms)]})
 
 
 def check_arms(arms: Iterable[Arm]) -> tuple[Arm, ...]:

@@ -1,19 +1,22 @@
 """When something happens: triggers, frozen values that are asked after every step.
 
-A new trigger is one class here (or in another package, decorated with :func:`register`): its fields are its
-parameters, ``fires`` is its rule, and its manifest form follows from both.
+A new trigger is one class here, or in another package that offers it under its type in the entry-point group
+``pytest_libero_max.triggers``: its fields are its parameters, ``fires`` is its rule, and its manifest form
+follows from both.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from pytest_libero_max.benchmark.cases import TRIGGER_DISTANCE_M
+from pytest_libero_max.benchmark.cases import PROXIMITY, TRIGGER_DISTANCE_M
 from pytest_libero_max.benchmark.documents import Json, require_keys, require_object
 from pytest_libero_max.errors import ManifestError, did_you_mean
+from pytest_libero_max.registry import Registry
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Array, World
@@ -75,23 +78,6 @@ class Trigger:
         return {"type": self.type, **values}
 
 
-TRIGGERS: dict[str, type[Trigger]] = {}
-"""Every trigger by its type."""
-
-AnyTrigger = TypeVar("AnyTrigger", bound=Trigger)
-
-
-def register(kind: type[AnyTrigger]) -> type[AnyTrigger]:
-    """Make a trigger known under its type; a class decorator.
-
-    Raises:
-        ManifestError: Another trigger has that type.
-    """
-    if TRIGGERS.setdefault(kind.type, kind) is not kind:
-        raise ManifestError(f"type={kind.type!r} is a trigger already. Give yours another type.")
-    return kind
-
-
 def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
     """Read what :meth:`Trigger.to_dict` wrote.
 
@@ -107,12 +93,16 @@ def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
     if not isinstance(name, str) or name not in TRIGGERS:
         raise ManifestError(f"{where}.type={name!r} is not a trigger. {did_you_mean(str(name), TRIGGERS)}")
     kind = TRIGGERS[name]
-    names = {kind.spelling.get(item.name, item.name): item.name for item in fields(kind)}
-    require_keys(values, where, {"type", *names})
-    return kind(**{field: values[spelled] for spelled, field in names.items()})
+    names = {kind.spelling.get(item.name, item.name): item for item in fields(kind)}
+    required = {spelled for spelled, item in names.items() if item.default is MISSING}
+    require_keys(values, where, {"type", *required}, names.keys() - required)
+    given = {item.name: values[spelled] for spelled, item in names.items() if spelled in values}
+    try:
+        return kind(**given)
+    except ManifestError as error:
+        raise ManifestError(f"{where}: {error}") from error
 
 
-@register
 @dataclass(frozen=True)
 class Proximity(Trigger):
     """The first step that leaves the end effector within a distance of an entity.
@@ -122,7 +112,7 @@ class Proximity(Trigger):
         distance_m: In m, above 0.
     """
 
-    type = "on_proximity"
+    type = PROXIMITY
     spelling: ClassVar[Mapping[str, str]] = {"entity": "value"}
 
     entity: str
@@ -140,7 +130,6 @@ class Proximity(Trigger):
         return distance_m(world.end_effector(), world.position(self.entity)) <= self.distance_m
 
 
-@register
 @dataclass(frozen=True)
 class AtStart(Trigger):
     """Before the first step: after the settle steps, before the policy is told that an episode begins."""
@@ -151,7 +140,6 @@ class AtStart(Trigger):
         return moment.step == 0
 
 
-@register
 @dataclass(frozen=True)
 class StepsAfter(Trigger):
     """A number of steps after an earlier entry of the schedule.
@@ -179,7 +167,6 @@ class StepsAfter(Trigger):
         return moment.step >= moment.fired[self.entry] + self.steps
 
 
-@register
 @dataclass(frozen=True)
 class AfterGrasp(Trigger):
     """The first step that leaves an object lifted: both fingers touch it, and its support does not.
@@ -203,7 +190,6 @@ class AfterGrasp(Trigger):
         return world.fingers_on(self.entity) >= 2
 
 
-@register
 @dataclass(frozen=True)
 class Above(Trigger):
     """The first step that leaves the end effector above a receptacle.
@@ -231,7 +217,6 @@ class Above(Trigger):
         return z > 0.0 and math.sqrt(x * x + y * y) <= self.radius_m
 
 
-@register
 @dataclass(frozen=True)
 class BudgetFraction(Trigger):
     """The first step after which a share of the episode's budget is spent.
@@ -268,3 +253,33 @@ def _require_length(kind: str, value: object, name: str = "distance_m") -> None:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _accept(name: str, found: object) -> type[Trigger]:
+    """The class of triggers that was registered under ``name``.
+
+    Raises:
+        ValueError: It is not one, or has another type.
+    """
+    if not (isinstance(found, type) and issubclass(found, Trigger) and is_dataclass(found)):
+        raise ValueError(
+            f"{found!r} is not a frozen dataclass that extends pytest_libero_max.events.triggers.Trigger"
+        )
+    if getattr(found, "type", None) != name:
+        raise ValueError(
+            f"type={getattr(found, 'type', None)!r}, but it is registered as {name!r}; both must be the same"
+        )
+    if found.fires is Trigger.fires:
+        raise ValueError(f"{found.__name__} has no rule: define fires(self, moment)")
+    return found
+
+
+def _own() -> Mapping[str, Callable[[], type[Trigger]]]:
+    kinds = (Proximity, AtStart, StepsAfter, AfterGrasp, Above, BudgetFraction)
+    return {kind.type: partial(_accept, kind.type, kind) for kind in kinds}
+
+
+TRIGGERS: Registry[type[Trigger]] = Registry(
+    "trigger", "pytest_libero_max.triggers", _own, _accept, ManifestError
+)
+"""Every trigger by its type: this package's, then those that installed packages add."""

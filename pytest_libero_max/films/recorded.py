@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
@@ -237,7 +238,7 @@ def open_recorded(
             f"{home} has no {TRACES_NAME}, so the actions of its pairs are not known. Play the run again "
             "with --libero-max-traces=all."
         )
-    cases_played = _cases(provenance["case_set"], cases)
+    cases_played = _cases(provenance, cases)
     substrate = open_substrate(
         provenance["substrate"]["name"], _options(provenance["substrate"], installations, assets)
     )
@@ -272,7 +273,8 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     return [record for record in records if record.item_id in asked]
 
 
-def _cases(case_set: Json, asked: str | None) -> dict[str, Case]:
+def _cases(provenance: Json, asked: str | None) -> dict[str, Case]:
+    case_set = provenance["case_set"]
     kind, _, name = str(case_set["name"]).partition(" ")
     if asked is None:
         asked = str(case_set.get("path", name)) if kind in ("track", "manifest") else ""
@@ -282,7 +284,8 @@ def _cases(case_set: Json, asked: str | None) -> dict[str, Case]:
         manifest = load_cases(str(Path(asked).expanduser()))
     except ManifestError as error:
         raise ManifestError(f"{error} Name the track or manifest of the run with --cases.") from error
-    return {case.case_id: case for case in manifest}
+    program = program_of_run(provenance["protocol"])
+    return {case.case_id: case for case in (manifest if program is None else manifest.playing(program))}
 
 
 def _options(described: Json, installations: Sequence[Path], assets: Path | None) -> SubstrateOptions:

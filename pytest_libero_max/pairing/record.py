@@ -266,7 +266,7 @@ class PairRecord:
             family=family_of(case.event.name),
             variant=case.event.variant,
             severity=case.event.severity,
-            trigger_entity=case.event.trigger.entity,
+            trigger_entity=case.event.entity,
             max_steps=case.budget,
             arms=dict(arms),
             policy=spec.to_dict() | ({} if memory == "none" else {"memory": memory}),

@@ -55,7 +55,7 @@ class Stage:
     @property
     def entity(self) -> str:
         """The trigger entity of the case, which is followed through every arm."""
-        return self.case.event.trigger.entity
+        return self.case.event.entity
 
     @property
     def instruction(self) -> str:

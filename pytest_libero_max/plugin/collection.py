@@ -91,9 +91,18 @@ def manifest_of(config: pytest.Config) -> Manifest:
         settings = settings_of(config)
         try:
             manifest = load_manifest(settings.manifest) if settings.manifest else load_track(settings.track)
-            check_cases(manifest.cases)
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
+        try:
+            check_cases(manifest.cases)
+        except LiberoMaxError as error:
+            raise pytest.UsageError(f"{settings.manifest or settings.case_set}: {error}") from None
+        if settings.program is not None:
+            try:
+                manifest = manifest.playing(settings.program)
+                check_cases(manifest.cases)
+            except LiberoMaxError as error:
+                raise pytest.UsageError(f"--libero-max-program: {error}") from None
         config.stash[MANIFEST] = manifest
     return config.stash[MANIFEST]
 

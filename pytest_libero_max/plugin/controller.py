@@ -231,6 +231,7 @@ class RunController:
                 "digest": manifest.digest,
                 "limit": settings.limit,
                 **({} if settings.manifest is None else {"path": str(settings.manifest)}),
+                **({} if settings.program is None else {"program": str(settings.program.path)}),
                 **({} if manifest.recognition is None else {"released_as": str(manifest.recognition)}),
             },
             selection=selection.to_dict(),

@@ -21,6 +21,7 @@ from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.programs import Program
     from pytest_libero_max.report.gates import Gate
     from pytest_libero_max.studies.study import Study
 
@@ -89,6 +90,12 @@ OPTIONS = (
         read.text,
     ),
     Option("manifest", "PATH", "Play the cases of this manifest instead of a track", read.text),
+    Option(
+        "program",
+        "FILE",
+        "Lay the program of this JSON file over the cases: which arms are played and what happens in them",
+        read.text,
+    ),
     Option(
         "only-installed",
         "",
@@ -338,6 +345,7 @@ class Settings:
     profile: str | None
     track: str
     manifest: Path | None
+    program: Program | None
     only_installed: bool
     limit: int | None
     substrate: str
@@ -400,13 +408,22 @@ class Settings:
             "noise_floor": self.noise_floor,
             **({} if self.strength == 1.0 else {"strength": self.strength}),
             **({} if self.study is None else {"study": self.study.to_dict()}),
+            **(
+                {}
+                if self.program is None
+                else {"program": {**self.program.to_dict(), "digest": self.program.digest}}
+            ),
         }
 
     @property
     def extras(self) -> str:
-        """Strength and study for pytest's header; empty for a plain run."""
+        """Strength, study and program for pytest's header; empty for a plain run."""
         strength = "" if self.strength == 1.0 else f", events at strength {self.strength:g}"
-        return strength + ("" if self.study is None else f", study {self.study.name}")
+        study = "" if self.study is None else f", study {self.study.name}"
+        program = (
+            "" if self.program is None else f", program {self.program.name} ({self.program.digest[:12]})"
+        )
+        return strength + study + program
 
     @property
     def case_set(self) -> str:
@@ -446,6 +463,7 @@ def resolve(config: pytest.Config) -> Settings:
             )
         values["manifest"] = _path(config, values["manifest"])
     values["output"] = _path(config, values["output"])
+    values["program"] = _program(config, values)
     values["libero"] = tuple(_path(config, folder) for folder in values["libero"])
     if values["libero_assets"] is not None:
         values["libero_assets"] = _path(config, values["libero_assets"])
@@ -551,6 +569,27 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     if values["track"] is None:
         values["track"] = study.track
     return study
+
+
+def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
+    """The program of the file that is named.
+
+    Raises:
+        pytest.UsageError: It cannot be read, or a study is asked for as well.
+    """
+    if values["program"] is None:
+        return None
+    from pytest_libero_max.benchmark.programs import load_program
+
+    if values["study"] is not None:
+        raise pytest.UsageError(
+            f"--libero-max-study={values['study']} plays its arms beside Base and Dynamic of the event, but "
+            "--libero-max-program chooses the arms. Leave one of the two out."
+        )
+    try:
+        return load_program(_path(config, values["program"]))
+    except OptionError as error:
+        raise pytest.UsageError(f"--libero-max-program: {error}") from None
 
 
 def policy_on_command_line(config: pytest.Config) -> bool:

@@ -67,7 +67,18 @@ def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
     return lambda record: _semantics(record) == semantics and record.event in names
 
 
+def _programmed(record: PairRecord) -> bool:
+    """Pairs of a case with a program of its own, or one that was laid over it: its name ends their ids."""
+    return not record.item_id.endswith(f"-{record.event}-v{record.variant}")
+
+
 RULES = (
+    Rule(
+        "program",
+        _programmed,
+        "The arms are those of a program (its name ends the id): Dynamic is what the program makes of the "
+        "event. All numbers are of Base and Dynamic; further arms are in the records, arm by arm.",
+    ),
     Rule(
         "interrupted_server",
         lambda record: WAITED in record.timings,

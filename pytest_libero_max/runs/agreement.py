@@ -17,7 +17,7 @@ MACHINE = ("gl", "gl_device", "blas")
 _MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
 """What makes pieces one measurement."""
 
-PLACES = ("case_set.path", "policy.profile", "substrate.roots", "substrate.assets")
+PLACES = ("case_set.path", "case_set.program", "policy.profile", "substrate.roots", "substrate.assets")
 """Where things lie on a machine; what they are is told by digests."""
 
 

@@ -208,7 +208,12 @@ _PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
         "restore": TEXT.or_null,
         "adaptive": TEXT.or_null,
     },
-    "protocol": {"noise_floor": POSITIVE.or_null, "strength": SHARE.or_null, "study": OBJECT.or_null},
+    "protocol": {
+        "noise_floor": POSITIVE.or_null,
+        "strength": SHARE.or_null,
+        "study": OBJECT.or_null,
+        "program": OBJECT.or_null,
+    },
 }
 
 

@@ -33,6 +33,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options: list[tuple[str, object]] = [("policy", policy["reference"]), ("profile", policy.get("profile"))]
     if kind in ("track", "manifest") and name:
         options.append((kind, cases.get("path", name)))
+    options.append(("program", cases.get("program")))
     options.append(("substrate", substrate["name"]))
     options += [("libero", root) for root in substrate.get("roots", ())]
     options += [(option, substrate.get(part)) for part, option in _SUBSTRATE.items()]

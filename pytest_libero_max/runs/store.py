@@ -384,7 +384,7 @@ def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:
     if stored.planned != wanted.planned:
         raise ReportError(
             f"{path} was planned with other cases ({len(stored.planned)} then, {len(wanted.planned)} now). "
-            "Resume with the same track, manifest and selection, or choose another output folder."
+            "Resume with the same track, manifest, program and selection, or choose another output folder."
         )
     different = run_differences(stored, wanted)
     if different:

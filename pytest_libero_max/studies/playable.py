@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ChangeError, OptionError
-from pytest_libero_max.events.schedules import change_of
+from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.studies.study import Study
 
 
@@ -24,11 +24,13 @@ def require_playable(cases: Iterable[Case], strength: float, study: Study | None
     objections: dict[str, Counter[str]] = {}
     for case in cases:
         try:
-            change_of(case, strength)
+            arms_of(case, strength=strength)
         except ChangeError:
-            change_of(case)  # raises where it is the change itself that is malformed
+            arms_of(case)  # raises where it is the change itself that is malformed
             whole[case.event.name] += 1
-        objection = None if study is None else study.objection(case)
+        objection = None
+        if study is not None:
+            objection = study.objection(case) if case.program is None else "are of cases with a program"
         if objection is not None:
             objections.setdefault(objection, Counter())[case.event.name] += 1
     if whole:

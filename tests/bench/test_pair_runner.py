@@ -19,7 +19,7 @@ def test_the_final_state_is_that_of_the_last_arm_wherever_the_runner_left_the_wo
     case = shorten(next(case for case in cases if case.event.name == "camera_shift"))
     world = EmbeddedWorld(build_scene(case.suite, case.task_index))
     world.reset(case.init_state_index)
-    policy = Hovering(world.position(case.event.trigger.entity) + np.array([0.0, 0.0, 0.15]))
+    policy = Hovering(world.position(case.event.entity) + np.array([0.0, 0.0, 0.15]))
     policy.spec = replace(policy.spec, cameras=())
     pair = measure_pair(case, world, policy)
     world.reset(0)

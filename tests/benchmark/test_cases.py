@@ -66,7 +66,7 @@ def test_a_case_says_what_its_record_says() -> None:
     assert (case.source, case.source_category, case.difficulty) == ("libero", "Unmodified", None)
     assert (case.budget, case.policy_seed, case.instruction) == (220, 195, None)
     assert (case.event.severity, case.event.family_code, case.event.response) == ("high", "OBS", "continue")
-    assert case.event.trigger.to_dict() == {
+    assert case.event.trigger == {
         "type": "on_proximity",
         "value": "akita_black_bowl_1",
         "distance_m": 0.18,
@@ -120,7 +120,7 @@ CORRUPT = [
     (
         "scenario.trigger.type",
         "fixed_step",
-        "'fixed_step'; every event of the benchmark fires 'on_proximity'",
+        "type='fixed_step', but in the format of the authors every event fires 'on_proximity'",
     ),
     ("scenario.trigger.distance_m", 0, "distance_m=0, but must be a length in metres above 0"),
     ("scenario.trigger.value", "", "trigger.value='', but must be a non-empty string"),
@@ -230,7 +230,7 @@ def test_whatever_stands_in_a_manifest_it_is_read_or_refused(path: Route, value:
         return
     for case in manifest:
         assert type(case.event.variant) is int
-        assert type(case.event.trigger.distance_m) is float
+        assert type(case.event.trigger["distance_m"]) is float
         assert parse_case(case.record) == case
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from pytest_libero_max.benchmark.cases import Trigger
 from pytest_libero_max.benchmark.manifests import Manifest, load_manifest, parse_manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.cli import main
@@ -21,6 +20,7 @@ from pytest_libero_max.construction.case_text import (
 )
 from pytest_libero_max.construction.certificates import ENDINGS, Certificate
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.films.short_run import leave_out_shadows
 from tests.plugin.conftest import tiny_manifest
@@ -113,7 +113,7 @@ def test_a_change_of_one_camera_leaves_the_other_picture_alone(world: TinyWorld)
 
 def test_what_no_way_reaches_is_refused(world: TinyWorld, manifest: Manifest, tmp_path: Path) -> None:
     case = manifest.cases[0]
-    far = replace(case, event=replace(case.event, trigger=Trigger("box_1", 1e-6)))
+    far = replace(case, event=replace(case.event, trigger=Proximity("box_1", 1e-6).to_dict()))
     with pytest.raises(OptionError, match="does not come within 1e-06 m of box_1"):
         write_event_pictures(tmp_path / "pictures", world, far, 48)
     assert not (tmp_path / "pictures").exists()

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from pytest_libero_max.benchmark.cases import Case, Trigger, parse_case
+from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.changes import Change, InsertObstacle, MoveObject, RemoveObject, ShiftCamera
@@ -15,6 +15,7 @@ from pytest_libero_max.construction.configurations import Cell, Configuration
 from pytest_libero_max.construction.preflight import preflight
 from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
 from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -27,7 +28,7 @@ def case_of(
 ) -> Case:
     identity = Identity("libero", "libero_spatial", 0, 0)
     scenario = Scenario(change.to_dict(), tuple(removal.to_dict() for removal in setup))
-    drawn = EVENTS[event].event(0, identity.seed(event, 0), scenario, Trigger(trigger, distance_m))
+    drawn = EVENTS[event].event(0, identity.seed(event, 0), scenario, Proximity(trigger, distance_m))
     return parse_case(case_record(identity, drawn, "tiny"))
 
 

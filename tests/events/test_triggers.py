@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from pytest_libero_max.errors import EntityError, ManifestError
 from pytest_libero_max.events import triggers
 from pytest_libero_max.events.triggers import (
+    TRIGGERS,
     Above,
     AfterGrasp,
     AtStart,
@@ -23,7 +24,6 @@ from pytest_libero_max.events.triggers import (
     StepsAfter,
     Trigger,
     distance_m,
-    register,
     trigger_from_dict,
 )
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -68,7 +68,7 @@ def test_a_trigger_is_spelled_as_manifests_spell_it(trigger: Trigger, spelled: d
 
 
 def test_every_trigger_is_tested_here() -> None:
-    assert {spelled["type"] for _, spelled in ALL} == triggers.TRIGGERS.keys()
+    assert {spelled["type"] for _, spelled in ALL} == set(TRIGGERS)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_every_trigger_is_tested_here() -> None:
     [
         ("at_start", "trigger must be a JSON object, not str"),
         ({"type": "on_proximty"}, "type='on_proximty' is not a trigger. Did you mean 'on_proximity'"),
-        ({"type": "on_proximity", "value": "box_1"}, "trigger lacks distance_m"),
+        ({"type": "on_proximity", "distance_m": 0.2}, "trigger lacks value"),
         ({"type": "at_start", "value": 3}, "unknown field 'value'"),
         ({"type": "on_proximity", "value": "", "distance_m": 0.2}, "on_proximity.value=''"),
         ({"type": "on_proximity", "value": "box_1", "distance_m": 0}, "on_proximity.distance_m=0"),
@@ -93,23 +93,22 @@ def test_a_trigger_that_is_spelled_wrong_says_why(raw: Any, message: str) -> Non
         trigger_from_dict(raw)
 
 
-def test_a_new_trigger_is_one_class(world: TinyWorld, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(triggers, "TRIGGERS", dict(triggers.TRIGGERS))
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        (object, "is not a frozen dataclass that extends"),
+        (AtStart, "type='at_start', but it is registered as 'high'"),
+        (dataclass(frozen=True)(type("High", (Trigger,), {"type": "high"})), "High has no rule"),
+    ],
+)
+def test_what_is_offered_as_a_trigger_is_one(found: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        triggers._accept("high", found)
 
-    @register
-    @dataclass(frozen=True)
-    class High(Trigger):
-        type: ClassVar[str] = "high"
-        height_m: float
 
-        def fires(self, moment: Moment) -> bool:
-            return bool(moment.world.end_effector()[2] > self.height_m)
-
-    trigger = trigger_from_dict({"type": "high", "height_m": 0.1})
-    assert trigger == High(0.1)
-    assert trigger.fires(moment(world, 0))
-    with pytest.raises(ManifestError, match="type='high' is a trigger already"):
-        register(type("Higher", (High,), {}))
+def test_what_has_a_default_may_be_left_out() -> None:
+    assert trigger_from_dict({"type": "steps_after", "steps": 3}) == StepsAfter(3)
+    assert trigger_from_dict({"type": "above", "value": "plate_1"}) == Above("plate_1")
 
 
 # Their rules.

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import Case, Trigger
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes import MoveObject, SetSensorCorruption, ShiftCamera
 from pytest_libero_max.events.kind import Scenario
 from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, ImageSize, Observation
@@ -49,7 +50,7 @@ def make_case(event: str = "camera_shift", distance_m: float = 0.18, **changes: 
         task_index=0,
         init_state_index=3,
         policy_seed=195,
-        event=EVENTS[event].event(0, 7, Scenario(CHANGES[event].to_dict()), Trigger("box_1", distance_m)),
+        event=EVENTS[event].event(0, 7, Scenario(CHANGES[event].to_dict()), Proximity("box_1", distance_m)),
         source="libero",
         source_category="Unmodified",
         difficulty=None,

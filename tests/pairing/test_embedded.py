@@ -17,7 +17,7 @@ from .actors import make_case
 @pytest.mark.parametrize("event", ["camera_shift", "sensor_noise_onset"])
 def test_fork_and_replay_measure_the_same_pair_with_images_at_every_query(event: str) -> None:
     case = make_case(event, distance_m=0.35, suite="libero_object")
-    trigger = replace(case.event.trigger, entity="alphabet_soup_1")
+    trigger = {**case.event.trigger, "value": "alphabet_soup_1"}
     case = replace(case, event=replace(case.event, trigger=trigger))
     policy = load_policy("random")
     policy.spec = replace(policy.spec, image_size=64)

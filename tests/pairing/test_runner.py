@@ -206,7 +206,7 @@ def test_the_setup_is_shared_and_the_trigger_entity_must_exist(world: TinyWorld)
     record = play_pair(replace(case, event=replace(case.event, setup=(parked,))), world, Approaching())
     assert record.triggered
     assert world.parked == ("clutter_1",)
-    lost = replace(case, event=replace(case.event, trigger=replace(case.event.trigger, entity="box_2")))
+    lost = replace(case, event=replace(case.event, trigger={**case.event.trigger, "value": "box_2"}))
     with pytest.raises(EntityError, match="box_1"):
         play_pair(lost, world, Approaching())
 

@@ -112,7 +112,7 @@ from pytest_libero_max.changes import change_from_dict
 @given(strategies.events(names=["push"]))
 def test_drawn(event):
     assert event.name == "push"
-    assert change_from_dict(event.change).object == event.trigger.entity
+    assert change_from_dict(event.change).object == event.entity
 
 @given(strategies.events())
 def test_any(event):

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.events.insertion import placement, placements, removals
-from pytest_libero_max.events.kind import EventKind, Scenario
+from pytest_libero_max.events.kind import EventKind, Scenario, entity_of
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -52,7 +52,7 @@ class DistractorBurst(EventKind):
             angle = phase + i * 2.0 * math.pi / COUNT
             radius = draw.uniform(*RADIUS_M)
             offset = [radius * math.cos(angle), radius * math.sin(angle), 0.0]
-            anchor = self.trigger(task).entity
+            anchor = entity_of(task)
             ring.append(placement(entity, anchor, [round(v, _DECIMALS) for v in offset], task))
         change = {"operation": "insert_distractors", "distractor_count": COUNT, "placements": ring}
         return Scenario(change, removals(chosen))

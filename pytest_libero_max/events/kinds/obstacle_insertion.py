@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.events.insertion import placement, placements, removals
-from pytest_libero_max.events.kind import EventKind, Scenario
+from pytest_libero_max.events.kind import EventKind, Scenario, entity_of
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -38,7 +38,7 @@ class ObstacleInsertion(EventKind):
         chosen = candidates[variant % len(candidates)]
         change = {
             "operation": "insert_obstacle",
-            **placement(chosen, self.trigger(task).entity, list(OFFSETS_M[variant]), task),
+            **placement(chosen, entity_of(task), list(OFFSETS_M[variant]), task),
             "placement_rule": "target_support_approach_ring",
         }
         return Scenario(change, removals([chosen]))

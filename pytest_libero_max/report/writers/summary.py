@@ -153,11 +153,14 @@ def _header(report: Json) -> list[str]:
 
 
 def title_text(report: Json) -> str:
-    """What was measured: policy with H and Q, substrate, which part of which cases, and at which strength."""
+    """What was measured: policy with H and Q, substrate, which part of which cases, strength and program."""
     count = report["pairs"]["unsupported"]
     unsupported = f", {count} of them unsupported" if count else ""
     strength = report["provenance"]["protocol"].get("strength")
     scaled = "" if strength is None else f", events at strength {strength:g}"
+    program = report["provenance"]["protocol"].get("program")
+    if program is not None:
+        scaled += f", program {program['name']} ({program['digest'][:12]})"
     substrate = report["substrate"]["name"]
     return f"{_policy(report)} on {substrate}, {selection_text(report)}{unsupported}{scaled}"
 

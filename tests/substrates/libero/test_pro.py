@@ -245,5 +245,5 @@ def test_official_cases_start(substrate: LiberoSubstrate) -> None:
     for case in cases[::70]:
         world = substrate.world(case)
         world.reset(case.init_state_index)
-        named = {case.event.trigger.entity, *(item["object"] for item in case.event.setup)}
+        named = {case.event.entity, *(item["object"] for item in case.event.setup)}
         assert named <= set(world.entities), case.case_id

@@ -1,0 +1,229 @@
+"""Programs become arms and arms become programs; one without a meaning is refused before a pair is played."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pytest_libero_max import strategies
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.programs import parse_program
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.changes import MoveObject, SetInstruction, SetTask, ShiftCamera, change_from_dict
+from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.registry import check_cases
+from pytest_libero_max.events.schedules import (
+    Arm,
+    Cadence,
+    Entry,
+    Revert,
+    arms_of,
+    change_of,
+    program_of,
+    trigger_of,
+)
+from pytest_libero_max.events.triggers import (
+    Above,
+    AfterGrasp,
+    AtStart,
+    BudgetFraction,
+    Proximity,
+    StepsAfter,
+    Trigger,
+)
+from tests.pairing.actors import make_case
+
+FLAGS: st.SearchStrategy[bool] = st.booleans()
+NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
+LENGTHS = st.floats(0.01, 2.0)
+TRIGGERS: st.SearchStrategy[Trigger] = st.one_of(
+    st.builds(Proximity, NAMES, LENGTHS),
+    st.builds(AtStart),
+    st.builds(AfterGrasp, NAMES),
+    st.builds(Above, NAMES, LENGTHS),
+    st.builds(BudgetFraction, st.floats(0.01, 0.99)),
+)
+CHANGES = st.one_of(
+    strategies.events().map(lambda event: change_from_dict(event.change)),
+    st.builds(SetInstruction, NAMES),
+    st.builds(SetTask, NAMES, st.just((("on", "box_1", "plate_1"),))),
+)
+
+
+@st.composite
+def schedules(draw: st.DrawFn, least: int = 0) -> tuple[Entry, ...]:
+    """Changes, reversals of some of them, and every trigger."""
+    schedule: list[Entry] = []
+    standing: list[int] = []
+    for index in range(draw(st.integers(least, 4))):
+        after = (
+            st.builds(StepsAfter, st.integers(1, 30), st.integers(-1, index - 1)) if index else st.nothing()
+        )
+        trigger = draw(TRIGGERS | after)
+        takes_back = draw(FLAGS)
+        if standing and takes_back:
+            place = draw(st.sampled_from(standing))
+            standing.remove(place)
+            schedule.append(Entry(trigger, Revert(place)))
+        else:
+            standing.append(index)
+            schedule.append(Entry(trigger, draw(CHANGES)))
+    return tuple(schedule)
+
+
+CADENCES = st.none() | st.builds(
+    lambda interval, more: Cadence(interval, None if more is None else interval + more),
+    st.integers(1, 8),
+    st.none() | st.integers(0, 8),
+)
+OTHERS = st.lists(
+    st.builds(Arm, NAMES.map("arm_{}".format), schedules(), st.integers(0, 2), CADENCES),
+    max_size=3,
+    unique_by=lambda arm: arm.name,
+)
+
+
+@given(NAMES, schedules(least=1), OTHERS)
+def test_arms_survive_being_written_as_a_program(
+    name: str, dynamic: tuple[Entry, ...], others: list[Arm]
+) -> None:
+    arms = (Arm("base"), Arm("dynamic", dynamic), *others)
+    program = program_of(name, arms)
+    read = parse_program(json.loads(json.dumps(program.to_dict())))
+    assert (read, read.digest) == (program, program.digest)
+    assert arms_of(make_case(program=read)) == arms
+
+
+@given(schedules(least=1), st.data())
+def test_a_program_with_a_damaged_value_is_an_error_with_words(
+    schedule: tuple[Entry, ...], data: st.DataObject
+) -> None:
+    document = program_of("damaged", (Arm("base"), Arm("dynamic", schedule))).to_dict()
+    entry = data.draw(st.sampled_from(document["arms"][1]["schedule"]))
+    part = data.draw(st.sampled_from([part for part in entry.values() if isinstance(part, dict)]))
+    part[data.draw(st.sampled_from(sorted(part)))] = data.draw(st.sampled_from([None, -1, "", [], {}, 1e400]))
+    try:
+        arms_of(make_case(program=parse_program(document)))
+    except Exception as error:
+        assert type(error).__module__ == "pytest_libero_max.errors", error  # noqa: PT017
+
+
+@pytest.mark.parametrize("track", ["smoke", "original"])
+def test_a_case_of_the_authors_is_the_program_of_one_entry(track: str) -> None:
+    for case in load_track(track):
+        event = Entry(trigger_of(case), change_of(case))
+        assert arms_of(case) == (Arm("base"), Arm("dynamic", (event,)))
+        spelled = {
+            "name": "event",
+            "arms": [{"name": "dynamic", "schedule": [{"trigger": "event", "change": "event"}]}],
+        }
+        assert arms_of(case.playing(parse_program(spelled))) == arms_of(case)
+
+
+def laid(*schedule: dict[str, Any], name: str = "third") -> Case:
+    """A case whose third arm has a schedule."""
+    program = {"name": "tried", "arms": [{"name": name, "schedule": list(schedule)}]}
+    case = make_case("target_relocation")
+    assert isinstance(case.event.change, dict)
+    return replace(case, program=parse_program(program))
+
+
+def test_a_template_refers_to_the_event_of_each_case() -> None:
+    case = laid(
+        {"trigger": {"type": "after_grasp", "value": {"event": "value"}}, "change": "event", "strength": 0.5},
+        {
+            "trigger": {"type": "steps_after", "steps": 3},
+            "change": {
+                "operation": "move_object",
+                "object": {"event": "object"},
+                "delta_position_m": [0.01, 0, 0],
+            },
+        },
+        {"trigger": {"type": "steps_after", "steps": 3, "entry": 0}, "reverts": 0},
+    )
+    base, dynamic, third = arms_of(case)
+    assert (base, dynamic) == arms_of(replace(case, program=None))
+    assert third.schedule == (
+        Entry(AfterGrasp("box_1"), change_of(case, 0.5)),
+        Entry(StepsAfter(3), MoveObject("box_1", (0.01, 0, 0))),
+        Entry(StepsAfter(3, entry=0), Revert(0)),
+    )
+
+
+def test_base_and_dynamic_come_first_and_the_noise_floor_last() -> None:
+    assert [arm.name for arm in arms_of(laid(), repeat_base=True)] == [
+        "base",
+        "dynamic",
+        "third",
+        "base_again",
+    ]
+
+
+def test_a_share_of_a_program_is_that_of_each_change() -> None:
+    case = laid({"trigger": "event", "change": "event", "strength": 0.5})
+    _, dynamic, third = arms_of(case, strength=0.5)
+    assert dynamic.schedule[0].action == change_of(case, 0.5)
+    assert third.schedule[0].action == change_of(case, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (
+            {"trigger": {"type": "after_grsp", "value": "box_1"}, "change": "event"},
+            r"arms\[0\]\.schedule\[0\]\.trigger\.type='after_grsp' is not a trigger. Did you mean 'after_",
+        ),
+        (
+            {"trigger": {"type": "after_grasp", "value": 3}, "change": "event"},
+            r"schedule\[0\]\.trigger: after_grasp\.value=3, but must be the name of an entity",
+        ),
+        (
+            {"trigger": {"type": "steps_after", "steps": 3, "entry": 4}, "change": "event"},
+            r"arms\[0\]: arm 'third', entry 0: .* must refer to an earlier entry",
+        ),
+        ({"trigger": "event", "reverts": 0}, "must name an earlier entry that changes something"),
+        (
+            {"trigger": {"type": "after_grasp", "value": {"event": "entity"}}, "change": "event"},
+            r"trigger\.value={'event': 'entity'}, but the case's event has no such field there.*Known: "
+            "distance_m, type, value",
+        ),
+        (
+            {"trigger": "event", "change": {"operation": "move_objct"}},
+            r"schedule\[0\]\.change: operation='move_objct' is not a change",
+        ),
+        (
+            {
+                "trigger": "event",
+                "change": {"operation": "set_instruction", "instruction": "x"},
+                "strength": 0.5,
+            },
+            r"schedule\[0\]\.change: strength=0.5, but set_instruction is all or nothing",
+        ),
+    ],
+)
+def test_what_cannot_be_built_is_found_before_anything_is_played(entry: dict[str, Any], message: str) -> None:
+    with pytest.raises(ManifestError, match=f"^case 'case-target_relocation': .*{message}"):
+        check_cases([laid(entry)])
+
+
+def test_a_trigger_of_the_event_is_checked_as_well() -> None:
+    case = make_case()
+    wrong = replace(
+        case, event=replace(case.event, trigger={"type": "above", "value": "plate_1", "radius_m": 0})
+    )
+    with pytest.raises(ManifestError, match=r"scenario\.trigger: above\.radius_m=0, but must be a length"):
+        check_cases([wrong])
+
+
+def test_something_happens_in_dynamic() -> None:
+    with pytest.raises(ManifestError, match="something happens in Dynamic"):
+        program_of("still", (Arm("base"), Arm("dynamic")))
+    with pytest.raises(ManifestError, match="two arms are called 'base'"):
+        program_of("twice", (Arm("base"), Arm("base")))
+    entry = Entry(AtStart(), ShiftCamera("agentview", (0.1, 0.0, 0.0), 5.0, 0.0))
+    assert program_of("reset", (Arm("reset", (entry,)),)).arms[0]["name"] == "reset"
