@@ -24,6 +24,7 @@ T = TypeVar("T")
 ENTRY_POINTS = {
     "pytest_libero_max.events": "a subclass of `EventKind`, under the name of the event",
     "pytest_libero_max.changes": "a class of changes, under the name of its operation",
+    "pytest_libero_max.triggers": "a class of triggers, under the name of its type",
     "pytest_libero_max.substrates": "a `SubstrateKind`, under its name",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
 }

@@ -83,12 +83,12 @@ def load_program(path: Path) -> Program:
         document = json.loads(read_content(path).decode(), parse_constant=refuse_constant)
     except (OSError, ValueError, RecursionError) as error:
         raise OptionError(
-            f"Cannot read program {str(path)!r}: {error}. Give the path of a JSON file."
+            f"Cannot read program {str(path)!r}: {error}. Give the path of a JSON file.", path=path
         ) from error
     try:
         return replace(parse_program(document), path=path)
     except ManifestError as error:
-        raise OptionError(f"{path}: {error}") from error
+        raise OptionError(f"{path}: {error}", field=error.field, value=error.value, path=path) from error
 
 
 def program_of_run(protocol: Json) -> Program | None:

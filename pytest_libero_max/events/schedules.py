@@ -170,7 +170,7 @@ def _entry(raw: Any, where: str, event: Event | None, strength: float) -> Entry:
     try:
         return Entry(trigger, _change(change, strength * values.get("strength", 1.0)))
     except ChangeError as error:
-        raise ChangeError(f"{where}.change: {error}") from error
+        raise error.within(f"{where}.change") from error
 
 
 def _filled(value: Any, own: Json | None, where: str) -> Any:
@@ -264,7 +264,7 @@ def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:
             None if cadence is None else Cadence(cadence["query_interval"], cadence.get("horizon")),
         )
     except ManifestError as error:
-        raise ManifestError(f"{where}: {error}") from error
+        raise error.within(where) from error
 
 
 def program_of(name: str, arms: Iterable[Arm]) -> Program:

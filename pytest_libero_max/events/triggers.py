@@ -100,7 +100,7 @@ def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
     try:
         return kind(**given)
     except ManifestError as error:
-        raise ManifestError(f"{where}: {error}") from error
+        raise error.within(where) from error
 
 
 @dataclass(frozen=True)

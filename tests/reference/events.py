@@ -57,31 +57,34 @@ When an event happens. All cases of the tracks use `on_proximity`. A field with 
 
 ## Programs
 
-A case of the tracks is one trigger with one change: nothing happens in Base, and the change in Dynamic. A *program* says
-more: any arms, each a schedule of entries that happen one after another. An entry has a `trigger`, and either a `change`
-or the index of an earlier entry that it `reverts`, so that the world is as it was before. A case carries its program
-under `program`, beside `scenario`; the manifest then has `"manifest_format": 2`. A file with a program alone is laid over
-all cases of a run by `--libero-max-program=FILE`:
+A case of the tracks is one trigger with one change: nothing happens in Base, and the change in Dynamic. A
+*program* says more: any arms, each a schedule of entries that happen one after another. An entry has a
+`trigger`, and either a `change` or the index of an earlier entry that it `reverts`: what that one changed
+is as it was before. A case carries its program under `program`, beside `scenario`; its manifest then has
+`"manifest_format": 2`. A file with a program alone is laid over all cases of a run by
+`--libero-max-program=FILE`:
 
 ```json
 {_program()}
 ```
 
-- `"event"` is the trigger, or the change, of the case's own event. Inside a trigger or a change, `{{"event": FIELD}}` is one
-  of its fields: `{{"type": "after_grasp", "value": {{"event": "value"}}}}` waits for the grasp of the entity that the
-  event is triggered by.
-- `base` and `dynamic` are part of every program. Where they are not spelled out they are those of the case. Nothing may
-  happen in `base`; rates, outcomes and gates are those of `base` and `dynamic`, and further arms are in the records.
+- `"event"` is the trigger, or the change, of the case's own event. Inside a trigger or a change,
+  `{{"event": FIELD}}` is one of its fields: `{{"type": "after_grasp", "value": {{"event": "value"}}}}`
+  waits for the grasp of the entity that the event's own trigger names.
+- `base` and `dynamic` are part of every program. Where they are not spelled out they are those of the case.
+  Nothing may happen in `base`. Rates, outcomes and gates are those of `base` and `dynamic`; further arms are
+  in the records.
 - `strength` beside a `change` is the share of it that happens, above 0, at most 1.
-- An arm other than these two may have a `repetition` above 0, to share nothing with the others, and a `cadence`
-  (`query_interval` Q, the executed actions, and `horizon` H, the chunk size), at which it is played.
-- The name of the program ends the ids of the test items, its digest is in the run's header, and the digest of each case
-  covers it: a run is not resumed, merged or compared with one of another program.
+- An arm other than these two may have a `repetition` above 0, to share nothing with the others, and a
+  `cadence`, at which it is played: `query_interval` (Q, the executed actions) and `horizon` (H, the chunk
+  size).
+- The name of the program ends the ids of the test items, its digest is in the run's header, and the digest of
+  each case covers it: a run is not resumed, merged or compared with one of another program.
 """
 
 
 def _program() -> str:
-    """An example: the event ends after a second, and a third arm in which it happens before the first query."""
+    """An example: the event ends after a second, and a third arm has it before the first query."""
     program = {
         "name": "transient",
         "arms": [
