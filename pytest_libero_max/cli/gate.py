@@ -30,7 +30,7 @@ def add_command(commands: Commands) -> None:
 
 def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.cli.ini_file import ini_lines
-    from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
+    from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
     from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
     from pytest_libero_max.report.gates import parse_gates
     from pytest_libero_max.report.writers.files import report_of
@@ -49,7 +49,7 @@ def _gate(options: argparse.Namespace) -> int:
     print("\n".join(gate_lines(verdicts)))
     failed = [verdict for verdict in verdicts if not verdict.passed]
     counts = report_of(stored)["pairs"]
-    if not counts["complete"]:
+    if not ended_as_declared(counts):
         print(f"{incomplete_text(counts)} Exit status {INCOMPLETE}.")
         return INCOMPLETE
     if failed:

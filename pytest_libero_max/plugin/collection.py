@@ -108,7 +108,7 @@ def manifest_of(config: pytest.Config) -> Manifest:
 
 
 def cases_of(config: pytest.Config) -> tuple[Case, ...]:
-    """The cases of the run before ``-k`` and ``-m``, sorted by item id.
+    """The cases of the run before ``-k`` and ``-m``, in the order of play.
 
     Raises:
         pytest.UsageError: The track or manifest is unusable, nothing that it needs is installed, or there are
@@ -132,14 +132,13 @@ def _cases(config: pytest.Config) -> tuple[Case, ...]:
             raise pytest.UsageError(f"--libero-max-only-installed: {error}") from None
     if settings.limit is not None:
         cases = stratified(cases, settings.limit)
-    cases = tuple(sorted(cases, key=lambda case: case.item_id))
     if settings.shard is not None:
         try:
-            return shard(cases, *settings.shard)
+            cases = shard(cases, *settings.shard)
         except LiberoMaxError as error:
             number, count = settings.shard
             raise pytest.UsageError(f"--libero-max-shard={number}/{count}: {error}") from None
-    return cases
+    return settings.order.of(cases)
 
 
 def asked_for(config: pytest.Config) -> list[str]:

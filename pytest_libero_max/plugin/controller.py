@@ -1,12 +1,10 @@
-"""The side that owns the run: it receives every record, writes them down, and reports at the end."""
+"""The side that owns the run: it plans the pairs, receives every record and stores it."""
 
 from __future__ import annotations
 
 import copy
-import os
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Generator, Iterable
 from typing import Any, NoReturn
 
 import pytest
@@ -33,28 +31,33 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
-from pytest_libero_max.plugin.processes.deaths import CRASH_PHASE, set_aside_lines
+from pytest_libero_max.plugin.processes.deaths import CRASH_PHASE
 from pytest_libero_max.plugin.progress import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_room
-from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE_ATTRIBUTE, POLICY_PHASE, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.run_end import RunEnd
+from pytest_libero_max.plugin.stash_keys import (
+    MEASURED_INPUT,
+    NOTE_ATTRIBUTE,
+    POLICY_PHASE,
+    RESULT_ATTRIBUTE,
+    STOP_ATTRIBUTE,
+)
+from pytest_libero_max.plugin.stopping import RunStop
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
-from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
-from pytest_libero_max.report.sections import with_sections
+from pytest_libero_max.report.exit_status import INCOMPLETE
 from pytest_libero_max.report.writers.junit import suite_properties
 from pytest_libero_max.runs import provenance
 from pytest_libero_max.runs.damaged_lines import damage_said
 from pytest_libero_max.runs.lock import require_free
 from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, StoredRun, read_to_resume, require_writable
+from pytest_libero_max.runs.store import PairStore, StoredRun, read_to_resume, require_writable
 from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.substrates.registry import SUBSTRATES, describe_substrate, scores_of
 from pytest_libero_max.worlds.rendering import gl
 
 RECORD_PHASE = "record"
 """Phase of a pair error: the pair was played, and its record is none."""
-
-_NO_PAIRS: Json = {"played": 0, "planned": 0, "missing": 0, "invalid": 0, "complete": False}
 
 
 class RunController:
@@ -63,6 +66,8 @@ class RunController:
     Attributes:
         measured: Item ids of the pairs that a resumed run holds already.
         progress: Another plugin, which shows how far the run is.
+        stop: Another plugin, which stops the run.
+        end: Another plugin, which reports at the end.
 
     Raises:
         pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
@@ -75,15 +80,13 @@ class RunController:
         self.settings = settings_of(config)
         check_ids(config)
         self.progress = RunProgress(config, self.settings.progress)
+        self.stop = RunStop(config, self.settings)
+        self.end = RunEnd(config, self.settings, self.stop)
         self.cases = {case.item_id: case for case in cases_of(config)}
         self.store: PairStore | None = None
-        self.report: Json | None = None
         self.measured: tuple[str, ...] = ()
         self._before: StoredRun | None = None
-        self._lines: list[str] = []
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
-        self._notes: list[str] = []
-        self._stop_status: int | None = None
         self._hook_raised = False
         self._broken_policy: str | None = None
         try:
@@ -127,7 +130,7 @@ class RunController:
     def _read_to_resume(self) -> None:
         self._before = read_to_resume(self.settings.output) if self.settings.resume else None
         if self._before is not None:
-            self._lines += damage_said(self._before.damaged)
+            self.end.lines += damage_said(self._before.damaged)
             self.measured = tuple(record.item_id for record in self._before.records)
 
     def pytest_report_header(self) -> list[str]:
@@ -203,7 +206,9 @@ class RunController:
             prefix = "--libero-max-resume: " if resume else ""
             pytest.exit(f"{prefix}{error}", returncode=pytest.ExitCode.USAGE_ERROR)
         self.store = store
-        self.progress.begin(store, run.planned, () if stored is None else stored.records)
+        records = () if stored is None else stored.records
+        self.progress.begin(store, run.planned, records)
+        self.stop.begin(run, records)
 
     def _tell_junit(self, selection: Selection) -> None:
         """Name the selection in the properties of the JUnit file's suite, where one is written."""
@@ -235,6 +240,8 @@ class RunController:
                 **({} if manifest.recognition is None else {"released_as": str(manifest.recognition)}),
             },
             selection=selection.to_dict(),
+            order=str(settings.order),
+            stopping_rule=None if settings.stop is None else settings.stop.text,
             protocol=settings.protocol,
             command=["pytest", *map(str, self.config.invocation_params.args)],
             folder=self.config.rootpath,
@@ -246,13 +253,15 @@ class RunController:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         result = getattr(report, RESULT_ATTRIBUTE, None)
         name = case_of(report.nodeid) if result is None else result["item_id"]
-        if name not in self.cases or self.store is None or self._stop_status is not None:
+        if name not in self.cases or self.store is None or self.stop.status is not None:
             return
         # The teardown of a pair, or one that another plugin plays again: a record counts, after an error.
         if name in self._measured_now and (self._measured_now[name] or result is None or is_error(result)):
             return
         pair = _pair_of(report, self.cases[name])
         if pair is None:
+            if report.skipped:
+                self.stop.stored(name, None)
             return
         if isinstance(pair, PairError) and pair.phase == POLICY_PHASE:
             if self._broken_policy == pair.message:  # another worker found the same
@@ -262,8 +271,11 @@ class RunController:
         self._measured_now[name] = isinstance(pair, PairRecord)
         note = getattr(report, NOTE_ATTRIBUTE, None)
         if note is not None:
-            self._notes.append(note)
+            self.end.notes.append(note)
         self._tell(pair)
+        if (reason := getattr(report, STOP_ATTRIBUTE, None)) is not None:
+            self.stop.stop(reason)
+        self.stop.stored(name, pair)
 
     def _stored(self, pair: PairRecord | PairError, case: Case) -> PairRecord | PairError:
         """Store a pair, or why it is none. What concerns all later pairs as well stops the session."""
@@ -271,18 +283,17 @@ class RunController:
         try:
             self.store.append(pair)
         except DiskError as error:
-            self._stop(str(error), INCOMPLETE)
+            self._abort(str(error), INCOMPLETE)
         except OtherRunError as error:
-            self._stop(str(error), pytest.ExitCode.USAGE_ERROR)
+            self._abort(str(error), pytest.ExitCode.USAGE_ERROR)
         except ReportError as error:
             pair = PairError.of(case, error, RECORD_PHASE)
             self.store.append(pair)
         return pair
 
-    def _stop(self, message: str, status: int) -> NoReturn:
-        self._stop_status = status
-        self._lines.append(message)
-        pytest.exit(message)  # with a status of its own, pytest would leave out the summary
+    def _abort(self, message: str, status: int) -> NoReturn:
+        self.end.lines.append(message)
+        self.stop.abort(message, status)
 
     def _tell(self, pair: PairRecord | PairError) -> None:
         """Tell conftest files of a stored pair; the first time that one of them raises is said at the end."""
@@ -290,141 +301,15 @@ class RunController:
             self.config.hook.pytest_libero_max_pair_stored(pair=copy.deepcopy(pair), config=self.config)
         except Exception as error:  # a user's hook may raise anything, and must not cost the run
             if not self._hook_raised:
-                self._lines.append(f"pytest_libero_max_pair_stored raised {type(error).__name__}: {error}")
+                self.end.lines.append(f"pytest_libero_max_pair_stored raised {type(error).__name__}: {error}")
             self._hook_raised = True
-
-    # What is said at the end.
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> Generator[None, None, None]:
         try:
             yield
         finally:  # whatever another plugin's hook has raised
-            if self.store is None:
-                self._fail_gates_without_pairs(session)
-            else:
-                self._finish(session, self.store)
-
-    def _finish(self, session: pytest.Session, store: PairStore) -> None:
-        """End the run, write its reports and decide its gates. What fails is said, and hides nothing else."""
-        problems: list[str] = []
-        failed_gates = 0
-        try:
-            store.close()
-        except ReportError as error:
-            problems.append(str(error))
-        try:
-            failed_gates = self._report(problems.append)
-        except Exception as error:  # whatever it is, the pairs are measured
-            text = str(error) if isinstance(error, LiberoMaxError) else repr(error)
-            problems.append(f"There is no report: {text}")
-        self._lines += _few_lines(self._notes)
-        self._lines += problems
-        self._lines += self._set_status(session, failed_gates, bool(problems))
-
-    def _report(self, on_problem: Callable[[str], None]) -> int:
-        """Compute the report, write it, decide the gates and say all that; returns how many gates fail."""
-        from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
-        from pytest_libero_max.report.writers.files import write_reports
-        from pytest_libero_max.report.writers.summary import summary_lines
-
-        folder, here = self.settings.output, self.config.invocation_params.dir
-        self.report, written = write_reports(folder, self._add_sections, on_problem)
-        self._lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
-        self._lines += set_aside_lines(self.report["pairs"]["invalid_pairs"])
-        self._tell_reported(self.report)
-        verdicts = decide(self.settings.gate, folder, here)
-        self._lines += gate_lines(verdicts)
-        if os.environ.get("GITHUB_ACTIONS") == "true":
-            self._lines += github_annotations(verdicts)
-            try:
-                _append_step_summary(folder / "report.md", gate_lines(verdicts))
-            except OSError as error:
-                self._lines.append(f"The step summary was not written: {error}")
-        return sum(not verdict.passed for verdict in verdicts)
-
-    def _tell_reported(self, report: Json) -> None:
-        """Tell conftest files that the reports are there."""
-        from pytest_libero_max.report.numbers import main_numbers
-
-        told = {"report": copy.deepcopy(report), "numbers": main_numbers(report)}
-        try:
-            hook = self.config.hook.pytest_libero_max_reported
-            hook(**told, folder=self.settings.output, config=self.config)
-        except Exception as error:  # a user's hook may raise anything, and must not cost the gates
-            self._lines.append(f"pytest_libero_max_reported raised {type(error).__name__}: {error}")
-
-    def _add_sections(self, report: Json) -> Json:
-        """Let conftest files add sections to the report, and nothing else."""
-        amended = copy.deepcopy(report)
-        try:
-            self.config.hook.pytest_libero_max_report(report=amended, config=self.config)
-            return with_sections(report, amended)
-        except Exception as error:  # a user's hook may raise anything, and must not cost the report
-            self._lines.append(f"The report has no sections of your own: {type(error).__name__}: {error}")
-            return report
-
-    def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
-        """Gates that a session asks for and cannot decide, because it planned no pair, fail it."""
-        if not self.settings.gate or only_lists(self.config):
-            return
-        self._lines.append(f"gate FAIL  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
-        if session.exitstatus == pytest.ExitCode.OK:
-            session.exitstatus = GATE_FAILED
-            self._lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
-
-    def _set_status(self, session: pytest.Session, failed_gates: int, problems: bool) -> list[str]:
-        """Turn pytest's status into ours where the run itself has more to say; never anything into OK."""
-        if self._stop_status is not None:
-            session.exitstatus = self._stop_status
-            return [
-                f"Exit status {self._stop_status:d}: the run was stopped. Repair what broke and continue "
-                "with --libero-max-resume."
-            ]
-        pairs = _NO_PAIRS if self.report is None else self.report["pairs"]
-        status = session.exitstatus
-        if status == pytest.ExitCode.NO_TESTS_COLLECTED and self.measured:
-            session.exitstatus = status = pytest.ExitCode.OK  # everything was measured before
-        if status == pytest.ExitCode.INTERRUPTED and (self._broken_policy is not None or session.shouldfail):
-            # A worker stopped, or -x stopped the workers, which xdist takes for an interruption.
-            session.exitstatus = status = pytest.ExitCode.TESTS_FAILED
-        if status == pytest.ExitCode.INTERRUPTED and pairs["missing"]:
-            return [
-                f"Interrupted: {pairs['played']} of {pairs['planned']} pairs are measured and kept. Give the "
-                "same command with --libero-max-resume to play the others."
-            ]
-        if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
-            return []
-        if problems:
-            session.exitstatus = INCOMPLETE
-            return [
-                f"Exit status {INCOMPLETE}: not everything could be written. What was measured is in "
-                f"{PAIRS_NAME}; libero-max report makes the reports from it."
-            ]
-        if not pairs["complete"]:
-            session.exitstatus = INCOMPLETE
-            return [
-                f"Exit status {INCOMPLETE}: the run is incomplete ({pairs['invalid']} invalid, "
-                f"{pairs['missing']} missing). Repair what broke and continue with --libero-max-resume."
-            ]
-        if failed_gates and status == pytest.ExitCode.OK:
-            session.exitstatus = GATE_FAILED
-            return [
-                f"Exit status {GATE_FAILED}: {failed_gates} of {len(self.settings.gate)} gates do not hold."
-            ]
-        return []
-
-    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        if terminalreporter.verbosity < 0:
-            self._lines = [
-                line
-                for line in self._lines
-                if line.startswith(("gate FAIL", "::error", "Exit status", "Interrupted"))
-            ]
-        if self._lines:
-            terminalreporter.section("libero-max")
-        for line in self._lines:
-            terminalreporter.write_line(line)
+            self.end.finish(session, self.store, measured_before=bool(self.measured))
 
 
 def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | None:
@@ -440,23 +325,6 @@ def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | 
     # The item ended without a word: its worker died, or somebody's hook failed it.
     text = str(report.longrepr).strip().splitlines()
     return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
-
-
-def _few_lines(notes: Sequence[str]) -> list[str]:
-    """The first of what went wrong beside the pairs, and how many more there are."""
-    more = f" ({len(notes) - 1} more like this)" if len(notes) > 1 else ""
-    return [f"Beside the pairs, which are measured: {note}{more}" for note in notes[:1]]
-
-
-def _append_step_summary(markdown: Path, gates: list[str]) -> None:
-    summary = os.environ.get("GITHUB_STEP_SUMMARY")
-    if summary:
-        with open(summary, "a", encoding="utf-8") as file:
-            file.write(markdown.read_text(encoding="utf-8") + "".join(f"\n- {line}" for line in gates) + "\n")
-
-
-def _relative(path: Path, start: Path) -> Path:
-    return path.relative_to(start) if path.is_relative_to(start) else path
 
 
 def _origin(substrate: Json) -> str:

@@ -22,7 +22,15 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_world,
 )
 from pytest_libero_max.plugin.processes.guard import STDERR
-from pytest_libero_max.plugin.stash_keys import MEASURED_INPUT, NOTE, NOTE_ATTRIBUTE, RESULT, RESULT_ATTRIBUTE
+from pytest_libero_max.plugin.stash_keys import (
+    MEASURED_INPUT,
+    NOTE,
+    NOTE_ATTRIBUTE,
+    RESULT,
+    RESULT_ATTRIBUTE,
+    STOP,
+    STOP_ATTRIBUTE,
+)
 
 __all__ = [
     "libero_max_inject",
@@ -55,9 +63,16 @@ def pytest_load_initial_conftests(early_config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once."""
+    """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once.
+
+    Where the order of play matters, it hands out one pair after another.
+    """
     if collection.is_run(config) and config.getoption("numprocesses", None) and _no_dist_chosen(config):
         config.option.dist = "worksteal"
+        if options.in_order(config):
+            config.option.dist = "load"
+            if config.getoption("maxschedchunk", None) is None:
+                config.option.maxschedchunk = 1
 
 
 def _no_dist_chosen(config: pytest.Config) -> bool:
@@ -80,22 +95,29 @@ def pytest_configure(config: pytest.Config) -> None:
         use_one_blas_thread()
     if in_use and hasattr(config, "workerinput"):
         from pytest_libero_max.plugin.processes.channel import keep_from_children
+        from pytest_libero_max.plugin.stopping import PairGate
 
         keep_from_children(config)
+        config.pluginmanager.register(PairGate(config))
     elif in_use:
         from pytest_libero_max.plugin.controller import RunController
         from pytest_libero_max.plugin.processes.workers import Workers, let_workers_restart
 
         controller = RunController(config)
         config.pluginmanager.register(controller, CONTROLLER)
-        config.pluginmanager.register(controller.progress)
+        for plugin in (controller.progress, controller.stop, controller.end):
+            config.pluginmanager.register(plugin)
         if controller.settings.ray is not None:
             from pytest_libero_max.plugin.ray.session import RayRun
 
-            ray_run = RayRun(config, controller.settings, controller.cases, controller.progress)
+            ray_run = RayRun(
+                config, controller.settings, controller.cases, controller.progress, controller.stop
+            )
             config.pluginmanager.register(ray_run, WORKERS)
         elif config.getoption("tx", None):
-            config.pluginmanager.register(Workers(config, controller.settings, controller.cases), WORKERS)
+            config.pluginmanager.register(
+                Workers(config, controller.settings, controller.cases, controller.stop), WORKERS
+            )
             let_workers_restart(config, controller.settings, len(controller.cases))
         else:
             config.stash[STDERR] = os.dup(2)
@@ -144,6 +166,7 @@ def pytest_runtest_makereport(
     if result is not None and call.when == ("setup" if is_error(result) else "call"):
         setattr(report, RESULT_ATTRIBUTE, result)
         setattr(report, NOTE_ATTRIBUTE, item.stash.get(NOTE, None))
+        setattr(report, STOP_ATTRIBUTE, item.stash.get(STOP, None))
         del item.stash[RESULT]  # another plugin may play the item again
     return report
 

@@ -11,8 +11,10 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.plugin.array_jobs import shard_of_job
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.order import Order
     from pytest_libero_max.events.schedules import Cadence
     from pytest_libero_max.report.gates import Gate
+    from pytest_libero_max.report.stopping import NamedRule
 
 LONGEST_S = 10_000_000
 MOST_GIB = 1_000_000
@@ -98,6 +100,23 @@ def cadence(text: str) -> tuple[Cadence, ...]:
     from pytest_libero_max.studies.cadence import parse_cadence
 
     return parse_cadence(text)
+
+
+def order(text: str) -> Order:
+    """An order of play."""
+    from pytest_libero_max.benchmark.order import Order
+
+    return Order.parse(text)
+
+
+def stopping_rule(text: str) -> NamedRule:
+    """A stopping rule with its arguments."""
+    from pytest_libero_max.report.stopping import parse_rule
+
+    try:
+        return parse_rule(text)
+    except OptionError as error:
+        raise ValueError(str(error)) from None
 
 
 def gate(text: str) -> Gate:

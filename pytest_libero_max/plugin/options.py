@@ -21,8 +21,10 @@ from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.order import Order
     from pytest_libero_max.benchmark.programs import Program
     from pytest_libero_max.report.gates import Gate
+    from pytest_libero_max.report.stopping import NamedRule
     from pytest_libero_max.studies.study import Study
 
 PREFIX_MODES = ("fork", "replay")
@@ -113,6 +115,22 @@ OPTIONS = (
         "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
         "say it); join the runs with libero-max merge",
         read.shard,
+    ),
+    Option(
+        "order",
+        "ORDER",
+        "Order of play: sorted, which keeps the cases of a scene together, or blocks:SEED, a permutation in "
+        "which every prefix has about the same share of each event and suite; results do not depend on it "
+        "(default: sorted)",
+        read.order,
+    ),
+    Option(
+        "stop",
+        "RULE",
+        "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
+        " not be measured), first_regression, or a rule of another package, NAME or NAME:ARGUMENTS (default: "
+        "none)",
+        read.stopping_rule,
     ),
     Option(
         "substrate",
@@ -366,6 +384,8 @@ class Settings:
     film: str
     progress: str
     shard: tuple[int, int] | None
+    order: Order
+    stop: NamedRule | None
     noise_floor: int | None
     gate: tuple[Gate, ...]
     query_timeout: float | None
@@ -399,6 +419,11 @@ class Settings:
     def timeouts(self) -> Limits:
         """The wall-clock limits, s."""
         return Limits(self.query_timeout, self.step_timeout, self.pair_timeout)
+
+    @property
+    def in_order(self) -> bool:
+        """True if pairs are to be handed out one by one: scenes are mixed, or a rule looks at the prefix."""
+        return self.order.seed is not None or self.stop is not None
 
     @property
     def protocol(self) -> Json:
@@ -468,6 +493,9 @@ def resolve(config: pytest.Config) -> Settings:
     if values["libero_assets"] is not None:
         values["libero_assets"] = _path(config, values["libero_assets"])
     _check_substrate_options(config, values["substrate"])
+    from pytest_libero_max.benchmark.order import Order
+
+    values["order"] = values["order"] or Order()
     _check_ray(config, values)
     values["study"] = _study(config, values)
     horizon, interval = values["horizon"], values["query_interval"]
@@ -590,6 +618,16 @@ def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
         return load_program(_path(config, values["program"]))
     except OptionError as error:
         raise pytest.UsageError(f"--libero-max-program: {error}") from None
+
+
+def in_order(config: pytest.Config) -> bool:
+    """True if pairs are to be handed out one by one, see :attr:`Settings.in_order`; known at once.
+
+    Raises:
+        pytest.UsageError: The order or the rule is not of its option's form.
+    """
+    values = {option.name: _value(config, option) for option in OPTIONS if option.name in ("order", "stop")}
+    return values["stop"] is not None or bool(values["order"] and values["order"].seed is not None)
 
 
 def policy_on_command_line(config: pytest.Config) -> bool:

@@ -18,6 +18,7 @@ from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.guard import Guard, guard_of
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.stopping import stop_run
 from pytest_libero_max.runs.media import FILMS_NAME, TRACES_NAME
 
 if TYPE_CHECKING:
@@ -58,10 +59,10 @@ def _leave(request: pytest.FixtureRequest, case: Case, guard: Guard, error: Base
         raise error
     request.node.stash[RESULT] = PairError.of(case, limit or error, guard.phase).to_dict()
     if limit is not None:
-        request.session.shouldfail = LIMIT_REACHED
+        stop_run(request.node, LIMIT_REACHED)
         pytest.fail(explain(limit), pytrace=False)
     if guard.phase == POLICY_PHASE:
-        request.session.shouldfail = BROKEN_POLICY
+        stop_run(request.node, BROKEN_POLICY)
     if isinstance(error, LiberoMaxError):
         pytest.fail(explain(error), pytrace=False)
     if not isinstance(error, Exception):

@@ -36,6 +36,12 @@ POLICY_PHASE = "policy"
 RESULT_ATTRIBUTE = "libero_max"
 """The attribute of a test report that carries the same to the controller."""
 
+STOP = pytest.StashKey[str]()
+"""On an item: why the run is to stop, found by the process that played the pair."""
+
+STOP_ATTRIBUTE = "libero_max_stop"
+"""The attribute of a test report that carries the same to the controller."""
+
 NOTE = pytest.StashKey[str]()
 """On an item: what went wrong beside its pair, which is measured all the same."""
 

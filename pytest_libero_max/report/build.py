@@ -25,6 +25,7 @@ from pytest_libero_max.report.statistics_json import (
 from pytest_libero_max.report.studies.study import study_json
 from pytest_libero_max.runs.outcomes_file import columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
+from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
     breakdown,
@@ -59,6 +60,7 @@ def build_report(
     errors: Iterable[PairError],
     planned_cases: Iterable[Case | PlannedPair],
     provenance: Json,
+    stopped: Stopped | None = None,
 ) -> Json:
     """Compute the report of a run.
 
@@ -73,6 +75,7 @@ def build_report(
             is named, and counts as played.
         planned_cases: Every assigned case.
         provenance: See :func:`~pytest_libero_max.runs.provenance.collect`.
+        stopped: Why the run was stopped, if it was.
 
     Raises:
         ReportError: A pair occurs twice or was never planned, or the records are of several policies.
@@ -103,6 +106,8 @@ def build_report(
         "unsupported": len(unsupported),
         "unsupported_suites": sorted({*unsupported.values()}),
     }
+    if stopped is not None and not counts["complete"]:
+        counts["stopped"] = stopped.to_dict()
     study = study_json(
         [played[pair.case_id] for pair in measured],
         [pair.task for pair in measured],
@@ -327,6 +332,8 @@ def _headline(counts: Json, overall: PairedResult) -> Json:
         }
     lost = [f"{counts[key]} {key}" for key in ("invalid", "missing") if counts[key]]
     lost += [f"shard {shard} not among the merged runs" for shard in counts["missing_shards"]]
+    if "stopped" in counts:
+        lost.append(Stopped.from_dict(counts["stopped"]).text)
     reason = (
         f"{counts['played']} of {counts['planned']} planned pairs were played ({', '.join(lost)}); "
         "rates over all planned pairs are withheld until the rest is repaired and played"

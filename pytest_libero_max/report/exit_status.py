@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
+from pytest_libero_max.benchmark.documents import Json
+
 GATE_FAILED = 10
 """Exit status of a complete run of which a gate does not hold."""
 
 INCOMPLETE = 11
-"""Exit status of a run with a missing or invalid pair, or with a report that could not be written."""
+"""Exit status of a run with an invalid pair, with a missing pair that no stopping rule left out, or with a
+report that could not be written."""
+
+
+def ended_as_declared(pairs: Json) -> bool:
+    """True if all pairs of a run are measured, or all but those that its stopping rule left out.
+
+    Args:
+        pairs: ``pairs`` of a report.
+    """
+    by_rule = pairs.get("stopped", {}).get("rule") is not None
+    return bool(pairs["complete"]) or (by_rule and not pairs["invalid"] and not pairs["missing_shards"])

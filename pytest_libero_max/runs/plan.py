@@ -114,7 +114,7 @@ class Run:
     """A run before its first pair.
 
     Attributes:
-        planned: Every assigned pair.
+        planned: Every assigned pair, in the order of play.
         provenance: Where and how it is played; see :func:`~pytest_libero_max.runs.provenance.collect`.
     """
 
@@ -228,5 +228,12 @@ def _is_git(value: Any) -> bool:
 
 
 _GIT = Rule("an object with a commit, and whether files differ from it", _is_git)
-_SESSION = {"started": TEXT.or_null, "git": _GIT.or_null, "gl_backend": ANY_TEXT.or_null, "command": TEXTS}
+_SESSION = {
+    "started": TEXT.or_null,
+    "git": _GIT.or_null,
+    "gl_backend": ANY_TEXT.or_null,
+    "command": TEXTS,
+    "order": TEXT.or_null,
+    "stopping_rule": TEXT.or_null,
+}
 """What reports read of the provenance: its parts, and what pytest was started with."""

@@ -12,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.order import SORTED_NAME
 
 PACKAGES = (
     "pytest-libero-max",
@@ -40,6 +41,8 @@ def collect(
     protocol: Json,
     command: Sequence[str],
     selection: Json | None = None,
+    order: str = SORTED_NAME,
+    stopping_rule: str | None = None,
     gl_backend: str | None = None,
     started: datetime | None = None,
     folder: Path | None = None,
@@ -56,6 +59,8 @@ def collect(
         command: The command line; secrets and the home folder are taken out.
         selection: What is played of the case set, see
             :meth:`pytest_libero_max.benchmark.selection.Selection.to_dict`; None leaves it unsaid.
+        order: Order of play; the planned pairs of the run are in this order.
+        stopping_rule: Rule that may stop the run, as asked for; None for none.
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
         started: When the run began, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
@@ -77,6 +82,8 @@ def collect(
         "scores": scores,
         "case_set": _public_values(case_set),
         **({} if selection is None else {"selection": selection}),
+        "order": order,
+        **({} if stopping_rule is None else {"stopping_rule": stopping_rule}),
         "policy": _public_values(policy),
         "protocol": protocol,
         "command": redacted(command),

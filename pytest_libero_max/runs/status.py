@@ -23,6 +23,7 @@ from pytest_libero_max.runs.progress import (
     playing_lines,
     progress_text,
 )
+from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, decode_line
 
 State = Literal["running", "ended", "killed", "unknown"]
@@ -65,12 +66,14 @@ class Seen:
         run: Its plan and provenance.
         progress: How far it is.
         mark: Its mark; None where it has ended.
+        stopped: Why it was stopped, if nothing was played after that.
     """
 
     folder: Path
     run: Run
     progress: Progress
     mark: SeenMark | None
+    stopped: Stopped | None = None
 
     @property
     def state(self) -> State:
@@ -83,8 +86,11 @@ class Seen:
 
     @property
     def complete(self) -> bool:
-        """Whether every planned pair is measured."""
-        return self.progress.counts.measured >= self.progress.planned
+        """True if every planned pair is measured, or a rule stopped the run and no pair is an error."""
+        counts = self.progress.counts
+        if self.stopped is not None and self.stopped.rule is not None:
+            return counts.measured == self.progress.done
+        return counts.measured >= self.progress.planned
 
     def lines(self, now: float | None = None) -> list[str]:
         """What there is to say of it, for people.
@@ -110,7 +116,8 @@ class Seen:
 
     def _state_text(self) -> str:
         if self.mark is None:
-            return "ended" if self.complete else f"ended incomplete: {self._lacks()}"
+            words = "ended" if self.complete else f"ended incomplete: {self._lacks()}"
+            return words if self.stopped is None else f"{words}, {self.stopped.text}"
         owner, ago = self.mark.owner, duration(self.mark.age_s)
         if self.state == "running":
             return f"running ({owner})" + (f", quiet for {ago}" if self.mark.age_s > QUIET_S else "")
@@ -168,6 +175,7 @@ class Follower:
         self._lines = 0
         self._run: Run | None = None
         self._counts = PairCounts()
+        self._stopped: Stopped | None = None
 
     def look(self) -> Seen:
         """What is to be seen now.
@@ -182,7 +190,7 @@ class Follower:
                 f"{self._folder} holds no run that has begun. Give the output folder of one "
                 f"(--libero-max-output, in which {PAIRS_NAME} is)."
             )
-        return Seen(self._folder, self._run, self._progress(mark), mark)
+        return Seen(self._folder, self._run, self._progress(mark), mark, self._stopped)
 
     def _progress(self, mark: SeenMark | None) -> Progress:
         planned = self._counts.to_play
@@ -226,12 +234,13 @@ class Follower:
             self._lines += 1
             try:
                 kind, values = decode_line(line)
+                self._stopped = Stopped.from_dict(values) if kind == "stopped" else None
                 if kind == "run":
                     self._run = Run.from_dict(values)
                     self._counts.planned = self._run.planned
                 elif kind == "pair":
                     self._counts.add(PairRecord.from_dict(values))
-                else:
+                elif kind == "error":
                     self._counts.add(PairError.from_dict(values))
             except ReportError as error:
                 raise ReportError(f"{self._folder / PAIRS_NAME}, line {self._lines}: {error}") from error

@@ -1,8 +1,9 @@
 """``pairs.jsonl``: the durable record of a run, from which every reported number can be recomputed.
 
 The first line is the run (``"line": "run"``: provenance and the planned pairs), every other line a measured
-pair (``"line": "pair"``) or a pair that could not be measured (``"line": "error"``). Only the controller
-writes it, a line at a time, and a line is on the disk before the next pair is dealt with.
+pair (``"line": "pair"``) or a pair that could not be measured (``"line": "error"``). A run that was stopped
+ends with a line that says why (``"line": "stopped"``); pairs behind it are those of a resumed run. Only the
+controller writes the file, a line at a time, and a line is on the disk before the next pair is dealt with.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from io import FileIO
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json, read_content
+from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
 from pytest_libero_max.pairing.fields import shown
 from pytest_libero_max.pairing.record import PairError, PairRecord
@@ -22,6 +24,7 @@ from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, File
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
 from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.strict_json import decode_json
 
 PAIRS_NAME = "pairs.jsonl"
@@ -45,6 +48,7 @@ class StoredRun:
         damaged: Lines that cannot be what a run has written, left out as well. Only a run that is to go on
             is read like this; to any other reader such a line is an error.
         state: Of the file when it was read, where the run is to go on.
+        stopped: Why the run was stopped, if nothing was played after that.
     """
 
     run: Run
@@ -53,6 +57,7 @@ class StoredRun:
     torn: bool
     damaged: tuple[DamagedLine, ...] = ()
     state: FileState | None = None
+    stopped: Stopped | None = None
 
     @property
     def measured(self) -> frozenset[str]:
@@ -179,8 +184,11 @@ class PairStore:
         if self._mark is not None:
             self._mark.note(progress)
 
-    def close(self) -> None:
+    def close(self, stopped: Stopped | None = None) -> None:
         """End the run; one without a pair still gets its first line.
+
+        Args:
+            stopped: Why it was stopped before every pair was played.
 
         Raises:
             DiskError: The file cannot be written any more.
@@ -190,6 +198,8 @@ class PairStore:
                 self.begin()
             elif self._is_gone():
                 self._write_again()
+            if stopped is not None:
+                self._write_line(_line("stopped", stopped.to_dict()))
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}.") from error
         finally:
@@ -324,6 +334,7 @@ def _read(path: Path) -> StoredRun:
     records: list[PairRecord] = []
     errors: list[PairError] = []
     damaged: list[DamagedLine] = []
+    stopped: Stopped | None = None
     for number, line in enumerate(lines, start=1):
         try:
             kind, values = decode_line(line)
@@ -332,6 +343,9 @@ def _read(path: Path) -> StoredRun:
             if kind == "run":
                 run = Run.from_dict(values)
                 agreement = Agreement(run)
+                continue
+            if kind == "stopped":
+                stopped = Stopped.from_dict(values)
                 continue
             pair = PairRecord.from_dict(values) if kind == "pair" else PairError.from_dict(values)
             agreement.add(pair, f"line {number}")
@@ -345,11 +359,14 @@ def _read(path: Path) -> StoredRun:
                 ) from error
             damaged.append(DamagedLine(number, str(error)))
             continue
+        stopped = None
         if isinstance(pair, PairRecord):
             records.append(pair)
         else:
             errors.append(pair)
-    return StoredRun(run, tuple(records), tuple(errors), torn=bool(rest), damaged=tuple(damaged))
+    return StoredRun(
+        run, tuple(records), tuple(errors), torn=bool(rest), damaged=tuple(damaged), stopped=stopped
+    )
 
 
 def read_to_resume(folder: Path) -> StoredRun | None:
@@ -368,19 +385,25 @@ def read_to_resume(folder: Path) -> StoredRun | None:
 
 
 def decode_line(line: bytes) -> tuple[str, Json]:
-    """What a line is, ``run``, ``pair`` or ``error``, and what it holds.
+    """Kind of a line (``run``, ``pair``, ``error`` or ``stopped``), and what it holds.
 
     Raises:
         ReportError: It is none of them.
     """
     values = decode_json(line, "The line is damaged.")
     kind = values.pop("line", None) if isinstance(values, dict) else None
-    if kind not in ("run", "pair", "error"):
-        raise ReportError(f"line={shown(kind)}, but must be 'run', 'pair' or 'error'.")
+    if kind not in ("run", "pair", "error", "stopped"):
+        raise ReportError(f"line={shown(kind)}, but must be 'run', 'pair', 'error' or 'stopped'.")
     return kind, values
 
 
 def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:
+    then, now = (run.provenance.get("order", SORTED_NAME) for run in (stored, wanted))
+    if then != now:
+        raise ReportError(
+            f"{path} was begun in the order {then}, and now the order is {now}. Resume with "
+            f"--libero-max-order={then}, or choose another output folder."
+        )
     if stored.planned != wanted.planned:
         raise ReportError(
             f"{path} was planned with other cases ({len(stored.planned)} then, {len(wanted.planned)} now). "

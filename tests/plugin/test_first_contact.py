@@ -28,12 +28,14 @@ def test_a_policy_that_cannot_be_constructed_stops_the_run_after_one_error(
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(
         ["AdapterError: broken.py, line 3: OSError while importing it: no weights here.*",
-         "INCOMPLETE: 0 of 16 planned pairs played, 1 invalid, 15 missing. No score.",
+         "INCOMPLETE: 0 of 16 planned pairs played, 1 invalid, 15 missing. No score. "
+         "Stopped: the policy cannot be played.",
          "Exit status 11: the run is incomplete (1 invalid, 15 missing)*"]
     )  # fmt: skip
     assert result.ret == 11
     pairs, report = results()
-    assert [pair["phase"] for pair in pairs] == ["policy"]
+    assert [pair["line"] for pair in pairs] == ["error", "stopped"]
+    assert (pairs[0]["phase"], pairs[1]["reason"]) == ("policy", "the policy cannot be played")
     assert report["pairs"]["missing"] == 15
 
 
@@ -45,7 +47,7 @@ def test_on_two_workers_it_stops_as_well(
     result = run("-n", "2", policy="broken.py", subprocess=True)
     assert result.ret == 11
     pairs, _ = results()
-    assert len(pairs) <= 2
+    assert sum(pair["line"] == "error" for pair in pairs) <= 2
     errors, _, _ = str(result.stdout).partition("short test summary info")  # which quotes them whole under CI
     assert errors.count("Traceback") == 1
     result.stdout.fnmatch_lines(["*Exit status 11: the run is incomplete (* invalid, * missing)*"])

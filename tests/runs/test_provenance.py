@@ -83,6 +83,7 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
         "substrate",
         "scores",
         "case_set",
+        "order",
         "policy",
         "protocol",
         "command",

@@ -25,6 +25,7 @@ from pytest_libero_max.plugin.processes.deaths import keep_text, pair_error
 from pytest_libero_max.plugin.processes.guard import Guard
 from pytest_libero_max.plugin.run_pair import BROKEN_POLICY, Unsupported, explain, play
 from pytest_libero_max.plugin.stash_keys import NOTE, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.stopping import stop_run
 
 _PARENT_DEATH_SIGNAL = 1
 """Operation of ``prctl``: which signal a process gets when its parent dies."""
@@ -54,7 +55,7 @@ def play_apart(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     if "error" in told:
         node.stash[RESULT] = told["error"]
         if told["error"]["phase"] == POLICY_PHASE:
-            request.session.shouldfail = BROKEN_POLICY
+            stop_run(node, BROKEN_POLICY)
     pytest.fail(told["text"], pytrace=False)
 
 

@@ -17,6 +17,7 @@ from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.crash_log import Death, read_death
 from pytest_libero_max.plugin.processes.guard import WORDS_INPUT
 from pytest_libero_max.plugin.processes.retries import Retries
+from pytest_libero_max.plugin.stopping import RunStop
 
 DISTS = ("worksteal", "load")
 """Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
@@ -38,12 +39,15 @@ class Workers:
         config: Of the session.
         settings: Of the run.
         cases: By item id.
+        stop: Of the run.
 
     Raises:
         pytest.UsageError: xdist is told to hand out tests in a way that cannot be that of pairs.
     """
 
-    def __init__(self, config: pytest.Config, settings: Settings, cases: dict[str, Case]) -> None:
+    def __init__(
+        self, config: pytest.Config, settings: Settings, cases: dict[str, Case], stop: RunStop
+    ) -> None:
         dist = config.getoption("dist")
         if dist not in DISTS:
             raise pytest.UsageError(
@@ -55,7 +59,7 @@ class Workers:
         self._cases = cases
         self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
         self._deaths: dict[Any, Death] = {}
-        self._retries = Retries(settings, config.option.numprocesses or 1, "workers")
+        self._retries = Retries(settings, config.option.numprocesses or 1, "workers", stop)
         config.pluginmanager.register(self._retries)
 
     @pytest.hookimpl(optionalhook=True)
@@ -77,8 +81,7 @@ class Workers:
             return
         death = read_death(self._words_of(node), _status(node), f"worker {node.gateway.id}")
         self._deaths[node] = death
-        if (reason := self._retries.died(death)) is not None:
-            self._stop(reason)
+        self._retries.died(death)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_handlecrashitem(self, crashitem: str, report: Any, sched: Any) -> None:
@@ -95,8 +98,7 @@ class Workers:
                 return True
             return False
 
-        if (reason := self._retries.tell(report, case, death, play_again)) is not None:
-            self._stop(reason)
+        self._retries.tell(report, case, death, play_again)
 
     def pytest_unconfigure(self) -> None:
         """Remove the last words."""
@@ -104,10 +106,6 @@ class Workers:
 
     def _words_of(self, node: Any) -> Path:
         return Path(self._folder.name, f"{node.gateway.id}.txt")
-
-    def _stop(self, reason: str) -> None:
-        session: Any = self._config.pluginmanager.get_plugin("dsession")
-        session.shouldstop = reason
 
 
 def started_again(

@@ -25,6 +25,7 @@ from pytest_libero_max.plugin.progress import RunProgress
 from pytest_libero_max.plugin.ray.connection import Link
 from pytest_libero_max.plugin.ray.remote import identity
 from pytest_libero_max.plugin.ray.work_stealing import Shares
+from pytest_libero_max.plugin.stopping import RunStop
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 
 CARRIED = (
@@ -70,18 +71,25 @@ class RayRun:
         settings: Of the run.
         cases: By item id.
         progress: Shows how far the run is.
+        stop: Of the run.
 
     Raises:
         pytest.UsageError: Other options hand out the tests as well, or no cluster answers.
     """
 
     def __init__(
-        self, config: pytest.Config, settings: Settings, cases: dict[str, Case], progress: RunProgress
+        self,
+        config: pytest.Config,
+        settings: Settings,
+        cases: dict[str, Case],
+        progress: RunProgress,
+        stop: RunStop,
     ) -> None:
         _require_alone(config)
         self._config, self._settings, self._cases, self._progress = config, settings, cases, progress
+        self._stop = stop
         self._link: Link | None = None
-        self._retries = Retries(settings, settings.ray_actors or 1, "actors")
+        self._retries = Retries(settings, settings.ray_actors or 1, "actors", stop)
         config.pluginmanager.register(self._retries)
         self._players: dict[Any, _Player] = {}  # by what they answer next
         self._idle: list[_Player] = []
@@ -89,7 +97,6 @@ class RayRun:
         self._wanted = 0
         self._looked = -_LOOK_S
         self._played_at = time.monotonic()
-        self._stop: str | None = None
         self._run_id = uuid.uuid4().hex
         self._items: dict[str, PairItem] = {}
         self._shares = Shares(())
@@ -135,7 +142,7 @@ class RayRun:
         if failed or not pairs or self._link is None:
             return None
         self._items = {item.nodeid: item for item in pairs}
-        self._shares = Shares(self._items)
+        self._shares = Shares(self._items, steal=not self._settings.in_order)
         self._identity = identity(self._config)
         try:
             self._play_all(session, self._link)
@@ -152,12 +159,12 @@ class RayRun:
     def _require_going_on(self, session: pytest.Session) -> None:
         if session.shouldfail:
             raise session.Failed(session.shouldfail)
-        if self._stop or session.shouldstop:
-            raise session.Interrupted(self._stop or session.shouldstop)
+        if session.shouldstop:
+            raise session.Interrupted(session.shouldstop)
 
     def _play_all(self, session: pytest.Session, link: Link) -> None:
         while True:
-            stops = session.shouldfail or session.shouldstop or self._stop
+            stops = self._stop.stopped is not None
             if stops:
                 self._end_those_that_start(link)
             else:
@@ -243,7 +250,7 @@ class RayRun:
         try:
             told = link.get(answer)
         except OptionError as error:
-            self._stop = str(error)
+            self._stop.stop(str(error))
             return
         content: Json = {"died": told} if isinstance(told, Death) else json.loads(told)
         if "died" in content:
@@ -256,7 +263,7 @@ class RayRun:
             return
         item, player.playing = player.playing, None
         if "unknown" in content:
-            self._stop = (
+            self._stop.stop(
                 f"{player.where} collects no {item.nodeid}. Its options, ini file or plugins are others than "
                 "those here."
             )
@@ -274,15 +281,15 @@ class RayRun:
         """An actor has collected; it may play if it has what the controller has."""
         player.where = hello["where"]
         if "refused" in hello:
-            self._stop = f"{hello['refused']} {_CURE}"
+            self._stop.stop(f"{hello['refused']} {_CURE}")
         elif hello["errors"]:
-            self._stop = f"{player.where} cannot collect the tests: {hello['errors'][0][-2000:]} {_CURE}"
+            self._stop.stop(f"{player.where} cannot collect the tests: {hello['errors'][0][-2000:]} {_CURE}")
         else:
             other = [what for what, value in self._identity.items() if hello["identity"].get(what) != value]
             if not other:
                 self._idle.append(player)
                 return
-            self._stop = f"{player.where} differs from this machine: {', '.join(other)}. {_CURE}"
+            self._stop.stop(f"{player.where} differs from this machine: {', '.join(other)}. {_CURE}")
         link.end(player.actor)
 
     def _lost(self, link: Link, player: _Player, death: Any) -> None:
@@ -292,7 +299,7 @@ class RayRun:
         link.end(player.actor)
         self._shares.leave(player)
         self._looked -= _LOOK_S  # its node may be gone too
-        self._stop = self._retries.died(death) or self._stop
+        self._retries.died(death)
         item = player.playing
         if item is None:
             return
@@ -309,8 +316,7 @@ class RayRun:
             self._shares.give_back(item.nodeid)
             return True
 
-        reason = self._retries.tell(report, self._cases[item.case.item_id], death, play_again)
-        self._stop = reason or self._stop
+        self._retries.tell(report, self._cases[item.case.item_id], death, play_again)
         self._log(report, player)
 
     def _log(self, report: Any, player: _Player) -> None:

@@ -34,7 +34,9 @@ def report_of(stored: StoredRun) -> Json:
     Raises:
         ReportError: The run contradicts itself.
     """
-    return build_report(stored.records, stored.errors, stored.run.planned, stored.run.provenance)
+    return build_report(
+        stored.records, stored.errors, stored.run.planned, stored.run.provenance, stored.stopped
+    )
 
 
 def write_reports(

@@ -10,6 +10,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import count_text, rate_text
 from pytest_libero_max.report.studies.study_tables import study_lines
+from pytest_libero_max.runs.stopped import Stopped
 
 ALL_PAIRS = "all pairs"
 
@@ -137,11 +138,19 @@ def substrate_lines(substrate: Json) -> list[str]:
 
 
 def incomplete_text(pairs: Json) -> str:
-    """The sentence that a run with a missing or invalid pair or a missing shard begins with."""
+    """First sentence of a run that lacks a planned pair: incomplete, or stopped by the rule it declared."""
+    stopped = Stopped.from_dict(pairs["stopped"]) if "stopped" in pairs else None
+    if stopped is not None and stopped.rule is not None:
+        invalid = f", {pairs['invalid']} invalid" if pairs["invalid"] else ""
+        return (
+            f"STOPPED by rule {stopped.rule} at {stopped.at} of {stopped.of}: {stopped.reason}. "
+            f"{pairs['played']} of {pairs['planned']} planned pairs played{invalid}. No score."
+        )
     shards = "".join(f", shard {shard} not among the merged runs" for shard in pairs["missing_shards"])
     return (
         f"INCOMPLETE: {pairs['played']} of {pairs['planned']} planned pairs played, "
         f"{pairs['invalid']} invalid, {pairs['missing']} missing{shards}. No score."
+        + ("" if stopped is None else f" Stopped: {stopped.reason}.")
     )
 
 

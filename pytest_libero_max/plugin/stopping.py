@@ -1,0 +1,196 @@
+"""Stops a run: one seam for a session that plays itself, for the workers of xdist and for actors on Ray.
+
+Each process that plays asks its own :class:`PairGate` before it begins a pair. :meth:`RunStop.stop` in the
+process that owns the run closes all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any, NoReturn
+
+import pytest
+
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.plugin.collection import PairItem
+from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.stash_keys import STOP
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.stopped import Stopped
+
+_COMMAND = "libero_max_stop"
+"""Command of the controller to a worker of xdist, which ignores commands that it does not know."""
+
+_INTERRUPTED = 2
+"""Exit status of a worker after Ctrl-C."""
+
+_GATE = pytest.StashKey["PairGate"]()
+
+
+class PairGate:
+    """A plugin of each process that plays: once closed, it lets no pair begin. Other tests are played.
+
+    Args:
+        config: Of the session.
+    """
+
+    def __init__(self, config: pytest.Config) -> None:
+        self.closed = False
+        config.stash[_GATE] = self
+        for plugin in config.pluginmanager.get_plugins():
+            if hasattr(plugin, "handle_command"):  # this is a worker of xdist
+                self._listen(plugin)
+
+    def _listen(self, interactor: Any) -> None:
+        handle = interactor.handle_command
+
+        def handle_command(command: Any) -> None:
+            if isinstance(command, tuple) and command[0] == _COMMAND:
+                self.closed = True
+            else:
+                handle(command)
+
+        interactor.handle_command = handle_command
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+        if not (self.closed and isinstance(item, PairItem)):
+            return None
+        if nextitem is not None and not isinstance(nextitem, PairItem):
+            item.session._setupstate.teardown_exact(nextitem)  # what only the pairs have set up
+        return True
+
+
+def stop_run(item: pytest.Item, reason: str) -> None:
+    """Stop the run from the process that plays a pair: here at once, elsewhere by way of the controller.
+
+    Args:
+        item: The pair.
+        reason: Why every later pair would end in the same way, without a period.
+    """
+    item.config.stash[_GATE].closed = True
+    item.stash[STOP] = reason
+
+
+class RunStop:
+    """A plugin of the process that owns the run. After a stop no pair is begun; those in flight are stored.
+
+    A stopping rule stops the pairs, and the session ends in order. Whatever else stops a run, for example a
+    policy that cannot be loaded or ``-x``, stops the session.
+
+    Args:
+        config: Of the session.
+        settings: Of the run.
+
+    Attributes:
+        broken: Whether :meth:`stop` was called: the run cannot go on, and nobody asked it to end.
+        status: Exit status of a session that :meth:`abort` ended.
+    """
+
+    def __init__(self, config: pytest.Config, settings: Settings) -> None:
+        self.broken = False
+        self.status: int | None = None
+        self._config, self._settings = config, settings
+        self._gate = PairGate(config)
+        config.pluginmanager.register(self._gate)
+        self._stopped: Stopped | None = None
+        self._session: pytest.Session | None = None
+        self._workers: set[Any] = set()
+        self._planned = 0
+        self._prefix: Any = None
+
+    @property
+    def stopped(self) -> Stopped | None:
+        """Why the run stops, whoever stopped it; None as long as it goes on."""
+        session = self._session
+        if self._stopped is None and session is not None and (session.shouldfail or session.shouldstop):
+            self._close(Stopped(str(session.shouldfail or session.shouldstop), self._planned))
+        return self._stopped
+
+    def begin(self, run: Run, measured: Iterable[PairRecord]) -> None:
+        """The run is planned.
+
+        Args:
+            run: The plan, in the order of play.
+            measured: Pairs that a resumed run holds. Its rule may find that nothing is to be played.
+        """
+        self._planned = len(run.planned)
+        if self._settings.stop is not None:
+            from pytest_libero_max.report.stopping import CompletedPrefix
+
+            self._prefix = CompletedPrefix(self._settings.stop, run.planned, self._settings.gate)
+            for record in measured:
+                self.stored(record.item_id, record)
+
+    def stored(self, item_id: str, pair: PairRecord | PairError | None) -> None:
+        """Ask the stopping rule after a pair has been stored, or is left out as unsupported (None)."""
+        if self._prefix is None or self._stopped is not None:
+            return
+        decision = self._prefix.add(item_id, pair)
+        if decision is not None:
+            self._close(decision)
+
+    def stop(self, reason: str) -> None:
+        """Stop the run because something is broken. The first reason counts.
+
+        Args:
+            reason: Without a period.
+        """
+        if self.stopped is not None:
+            return
+        self.broken = True
+        self._close(Stopped(reason, self._planned))
+        distributed: Any = self._config.pluginmanager.get_plugin("dsession")
+        if distributed is not None:
+            distributed.shouldstop = reason
+        elif self._session is not None:
+            self._session.shouldfail = reason
+
+    def abort(self, message: str, status: int) -> NoReturn:
+        """End the session at once, because no pair could be stored any more.
+
+        Args:
+            message: Why.
+            status: Exit status of the session.
+        """
+        self.status = status
+        pytest.exit(message)  # with a status of its own, pytest would leave out the summary
+
+    def _close(self, stopped: Stopped) -> None:
+        self._stopped = stopped
+        self._gate.closed = True
+        for worker in self._workers:
+            _tell(worker)
+
+    # What is seen of the session and its workers.
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionstart(self, session: pytest.Session) -> None:
+        self._session = session
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_runtest_logreport(self) -> None:
+        _ = self.stopped  # -x may have stopped the session
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodeready(self, node: Any) -> None:
+        self._workers.add(node)
+        if self._stopped is not None:
+            _tell(node)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Stop the other workers where one has stopped, which xdist lets play what they have been handed."""
+        self._workers.discard(node)
+        output = getattr(node, "workeroutput", None) or {}
+        reason = output.get("shouldfail") or output.get("shouldstop")
+        if output.get("exitstatus") == _INTERRUPTED:
+            reason = "a worker was interrupted"
+        if reason and self.stopped is None:
+            self._close(Stopped(str(reason), self._planned))
+
+
+def _tell(worker: Any) -> None:
+    with suppress(OSError):  # it has gone meanwhile
+        worker.sendcommand(_COMMAND)

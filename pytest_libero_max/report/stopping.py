@@ -1,0 +1,147 @@
+"""Stopping rules: decide from the pairs measured so far, in the order of play, whether a run goes on.
+
+A rule is asked after each pair of the longest completed prefix of the declared order, and sees nothing else.
+So its decision is the same for any number of workers, whatever finishes first.
+"""
+
+from __future__ import annotations
+
+import importlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.report.gates import Gate
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.stopped import Stopped
+
+ENTRY_POINT_GROUP = "pytest_libero_max.stopping_rules"
+
+_RULES = "pytest_libero_max.report.stopping_rules"
+
+
+class StoppingRule(ABC):
+    """Decides when a run stops. It is deterministic: the same pairs in the same order, the same decision.
+
+    Args:
+        arguments: Text behind the colon in ``--libero-max-stop=NAME:ARGUMENTS``; empty where there is none.
+
+    Raises:
+        ValueError: The rule does not take it; says what it takes.
+    """
+
+    def __init__(self, arguments: str) -> None:
+        if arguments:
+            raise ValueError("this rule takes no arguments")
+
+    def begin(self, planned: Sequence[PlannedPair], gates: Sequence[Gate]) -> None:
+        """Start with no pair seen.
+
+        Args:
+            planned: Every pair of the run, in the order of play.
+            gates: Conditions that the finished report has to meet.
+        """
+        self.planned, self.gates = planned, gates
+
+    @abstractmethod
+    def after(self, pair: PairRecord | PairError) -> str | None:
+        """See the next pair in the order of play.
+
+        Args:
+            pair: The measured pair, or the error in its place.
+
+        Returns:
+            Why the run stops, without a period; None to go on.
+        """
+
+
+def _own() -> Mapping[str, Callable[[], type[StoppingRule]]]:
+    return {name: partial(_load, name) for name in modules_in(_RULES)}
+
+
+def _load(name: str) -> type[StoppingRule]:
+    module = importlib.import_module(f"{_RULES}.{name}")
+    (rule,) = (
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, StoppingRule) and value.__module__ == module.__name__
+    )
+    return rule
+
+
+def _accept(name: str, rule: object) -> type[StoppingRule]:
+    if not (isinstance(rule, type) and issubclass(rule, StoppingRule)):
+        raise ValueError(f"{rule!r} is no subclass of StoppingRule")
+    return rule
+
+
+STOPPING_RULES: Registry[type[StoppingRule]] = Registry(
+    "stopping rule", ENTRY_POINT_GROUP, _own, _accept, OptionError
+)
+"""Every stopping rule by name."""
+
+
+@dataclass(frozen=True)
+class NamedRule:
+    """A stopping rule as asked for.
+
+    Attributes:
+        text: ``NAME`` or ``NAME:ARGUMENTS``.
+        rule: The rule that this makes.
+    """
+
+    text: str
+    rule: StoppingRule
+
+
+def parse_rule(text: str) -> NamedRule:
+    """Read ``NAME`` or ``NAME:ARGUMENTS``.
+
+    Raises:
+        ValueError: The rule does not take these arguments.
+        OptionError: There is no such rule, or it cannot be loaded.
+    """
+    name, _, arguments = text.partition(":")
+    return NamedRule(text, STOPPING_RULES[name](arguments))
+
+
+class CompletedPrefix:
+    """Asks a rule about the longest completed prefix of the order of play.
+
+    Args:
+        named: The rule.
+        planned: Every pair of the run, in the order of play.
+        gates: Conditions that the finished report has to meet.
+    """
+
+    def __init__(self, named: NamedRule, planned: Sequence[PlannedPair], gates: Sequence[Gate]) -> None:
+        self._named = named
+        self._order = [pair.item_id for pair in planned]
+        self._arrived: dict[str, PairRecord | PairError | None] = {}
+        self._length, self._planned = 0, len(planned)
+        named.rule.begin(planned, gates)
+
+    def add(self, item_id: str, pair: PairRecord | PairError | None) -> Stopped | None:
+        """Take in a pair in any order, and ask the rule as far as the prefix now reaches.
+
+        Args:
+            item_id: Of the pair. Of one that arrives twice, the first arrival counts.
+            pair: The record or error; None for a pair that is not played, because the policy does not support
+                its suite.
+
+        Returns:
+            The rule's decision to stop; None to go on. After a decision nothing is asked any more.
+        """
+        self._arrived.setdefault(item_id, pair)
+        while self._length < len(self._order) and self._order[self._length] in self._arrived:
+            pair = self._arrived[self._order[self._length]]
+            self._length += 1
+            reason = None if pair is None else self._named.rule.after(pair)
+            if reason is not None and self._length < self._planned:  # otherwise there is nothing to stop
+                self._order = []
+                return Stopped(reason, self._planned, self._named.text, self._length)
+        return None

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.exit_status import ended_as_declared
+from pytest_libero_max.report.stopping import STOPPING_RULES, CompletedPrefix, parse_rule
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import summary_lines
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.stopped import Stopped
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+Pair = PairRecord | PairError
+
+
+def broken(pair: PlannedPair) -> PairError:
+    return PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "it fell", "base")
+
+
+def decision(rule: str, planned: list[PlannedPair], arrivals: list[Pair]) -> Stopped | None:
+    prefix = CompletedPrefix(parse_rule(rule), planned, ())
+    decisions = [prefix.add(pair.item_id, pair) for pair in arrivals]
+    return next((stopped for stopped in decisions if stopped is not None), None)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_decision_does_not_depend_on_what_arrives_first(seed: int) -> None:
+    planned = plan()
+    pairs: list[Pair] = [
+        broken(pair) if place in (4, 9, 11) else record_of(pair, True, place != 6)
+        for place, pair in enumerate(planned)
+    ]
+    random.Random(seed).shuffle(pairs)
+    assert decision("errors:2", planned, pairs) == Stopped(
+        "2 pairs could not be measured", len(planned), "errors:2", 10
+    )
+    assert decision("first_regression", planned, pairs) == Stopped(
+        f"{planned[6].item_id} is a regression", len(planned), "first_regression", 7
+    )
+    assert decision("errors:4", planned, pairs) is None
+
+
+def test_a_rule_sees_the_longest_completed_prefix_alone() -> None:
+    planned = plan()
+    prefix = CompletedPrefix(parse_rule("errors"), planned, ())
+    assert prefix.add(planned[2].item_id, broken(planned[2])) is None
+    assert prefix.add(planned[0].item_id, record_of(planned[0], True, True)) is None
+    stopped = prefix.add(planned[1].item_id, None)  # not played: the policy does not support its suite
+    assert stopped == Stopped("1 pair could not be measured", len(planned), "errors", 3)
+
+
+def test_a_decision_at_the_last_pair_stops_nothing() -> None:
+    planned = plan()
+    pairs: list[Pair] = [record_of(pair, True, pair != planned[-1]) for pair in planned]
+    assert decision("first_regression", planned, pairs) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("errors:0", ValueError, "expected errors:N with an integer N of at least 1"),
+        ("errors:many", ValueError, "expected errors:N"),
+        ("first_regression:2", ValueError, "this rule takes no arguments"),
+        ("error:2", OptionError, "stopping rule='error' is not a stopping rule. Did you mean 'errors'?"),
+    ],
+)
+def test_a_rule_that_does_not_exist_or_takes_something_else(
+    text: str, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        parse_rule(text)
+
+
+def test_the_shipped_rules_are_found_by_their_files() -> None:
+    assert list(STOPPING_RULES) == ["errors", "first_regression"]
+
+
+def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:
+    planned = plan()
+    records = [record_of(pair, True, True) for pair in planned[:5]]
+    stopped = Stopped("enough is known", len(planned), "enough:5", 5)
+    report = build_report(records, [], planned, PROVENANCE, stopped)
+    assert report["pairs"]["stopped"] == stopped.to_dict() == Stopped.from_dict(stopped.to_dict()).to_dict()
+    assert (report["pairs"]["complete"], report["headline"]["status"]) == (False, "withheld")
+    assert "stopped by rule enough:5 at 5 of 32: enough is known" in report["headline"]["reason"]
+    said = "STOPPED by rule enough:5 at 5 of 32: enough is known. 5 of 32 planned pairs played. No score."
+    assert summary_lines(report)[0] == said
+    assert f"**{said}**" in markdown(report)
+    assert ended_as_declared(report["pairs"])
+
+
+def test_a_stopped_run_with_an_error_did_not_end_as_declared() -> None:
+    planned = plan()
+    stopped = Stopped("1 pair could not be measured", len(planned), "errors", 1)
+    pairs = build_report([], [broken(planned[0])], planned, PROVENANCE, stopped)["pairs"]
+    assert not ended_as_declared(pairs)
+
+
+def test_a_run_that_something_stopped_is_incomplete_and_says_why() -> None:
+    planned = plan()
+    records = [record_of(planned[0], True, True)]
+    pairs = build_report(records, [], planned, PROVENANCE, Stopped("the policy cannot be played", 32))
+    assert summary_lines(pairs)[0] == (
+        "INCOMPLETE: 1 of 32 planned pairs played, 0 invalid, 31 missing. No score. "
+        "Stopped: the policy cannot be played."
+    )
+    assert not ended_as_declared(pairs["pairs"])
+
+
+def test_a_run_of_which_nothing_is_left_is_complete() -> None:
+    planned = plan()
+    records = [record_of(pair, True, True) for pair in planned]
+    report = build_report(records, [], planned, PROVENANCE, Stopped("stopping after 1 failures", 32))
+    assert "stopped" not in report["pairs"]
