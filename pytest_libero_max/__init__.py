@@ -1,9 +1,9 @@
 """LIBERO-MAX as a pytest plugin: does a policy still finish when the world changes while it acts?
 
-The names here, and those in the modules among them (``changes``, ``errors``, ``strategies``, ``transforms``,
-``triggers``), are the public interface: they change only with a line in the changelog. Every other module may
-move. A name is imported on first use, because pytest loads this package in every session of everybody who has
-it installed.
+The names here, and those in the modules among them (``changes``, ``errors``, ``probes``, ``strategies``,
+``transforms``, ``triggers``), are the public interface: they change only with a line in the changelog. Every
+other module may move. A name is imported on first use, because pytest loads this package in every session of
+everybody who has it installed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pytest_libero_max import changes, errors, strategies, transforms, triggers
+    from pytest_libero_max import changes, errors, probes, strategies, transforms, triggers
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.benchmark.identity import Identity
     from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
@@ -23,10 +23,14 @@ if TYPE_CHECKING:
     from pytest_libero_max.events.new_case import make_case
     from pytest_libero_max.events.schedules import Arm, Entry, Revert, program_of
     from pytest_libero_max.events.triggers import Moment, Trigger
-    from pytest_libero_max.pairing.record import PairRecord
+    from pytest_libero_max.pairing.environment import ArmEnv
+    from pytest_libero_max.pairing.probes.probe import Probe
+    from pytest_libero_max.pairing.record import PairError, PairRecord
     from pytest_libero_max.pairing.runner import (
+        PairSettings,
         continue_rollout,
         inject,
+        measure_in_step,
         measure_pair,
         play_pair,
         play_prefix,
@@ -36,6 +40,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.report.build import build_report
     from pytest_libero_max.report.gates import evaluate_gate, parse_gate
+    from pytest_libero_max.report.stopping import StoppingRule
     from pytest_libero_max.runs.store import read_pairs
     from pytest_libero_max.studies.study import Study
     from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
@@ -46,6 +51,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Arm",
+    "ArmEnv",
     "BatchItem",
     "Case",
     "Change",
@@ -58,12 +64,16 @@ __all__ = [
     "LiberoMaxError",
     "Manifest",
     "Moment",
+    "PairError",
     "PairRecord",
+    "PairSettings",
     "Policy",
     "PolicySpec",
+    "Probe",
     "Query",
     "Revert",
     "Scenario",
+    "StoppingRule",
     "Study",
     "Substrate",
     "SubstrateKind",
@@ -83,11 +93,13 @@ __all__ = [
     "load_policy",
     "load_track",
     "make_case",
+    "measure_in_step",
     "measure_pair",
     "open_substrate",
     "parse_gate",
     "play_pair",
     "play_prefix",
+    "probes",
     "program_of",
     "read_pairs",
     "return_to",
@@ -106,13 +118,17 @@ _HOMES = {
     "substrates.registry": ("open_substrate",),
     "pairing.runner": (
         "play_pair",
+        "measure_in_step",
         "measure_pair",
         "play_prefix",
         "inject",
         "return_to",
         "continue_rollout",
+        "measure_in_step",
+        "PairSettings",
     ),
-    "pairing.record": ("PairRecord",),
+    "pairing.environment": ("ArmEnv",),
+    "pairing.record": ("PairRecord", "PairError"),
     "runs.store": ("read_pairs",),
     "report.build": ("build_report",),
     "report.gates": ("parse_gate", "evaluate_gate"),
@@ -124,6 +140,8 @@ _HOMES = {
     "events.triggers": ("Trigger", "Moment"),
     "events.schedules": ("Arm", "Entry", "Revert", "program_of"),
     "studies.study": ("Study",),
+    "report.stopping": ("StoppingRule",),
+    "pairing.probes.probe": ("Probe",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "worlds.contract": ("World", "WorldState", "Entity"),
     "substrates.tiny.world": ("TinyWorld",),

@@ -25,6 +25,8 @@ ENTRY_POINTS = {
     "pytest_libero_max.events": "a subclass of `EventKind`, under the name of the event",
     "pytest_libero_max.changes": "a class of changes, under the name of its operation",
     "pytest_libero_max.triggers": "a class of triggers, under the name of its type",
+    "pytest_libero_max.probes": "a subclass of `Probe`, under its name",
+    "pytest_libero_max.stopping_rules": "a subclass of `StoppingRule`, under its name",
     "pytest_libero_max.substrates": "a `SubstrateKind`, under its name",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
 }

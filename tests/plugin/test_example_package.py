@@ -104,6 +104,30 @@ def test_a_manifest_with_an_event_that_is_not_installed_is_refused(
     done.stderr.fnmatch_lines(["ERROR: *change_type='push' is not an event.*"])
 
 
+PROBE = """
+from pathlib import Path
+
+from pytest_libero_max import PairSettings, load_manifest, load_policy, measure_pair, open_substrate
+from pytest_libero_max.probes import probes_called
+
+case = load_manifest(Path("tiny.json")).cases[0]
+world, policy = open_substrate("tiny").world(case), load_policy("adapter.py")
+proofs = {}
+for names in ((), ("fastest_move",)):
+    pair = measure_pair(case, world, policy, PairSettings(probes=probes_called(names)))
+    proofs[names] = [(arm.proof, arm.success) for arm in pair.record.arms.values()]
+assert len(set(map(tuple, proofs.values()))) == 1, "a probe altered what was played"
+print([rollout.probes["fastest_move"]["way_m"] > 0 for rollout in pair.rollouts.values()])
+"""
+
+
+def test_its_probe_reads_every_arm_and_alters_none(installed: pytest.Pytester) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE], cwd=installed.path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout == "[True, True]\n", done.stdout + done.stderr
+
+
 STRATEGY = """
 from hypothesis import given
 from pytest_libero_max import strategies

@@ -1,4 +1,4 @@
-"""A ninth event in a package of its own: somebody bumps into the target just before it is grasped."""
+"""An event, somebody bumps into the target before it is grasped, and a probe, in a package of its own."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from pytest_libero_max import Change, EventKind, Evidence, Scenario
+from pytest_libero_max import Change, EventKind, Evidence, Probe, Scenario
 from pytest_libero_max.changes import Factor, ManifestFields, Vector3, strength_of, text, vector3
 from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.probes import Column, View
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -89,3 +90,25 @@ class Push(EventKind):
         component = st.floats(-0.5, 0.5)
         pushes = st.builds(PushObject, st.just(trigger), st.tuples(component, component, st.just(0.0)))
         return pushes.map(lambda push: Scenario(push.to_dict()))
+
+
+HandState = tuple[float, tuple[float, ...]]
+
+
+class FastestMove(Probe[HandState]):
+    """The longest way of the hand within one step."""
+
+    name = "fastest_move"
+    schema = (Column("way_m", "float", "Longest way of the hand within one policy step", "m"),)
+    cost = "0.01 ms a step"
+
+    def start(self, view: View) -> HandState:
+        return 0.0, tuple(view.world.end_effector())
+
+    def step(self, state: HandState, view: View) -> HandState:
+        longest, before = state
+        here = tuple(view.world.end_effector())
+        return max(longest, math.dist(before, here)), here
+
+    def columns(self, state: HandState, view: View) -> Mapping[str, float]:
+        return {"way_m": state[0]}
