@@ -16,7 +16,6 @@ from typing import Any, Generic, TypeVar
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
-from pytest_libero_max.benchmark.source_digest import code_digest
 from pytest_libero_max.construction.certificates import Certificate, certify
 from pytest_libero_max.construction.preflight import Preflight, Problem, preflight
 from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError
@@ -32,8 +31,15 @@ from pytest_libero_max.worlds.threads import use_one_blas_thread
 EXAMINED, CERTIFIED = "examined", "certified"
 EXAMINATIONS, CERTIFICATES = "examinations.jsonl", "certificates.jsonl"
 
-_ROOMS = ("changes", "events", "pairing", "policies", "worlds")
-_MODULES = ("preflight.py", "visibility.py", "certificates.py")
+RULES_VERSION = 1
+"""Version of the rules by which cases are examined and certified.
+
+Raise it when an examination or a certificate of some case may come out otherwise: when a check of the
+preflight asks for something else; when an event, a change or the drive to the trigger does something else;
+when an embedded scene is another one, which the test of the golden scenes says. All cases are then examined
+again. A change of names, comments, messages or speed is no reason. The frozen tracks hold no version of the
+rules: they stay valid until somebody builds them anew.
+"""
 
 Found = TypeVar("Found", Preflight, Certificate)
 
@@ -74,9 +80,9 @@ class Progress:
 class Examiner:
     """Examines and certifies cases, and remembers what it found.
 
-    What was found is kept in folders named by everything that it depends on: scenes, versions, code and, for
-    certificates, the expert's files. Interrupted work goes on where it stopped; after any other change it
-    begins again in another folder.
+    What was found is kept in folders named by everything that it depends on (:func:`inputs_digest`).
+    Interrupted work goes on where it stopped; after a change of any of it, work begins again in another
+    folder.
 
     Close it, or use it in a ``with`` statement: it keeps its processes for the next cases.
 
@@ -207,8 +213,8 @@ class Ledger(Generic[Found]):
 def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions | None) -> str:
     """SHA-256 of everything but the case that a preflight or an expert's certificate depends on, hexadecimal.
 
-    Versions, scenes, variations, the expert's code and the code that plays: after a change of any of them,
-    old examinations no longer hold. Comments, docstrings and layout do not count.
+    These are the versions of packages and installations, the source variations, the identity of the expert,
+    and :data:`RULES_VERSION`. After a change of any of them, old examinations no longer hold.
 
     Raises:
         AdapterError: The expert is not found.
@@ -218,19 +224,9 @@ def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions 
             "versions": dict(open_substrate(substrate, options).fingerprint()),
             "catalogues": [digest_of(own_catalogue().variations(source)) for source in ("plus", "pro")],
             "expert": None if expert is None else adapter_digest(expert),
-            "code": code_digest(examining_code(Path(__file__).parents[1])),
+            "rules": RULES_VERSION,
         }
     )
-
-
-def examining_code(package: Path) -> list[Path]:
-    """The files of this package that decide what an examination finds.
-
-    Args:
-        package: The folder of :mod:`pytest_libero_max`.
-    """
-    rooms = [path for room in _ROOMS for path in (package / room).rglob("*.py")]
-    return [*rooms, *(package / "construction" / name for name in _MODULES)]
 
 
 def scene_order(substrate: str, options: SubstrateOptions | None) -> Callable[[Case], tuple[Any, ...]]:

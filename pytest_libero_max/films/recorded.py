@@ -17,6 +17,7 @@ from pytest_libero_max.films.files import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, saw
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, film_name
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
@@ -182,7 +183,7 @@ class RecordedRun:
         try:
             use(case, self.substrate.world(case), traces)
         except ProtocolError as error:
-            raise ProtocolError(f"{error} {self._differences(record)}") from error
+            raise ProtocolError(f"{error} {self._differences(record, case)}") from error
 
     def drawn_differently(self) -> str | None:
         """Return the renderers here and of the run, where they differ; None where they do not.
@@ -198,8 +199,9 @@ class RecordedRun:
         told = ", ".join(f"{name} {then.get(name)} then, {now.get(name)} here" for name in names)
         return f"Drawn by another renderer than in the run ({told}): pixels may differ slightly."
 
-    def _differences(self, record: PairRecord) -> str:
-        now = self.substrate.fingerprint()
+    def _differences(self, record: PairRecord, case: Case) -> str:
+        scene = scene_fingerprints(self.substrate.world(case), case.init_state_index)
+        now = {**self.substrate.fingerprint(), **scene}
         different = [
             f"{name} {record.fingerprints[name]} then, {now[name]} now"
             for name in sorted(now.keys() & record.fingerprints.keys())

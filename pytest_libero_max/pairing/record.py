@@ -208,7 +208,8 @@ class PairRecord:
             played a second time for the noise floor.
         policy: The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to
             the event: ``snapshot``, or what it was shown again (``queries``, ``frames``).
-        fingerprints: Everything else that could change a result: versions, substrate, assets.
+        fingerprints: Everything else that could change a result: versions, substrate, the policy's code, the
+            digests of the scene and of the state in which the pair starts.
         timings: Wall-clock seconds, and server_batch, a count; the only fields that differ between runs.
             ``pair_s`` is the whole pair, ``world_s`` the building of its scene. ``reset_s``, ``prefix_s``, an
             ``arm_..._s`` for each arm and ``asked_again_s`` (the check of a policy's answer) are its parts;

@@ -43,7 +43,7 @@ class PairSettings:
 
     Attributes:
         prefix: How an arm gets to the branch point; see :func:`return_to`.
-        fingerprints: What could change a result, for the record: versions, substrate, assets.
+        fingerprints: What could change a result, for the record: versions, substrate, scene.
         watch: Told what begins, so that it can end what takes too long.
         probes: What is read in every arm; see
             :func:`~pytest_libero_max.pairing.probes.registry.probes_called`.

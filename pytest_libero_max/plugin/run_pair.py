@@ -99,6 +99,7 @@ def play(request: pytest.FixtureRequest, case: Case, guard: Guard) -> PairRecord
 
 def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: Policy) -> tuple[Pair, World]:
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+    from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
     from pytest_libero_max.policies.adapter_digest import adapter_digest
     from pytest_libero_max.policies.check import check_cameras
 
@@ -113,7 +114,11 @@ def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: P
             settings.study.check_policy(policy.spec)
         request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference, settings.profile)
         guard.enter("setup")
-    fingerprints = {**substrate.fingerprint(), "adapter": request.config.stash[ADAPTER_DIGEST]}
+    fingerprints = {
+        **substrate.fingerprint(),
+        **scene_fingerprints(world, case.init_state_index),
+        "adapter": request.config.stash[ADAPTER_DIGEST],
+    }
     if settings.strength != 1.0:
         fingerprints["strength"] = f"{settings.strength:g}"
     _require_declared_spec(request.config, policy)

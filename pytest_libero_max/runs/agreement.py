@@ -9,10 +9,15 @@ from pytest_libero_max.errors import OtherRunError, ReportError
 from pytest_libero_max.pairing.fields import shown
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.pairing.record_checks import IDENTITY
+from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.plan import Run
 
 MACHINE = ("gl", "gl_device", "blas")
 """Fingerprints in which pairs of one measurement may differ: what draws, and the kind of processor."""
+
+_PROCESSOR = "blas"
+_OF_SOURCE = "assets"
+"""Fingerprint of earlier versions: a digest of the source code that made the scenes."""
 
 _MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
 """What makes pieces one measurement."""
@@ -32,7 +37,7 @@ class Agreement:
         self._run = run
         self._planned = {pair.case_id: pair for pair in run.planned}
         self._measured: dict[str, str] = {}
-        self._first: PairRecord | None = None
+        self._same_play = SamePlay()
 
     def add(self, pair: PairRecord | PairError, where: str) -> None:
         """Take in the next pair.
@@ -64,31 +69,76 @@ class Agreement:
                 "counts once. Keep one of the records."
             )
         if isinstance(pair, PairRecord):
-            if self._first is None:
+            if not self._measured:
                 _require_header(self._run, pair)
-                self._first = pair
-            require_same_play(self._first, pair)
+            self._same_play.add(pair)
             self._measured[pair.case_id] = where
 
 
-def require_same_play(first: PairRecord, other: PairRecord) -> None:
-    """Check that two pairs were played by the same policy and with the same instruments.
+class SamePlay:
+    """Checks that pairs were played by one policy with the same instruments, and each scene as it was before.
 
-    Raises:
-        OtherRunError: They were not; names every difference.
+    The digest of a scene is compared with that of the pairs of the same scene alone. Two kinds of processors
+    may round what MuJoCo compiles differently, so only pairs of one kind are compared. The state in which a
+    pair starts belongs to its case and is compared nowhere in a run.
+
+    Records of earlier versions hold ``assets`` instead, a digest of the source code by which all scenes were
+    made. It agrees with itself, so such runs are read, resumed and merged as before. It says nothing of a
+    scene, so a pair with the one and a pair with the other are not mixed.
     """
-    if first.policy == other.policy and first.fingerprints == other.fingerprints:
-        return
-    different = [
-        *differences("policy", first.policy, other.policy),
-        *differences("fingerprints", first.fingerprints, other.fingerprints, MACHINE),
-    ]
-    if different:
-        raise OtherRunError(
-            f"{first.item_id!r} and {other.item_id!r} were played with different things: "
-            f"{'; '.join(different)}. All pairs of a run are played by one policy with the same instruments. "
-            "Compare runs instead of mixing them."
+
+    def __init__(self) -> None:
+        self._first: PairRecord | None = None
+        self._scenes: dict[tuple[str, str | None], tuple[str, str]] = {}
+
+    def add(self, pair: PairRecord) -> None:
+        """Take in the next pair.
+
+        Raises:
+            OtherRunError: It was played otherwise than those before; names every difference.
+        """
+        first = self._first or pair
+        if first.policy != pair.policy or first.fingerprints != pair.fingerprints:
+            different = [
+                *differences("policy", first.policy, pair.policy),
+                *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, SCENE, START)),
+                *_other_kind(first, pair),
+            ]
+            if different:
+                raise OtherRunError(
+                    f"{first.item_id!r} and {pair.item_id!r} were played with different things: "
+                    f"{'; '.join(different)}. All pairs of a run are played by one policy with the same "
+                    "instruments. Compare runs instead of mixing them."
+                )
+        self._require_same_scene(pair)
+        self._first = first
+
+    def _require_same_scene(self, pair: PairRecord) -> None:
+        name, _, digest = pair.fingerprints.get(SCENE, "").rpartition(" ")
+        if not name:
+            return
+        known, item_id = self._scenes.setdefault(
+            (name, pair.fingerprints.get(_PROCESSOR)), (digest, pair.item_id)
         )
+        if known != digest:
+            raise OtherRunError(
+                f"Scene {name} of {pair.item_id!r} is another one than that of {item_id!r} "
+                f"(digests {digest[:12]}, {known[:12]}): its model, goal or control was changed in between. "
+                "Play the run again, or play in another output folder and compare the runs."
+            )
+
+
+def _other_kind(first: PairRecord, other: PairRecord) -> list[str]:
+    """Name the two pairs of which one knows its scene by source code and the other by what was played."""
+    by_code = [pair for pair in (first, other) if _OF_SOURCE in pair.fingerprints]
+    by_play = [pair for pair in (first, other) if SCENE in pair.fingerprints]
+    if len(by_code) != 1 or len(by_play) != 1:
+        return []
+    return [
+        f"the record of {by_code[0].item_id!r} knows its scene by the source code of an earlier version "
+        f"(fingerprints.{_OF_SOURCE}), that of {by_play[0].item_id!r} by what was played "
+        f"(fingerprints.{SCENE}), which cannot be compared"
+    ]
 
 
 def _require_header(run: Run, record: PairRecord) -> None:

@@ -9,7 +9,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection, merged_selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.runs.agreement import require_same_play, run_differences
+from pytest_libero_max.runs.agreement import SamePlay, run_differences
 from pytest_libero_max.runs.lock import read_mark
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun, pairs_file, read_pairs
@@ -40,6 +40,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     planned: dict[str, PlannedPair] = {}
     records: dict[str, tuple[str, PairRecord]] = {}
     errors: dict[str, PairError] = {}
+    same_play = SamePlay()
     for name, run in runs.items():
         different = run_differences(run.run, first.run)
         if different:
@@ -58,7 +59,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
                     f"case_id={record.case_id!r} was measured in {records[record.case_id][0]!r} and in "
                     f"{name!r}; a case counts once. Leave one of the runs out."
                 )
-            require_same_play(next(iter(records.values()))[1] if records else record, record)
+            same_play.add(record)
             records[record.case_id] = name, record
         for error in run.errors:
             known = errors.setdefault(error.case_id, error)

@@ -19,13 +19,14 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.plan import PlannedPair, Run, planned_pair
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.paired import Labels, Pairs
 
 OUTCOMES_NAME = "outcomes.json"
-OUTCOMES_VERSION = 2
+OUTCOMES_VERSION = 3
 
 _PLANNED = b',"planned":['
 """Begins the last field of a run's line."""
@@ -40,12 +41,15 @@ class RunOutcomes:
         case_ids: Ids of the measured cases, in the order of the records.
         pairs: Their outcomes in the same order.
         policy: The spec of the first record; None without a record.
+        scenes: Fingerprints of scene and start of each case, in the same order; empty where a record of an
+            earlier version has none.
     """
 
     run: Run
     case_ids: tuple[str, ...]
     pairs: Pairs
     policy: Json | None
+    scenes: tuple[str, ...]
 
     @classmethod
     def of(cls, stored: StoredRun) -> RunOutcomes:
@@ -57,7 +61,12 @@ class RunOutcomes:
             case_ids=tuple(record.case_id for record in records),
             pairs=columns_of(records, [tasks.get(record.case_id, "?") for record in records]),
             policy=records[0].policy if records else None,
+            scenes=tuple(map(_scene_of, records)),
         )
+
+
+def _scene_of(record: PairRecord) -> str:
+    return " ".join(record.fingerprints.get(name, "") for name in (SCENE, START)).strip()
 
 
 def columns_of(records: Sequence[PairRecord], tasks: Sequence[str]) -> Pairs:
@@ -96,6 +105,7 @@ def outcomes_json(outcomes: RunOutcomes, digest: str) -> str:
         "stale": pairs.stale.tolist(),
         "source": _coded(pairs.source),
         "task": _coded(pairs.task),
+        "scenes": _coded(np.array(outcomes.scenes, dtype=str)),
     }
     text = json.dumps(values, separators=(",", ":"), allow_nan=False)
     return f"{_digest(text.encode())}\n{text}\n"
@@ -158,11 +168,14 @@ _FLAGS = ("base", "dynamic", "triggered", "responded")
 
 def _from_file(kept: Json, run: Run) -> RunOutcomes:
     flags = {name: np.frombuffer(kept[name].encode(), dtype=np.uint8) == ord("1") for name in _FLAGS}
-    labels = {name: np.array(kept[name]["names"])[kept[name]["places"]] for name in ("source", "task")}
+    labels = {
+        name: np.array(kept[name]["names"])[kept[name]["places"]] for name in ("source", "task", "scenes")
+    }
+    scenes = tuple(labels.pop("scenes").tolist())
     pairs = Pairs.of(**flags, stale=kept["stale"], **labels)
-    if {len(column) for column in vars(pairs).values()} != {len(kept["case_ids"])}:
+    if {len(column) for column in (*vars(pairs).values(), scenes)} != {len(kept["case_ids"])}:
         raise ReportError("The columns differ in length.")
-    return RunOutcomes(run, tuple(kept["case_ids"]), pairs, kept["policy"])
+    return RunOutcomes(run, tuple(kept["case_ids"]), pairs, kept["policy"], scenes)
 
 
 def _run_of(path: Path) -> Run:

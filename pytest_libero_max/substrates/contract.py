@@ -38,7 +38,10 @@ class Substrate(Protocol):
         ...
 
     def fingerprint(self) -> Mapping[str, str]:
-        """Return what could change a result: package versions, a digest of the assets, the GL backend."""
+        """Return what could change a result in every scene: package versions, installation, GL backend.
+
+        What one scene is made of is told by :meth:`~pytest_libero_max.worlds.contract.World.scene_fields`.
+        """
         ...
 
     def close(self) -> None:

@@ -249,6 +249,13 @@ class World(Protocol):
         """32-byte fingerprint of the snapshot: equal states, equal digests, bit for bit."""
         ...
 
+    def scene_fields(self) -> Mapping[str, str]:
+        """Digest, by name, of each thing that the scene consists of and that no reset or event changes.
+
+        Equal scenes have equal digests in every process; see :mod:`pytest_libero_max.worlds.scene_digest`.
+        """
+        ...
+
     def take_back_writes(self) -> tuple[str, ...]:
         """Undo every write to the model or its options that was not made through this contract.
 

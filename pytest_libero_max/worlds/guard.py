@@ -47,8 +47,10 @@ class ModelGuard:
         self._copies = {
             name: array.tobytes() for name, array in self._arrays.items() if array.nbytes <= COPIED_BYTES
         }
-        self._sums = {name: _sums(array) for name, array in self._arrays.items() if name not in self._copies}
-        self._settings = {path: _value(owner, name) for path, owner, name in self._leaves()}
+        self._sums = {
+            name: word_sums(array) for name, array in self._arrays.items() if name not in self._copies
+        }
+        self._settings = {path: _value(owner, name) for path, owner, name in settings_of(model)}
         self._spoiled: set[str] = set()
 
     @property
@@ -72,10 +74,10 @@ class ModelGuard:
                 array[...] = np.frombuffer(copy, array.dtype).reshape(array.shape)
                 written.append(name)
         for name, sums in self._sums.items():
-            if name not in self._spoiled and _sums(self._arrays[name]) != sums:
+            if name not in self._spoiled and word_sums(self._arrays[name]) != sums:
                 self._spoiled.add(name)
                 written.append(name)
-        for path, owner, name in self._leaves():
+        for path, owner, name in settings_of(self._model):
             former = self._settings[path]
             if _value(owner, name) != former:
                 if isinstance(former, bytes):
@@ -86,12 +88,16 @@ class ModelGuard:
                 written.append(path)
         return tuple(sorted(written))
 
-    def _leaves(self) -> Iterator[tuple[str, Any, str]]:
-        """Every number and array of the options, statistics and visual settings: path, owner, name."""
-        for struct in _STRUCTS:
-            for leaf in _leaves_of(getattr(self._model, struct), struct):
-                if leaf[0] not in RENDERERS:
-                    yield leaf
+
+def settings_of(model: mujoco.MjModel) -> Iterator[tuple[str, Any, str]]:
+    """Yield path, owner and name of each option, statistic and visual setting of a model.
+
+    Those in :data:`RENDERERS` are left out.
+    """
+    for struct in _STRUCTS:
+        for leaf in _leaves_of(getattr(model, struct), struct):
+            if leaf[0] not in RENDERERS:
+                yield leaf
 
 
 def _leaves_of(owner: Any, path: str) -> Iterator[tuple[str, Any, str]]:
@@ -115,7 +121,7 @@ def _is_filled(value: Any) -> bool:
     return isinstance(value, np.ndarray) and value.size > 0
 
 
-def _sums(array: NDArray[Any]) -> tuple[bytes, ...]:
+def word_sums(array: NDArray[Any]) -> tuple[bytes, ...]:
     """Sums of the rows and columns of an array's 64-bit words, which another value or order changes."""
     content = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
     whole = content.size // (8 * _ROW_WORDS) * 8 * _ROW_WORDS

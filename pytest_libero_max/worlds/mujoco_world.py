@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from hashlib import blake2b
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, get_args
@@ -37,6 +38,7 @@ from pytest_libero_max.worlds.contract import (
 from pytest_libero_max.worlds.guard import ModelGuard
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.robot import OWNERS, PANDA, Robot
+from pytest_libero_max.worlds.scene_digest import model_fields, value_digest
 
 gl.prepare()  # MuJoCo reads the backend while it is imported
 
@@ -131,6 +133,7 @@ class MujocoWorld(ABC):
         self._renderer: Renderer | None = None
         self._guard: ModelGuard | None = None
         self._compiled = {field: getattr(model, field).copy() for field in ALTERABLE}
+        self._scene_fields: dict[str, str] = {}  # filled when they are asked for
         self._body = {name: self._body_id(entity) for name, entity in self._entities.items()}
         self._joint = {
             name: self._free_joint(name) for name, entity in self._entities.items() if entity.kind == "object"
@@ -176,6 +179,13 @@ class MujocoWorld(ABC):
 
     @abstractmethod
     def succeeded(self) -> bool: ...
+
+    @abstractmethod
+    def _decided(self) -> Mapping[str, Any]:
+        """Return what is decided about the scene and not compiled, by name: goal, gains of the control.
+
+        Values are arrays or JSON values, tuples among them.
+        """
 
     def _after_step(self) -> None:  # noqa: B027 - most worlds have nothing to do here
         """Follow-up of a step or a reset that writes alterable fields, such as a burner's glow."""
@@ -315,6 +325,14 @@ class MujocoWorld(ABC):
         if self._control != "delta":
             fingerprint.update(self._control.encode())
         return fingerprint.digest()
+
+    def scene_fields(self) -> Mapping[str, str]:
+        if not self._scene_fields:
+            self._scene_fields |= model_fields(self._model, self._compiled)
+            entities = {name: astuple(entity) for name, entity in self._entities.items()}
+            decided = {"language": self._language, "entities": entities, **self._decided()}
+            self._scene_fields |= {name: value_digest(value) for name, value in decided.items()}
+        return MappingProxyType(self._scene_fields)
 
     def take_back_writes(self) -> tuple[str, ...]:
         return () if self._guard is None else self._guard.take_back()

@@ -36,6 +36,14 @@ class RobosuiteWorld(MujocoWorld):
     @abstractmethod
     def succeeded(self) -> bool: ...
 
+    @abstractmethod
+    def _task_fields(self) -> Mapping[str, Any]:
+        """Return the task's own goal and the parts that are made to be held, as JSON values."""
+
+    def _decided(self) -> Mapping[str, Any]:
+        control = {f"control.{name}": value for name, value in self._stepper.constants.items()}
+        return {**self._task_fields(), **control}
+
     def end_effector(self) -> Array:
         position: Array = self._data.site_xpos[self._grip_site].copy()
         return position

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,9 @@ class Stepper:
     The environment's own objects are the source of gains, limits and indices; they are read once and
     never written. What the controller remembers between steps is here: the goal orientation, which an
     action without rotation keeps, and the gripper's integrated command.
+
+    Attributes:
+        constants: What the control step is played with, by name: gains, limits (N m), home pose (rad), grip.
 
     Args:
         env: A robosuite ``SingleArmEnv`` after its reset, with the controller ``OSC_POSE`` in fixed
@@ -94,6 +98,30 @@ class Stepper:
         self._site_mat = data.site_xmat[self._site].reshape(3, 3)
         self._grip = np.zeros(2)
         self._goal_ori = np.zeros((3, 3))
+        limits = {"low": np.array(low, dtype=np.float64), "high": np.array(high, dtype=np.float64)}
+        gains = {
+            "kp": np.array(controller.kp, dtype=np.float64),
+            "kd": np.array(controller.kd, dtype=np.float64),
+        }
+        home = np.array(controller.initial_joint, dtype=np.float64)
+        grip_middle, grip_half = 0.5 * (span[:, 1] + span[:, 0]), 0.5 * (span[:, 1] - span[:, 0])
+        self.constants: Mapping[str, Any] = {
+            "substeps": self.substeps,
+            "scaling": self._scaling,
+            **gains,
+            **limits,
+            "initial_joint": home,
+            "grip_speed": self._speed,
+            "grip_middle": grip_middle,
+            "grip_half": grip_half,
+            "site": self._site,
+            "arm_qpos": self.arm_qpos,
+            "arm_dofs": self.arm_dofs,
+            "arm_ctrl": arm_ctrl,
+            "finger_qpos": self.finger_qpos,
+            "finger_dofs": self.finger_dofs,
+            "finger_ctrl": finger_ctrl,
+        }
         self._fixed = (
             _addresses(),
             model._address,
@@ -111,13 +139,11 @@ class Stepper:
             arm_ctrl,
             finger_ctrl,
             _mass_addresses(model, self.arm_dofs),
-            np.array(controller.kp, dtype=np.float64),
-            np.array(controller.kd, dtype=np.float64),
-            np.array(controller.initial_joint, dtype=np.float64),
-            np.array(low, dtype=np.float64),
-            np.array(high, dtype=np.float64),
-            0.5 * (span[:, 1] + span[:, 0]),
-            0.5 * (span[:, 1] - span[:, 0]),
+            *gains.values(),
+            home,
+            *limits.values(),
+            grip_middle,
+            grip_half,
             np.zeros((3, model.nv)),
             np.zeros((3, model.nv)),
             data.warning.number,

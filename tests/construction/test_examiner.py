@@ -1,21 +1,17 @@
 """Examinations in other processes, interrupted and resumed."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.source_digest import code_digest
 from pytest_libero_max.changes import MoveObject
 from pytest_libero_max.construction.certificates import Certificate
 from pytest_libero_max.construction.examiner import (
     Examiner,
     Ledger,
     Progress,
-    examining_code,
     inputs_digest,
     scene_order,
 )
@@ -117,17 +113,10 @@ def test_an_expert_by_name_does_not_depend_on_the_folder(
     assert inputs_digest("stale_expert", "tiny", None) != first
 
 
-def test_examinations_outlive_a_comment_but_not_a_number(tmp_path: Path) -> None:
-    package = tmp_path / "pytest_libero_max"
-    shutil.copytree(Path(pytest_libero_max.__file__).parent, package)
-    first = code_digest(examining_code(package))
-    preflight = package / "construction" / "preflight.py"
-    text = preflight.read_text()
-    preflight.write_text(text.replace('"""Whether a case', '"""Whether any case', 1) + "# The end.\n")
-    assert preflight.read_text() != text
-    assert code_digest(examining_code(package)) == first
-    preflight.write_text(text + "MORE = 2\n")
-    assert code_digest(examining_code(package)) != first
+def test_examinations_end_with_a_version_of_the_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = inputs_digest("expert", "tiny", None)
+    monkeypatch.setattr("pytest_libero_max.construction.examiner.RULES_VERSION", 1000)
+    assert inputs_digest("expert", "tiny", None) != first
 
 
 def test_what_was_found_survives_writing_and_reading(cases: list[Case], tmp_path: Path) -> None:

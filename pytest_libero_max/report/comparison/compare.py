@@ -199,7 +199,10 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             "unsupported": dict(common.unsupported),
         },
         "substrate": substrate_json(next(iter(outcomes.values())).run.provenance),
-        "differences": list(_differences(outcomes)),
+        "differences": [
+            *_differences(outcomes),
+            *_scene_differences(outcomes, [pair.case_id for pair in common.planned]),
+        ],
         "runs": rows,
         "contrasts": [
             _with_tasks(contrast_json(contrast), contrast, dynamic, tasks)
@@ -273,6 +276,31 @@ def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[Json]:
         values = {name: fields.get(key) for name, fields in flat.items()}
         if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
             yield {"field": key, "values": values}
+
+
+def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) -> Iterator[Json]:
+    """Name the common cases that a run played in another scene, or from another start, than the first run.
+
+    Runs of earlier versions recorded a digest of source code for all scenes. That says nothing of a scene, so
+    such a run is compared like every other, with null here.
+    """
+    played = {name: dict(zip(run.case_ids, run.scenes, strict=True)) for name, run in runs.items()}
+    first = next((name for name, scenes in played.items() if any(scenes[case] for case in cases)), None)
+    if first is None:
+        return
+    values: dict[str, str | None] = {}
+    for name, scenes in played.items():
+        other = [case for case in cases if scenes[case] != played[first][case]]
+        keys = sorted({played[first][case].partition(" ")[0] for case in other})
+        named = ", ".join(keys[:3]) + (", ..." if len(keys) > 3 else "")
+        if not any(scenes[case] for case in cases):
+            values[name] = None
+        elif other:
+            values[name] = f"{len(other)} of {len(cases)} cases differ from {first!r}: {named}"
+        else:
+            values[name] = "the same"
+    if len(set(values.values())) > 1:
+        yield {"field": "scenes", "values": values}
 
 
 _RUN_COLUMNS = (

@@ -6,10 +6,8 @@ import copy
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from importlib.metadata import version
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pytest_libero_max.benchmark.source_digest import code_digest
 from pytest_libero_max.substrates.embedded.catalogue.lookup import variation_of
 from pytest_libero_max.substrates.embedded.graspable_parts import graspable_parts
 from pytest_libero_max.substrates.embedded.placement import initial_state
@@ -38,20 +36,7 @@ SCENES = 12
 
 Starts = Callable[[int], Mapping[str, Array]]
 _AS_IT_IS = Remodel()
-_PACKAGE = Path(__file__).parents[2]
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless")
-
-
-def assets_digest(package: Path) -> str:
-    """SHA-256 of everything that the scenes are made by, hexadecimal.
-
-    It is taken from the syntax trees of the code that writes the scenes, lays them out and decides their
-    goals: every number counts, comments and docstrings do not.
-
-    Args:
-        package: The folder of :mod:`pytest_libero_max`.
-    """
-    return code_digest([*(package / "substrates" / NAME).rglob("*.py"), package / "worlds" / "rotations.py"])
 
 
 class EmbeddedWorld(RobosuiteWorld):
@@ -92,6 +77,13 @@ class EmbeddedWorld(RobosuiteWorld):
         """What must hold at the end, all of it, in the task's own words: for policies that are privileged."""
         assigned = self._assigned[1]
         return self._task.task.goal if assigned is None else facts(assigned)
+
+    def _task_fields(self) -> Mapping[str, Any]:
+        facts_and_rules = zip(self._task.task.goal, self._task.goal, strict=True)
+        return {
+            "goal": [(fact.words(), vars(rule)) for fact, rule in facts_and_rules],
+            "graspable_parts": {name: vars(part) for name, part in self.graspable_parts.items()},
+        }
 
     def holds(self, fact: Fact) -> bool:
         """Whether a predicate holds now, by the rules of the goal."""
@@ -208,7 +200,7 @@ class EmbeddedSubstrate:
         return self._starts[key]
 
     def fingerprint(self) -> Mapping[str, str]:
-        """Versions of what computes a result, the GL backend, and the digest of the scenes' code."""
+        """Return the versions of what computes a result, the GL backend and the BLAS."""
         return self._fingerprint
 
     @cached_property
@@ -219,7 +211,6 @@ class EmbeddedSubstrate:
             **packages,
             **gl.fingerprint(),
             **threads.fingerprint(),
-            "assets": assets_digest(_PACKAGE),
         }
 
     def close(self) -> None:

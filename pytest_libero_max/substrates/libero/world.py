@@ -133,6 +133,10 @@ class LiberoWorld(RobosuiteWorld):
         assigned = self._assigned[1]
         return facts(self._env.parsed_problem["goal_state"] if assigned is None else assigned)
 
+    def _task_fields(self) -> Mapping[str, Any]:
+        parts = {name: vars(part) for name, part in self.graspable_parts.items()}
+        return {"goal": self._env.parsed_problem["goal_state"], "graspable_parts": parts}
+
     def holds(self, fact: Fact) -> bool:
         """Whether a predicate holds now; the package decides."""
         return bool(self._env._eval_predicate(list(fact.words())))

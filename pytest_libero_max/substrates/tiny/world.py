@@ -10,7 +10,7 @@ about invariants is meant to be true everywhere, what is measured here about pol
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -203,6 +203,9 @@ class TinyWorld(MujocoWorld):
     def end_effector(self) -> Array:
         position: Array = self._data.site_xpos[self._site].copy()
         return position
+
+    def _decided(self) -> Mapping[str, Any]:
+        return {"goal": [["on", "box_1", "plate_1"]], "control": [STEP_M, _SUBSTEPS, _REACH_M, _HAND_START_M]}
 
     def succeeded(self) -> bool:
         box, plate = self.position("box_1"), self.position("plate_1")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -316,3 +317,32 @@ def test_many_runs_count_their_contrasts_by_event() -> None:
     lines = comparison_lines(compare_runs(runs))
     assert "Dynamic success by event: contrasts with Holm p < 0.05" in lines
     assert "  camera_shift             0 of 3" in lines
+
+
+def _with_scenes(*scenes: str) -> StoredRun:
+    run = _run(ALWAYS)
+    prints = [{"scene": scene, "start": "1"} if scene else {"assets": "1"} for scene in scenes]
+    prints += prints[-1:] * (len(run.records) - len(prints))
+    records = zip(run.records, prints, strict=True)
+    return replace(run, records=tuple(replace(record, fingerprints=known) for record, known in records))
+
+
+def test_cases_that_were_played_in_other_scenes_are_counted_and_named() -> None:
+    runs = {
+        "old": _with_scenes("embedded/a/0 1", "embedded/a/1 1"),
+        "same": _with_scenes("embedded/a/0 1", "embedded/a/1 1"),
+        "new": _with_scenes("embedded/a/0 2", "embedded/a/1 1"),
+        "code": _with_scenes(""),
+    }
+    [difference] = compare_runs(runs)["differences"]
+    assert difference == {
+        "field": "scenes",
+        "values": {
+            "old": "the same",
+            "same": "the same",
+            "new": "1 of 32 cases differ from 'old': embedded/a/0",
+            "code": None,
+        },
+    }
+    for name in ("same", "code"):
+        assert compare_runs({"one": runs[name], "two": runs[name]})["differences"] == []

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pytest
+
+from pytest_libero_max.errors import OtherRunError
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.runs.agreement import SamePlay
+from tests.report.made_up import plan, record_of
+
+PAIRS = plan()
+GOAL, TEN = f"embedded/libero_goal/3 {'a' * 64}", f"embedded/libero_10/0 {'b' * 64}"
+
+
+def played(number: int, **fingerprints: str) -> PairRecord:
+    return record_of(PAIRS[number], True, True, fingerprints={"substrate": "embedded", **fingerprints})
+
+
+def add(*prints: Mapping[str, str]) -> None:
+    same = SamePlay()
+    for number, fingerprints in enumerate(prints):
+        same.add(played(number, **fingerprints))
+
+
+def test_a_scene_is_compared_with_itself_and_starts_are_not() -> None:
+    add({"scene": GOAL, "start": "1"}, {"scene": TEN, "start": "2"}, {"scene": GOAL, "start": "3"})
+
+
+def test_a_scene_that_was_changed_within_a_run_is_named() -> None:
+    with pytest.raises(
+        OtherRunError, match=r"Scene embedded/libero_goal/3 of .* \(digests cccccccccccc, aaa"
+    ):
+        add({"scene": TEN}, {"scene": GOAL}, {"scene": GOAL.replace("a" * 64, "c" * 64)})
+
+
+def test_another_kind_of_processor_may_round_a_scene_differently() -> None:
+    other = GOAL.replace("a" * 64, "c" * 64)
+    add({"scene": GOAL, "blas": "Zen"}, {"scene": other, "blas": "Haswell"}, {"scene": GOAL, "blas": "Zen"})
+    with pytest.raises(OtherRunError, match="Scene embedded/libero_goal/3"):
+        add({"scene": GOAL, "blas": "Zen"}, {"blas": "Haswell"}, {"scene": other, "blas": "Zen"})
+
+
+def test_digests_of_source_code_agree_with_themselves_alone() -> None:
+    add({"assets": "1"}, {"assets": "1"})
+    with pytest.raises(OtherRunError, match=r"fingerprints\.assets: '1', '2'\. All pairs"):
+        add({"assets": "1"}, {"assets": "2"})
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_source_code_and_what_was_played_are_not_mixed(turned: bool) -> None:
+    prints: list[dict[str, str]] = [{"assets": "1"}, {"scene": GOAL, "start": "1"}]
+    with pytest.raises(
+        OtherRunError, match=r"by the source code of an earlier version \(fingerprints\.asset"
+    ):
+        add(*(reversed(prints) if turned else prints))
