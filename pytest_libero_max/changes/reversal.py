@@ -12,6 +12,7 @@ from pytest_libero_max.changes.measuring import filter_records, measure_poses
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import Goal, World
+from pytest_libero_max.worlds.robot import ROBOT
 
 if TYPE_CHECKING:
     from pytest_libero_max.changes.base import Change
@@ -70,7 +71,7 @@ class Reversal:
             if self.filters:
                 measured["filters"] = filter_records(world)
             if self.joints is not None:
-                measured["joint_pos_rad"] = world.observe(cameras=())["robot0_joint_pos"].tolist()
+                measured["joint_pos_rad"] = world.observe(cameras=())[f"{ROBOT}_joint_pos"].tolist()
             if self.assigned:
                 measured["instruction"] = world.language
             return measured

@@ -12,11 +12,11 @@ from pytest_libero_max.changes.fields import ManifestFields, flag, items, number
 from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.robot import GRIPPER, PANDA, ROBOT
 
-ARM_DOF = 7
+ARM_DOF = len(PANDA.arm_joints)
 
 _WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
-_ROBOT = {"robot0", "gripper0"}
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,11 @@ class OffsetArm(ManifestFields):
 
 def _touching(world: World) -> bool:
     """True if the robot touches anything that has a name."""
-    return any(_ROBOT & set(world.contacts(name)) for name in world.entities if name not in world.parked)
+    return any(
+        {ROBOT, GRIPPER} & set(world.contacts(name)) for name in world.entities if name not in world.parked
+    )
 
 
 def _measure(world: World) -> dict[str, list[float]]:
-    joints = world.observe(cameras=())["robot0_joint_pos"]
+    joints = world.observe(cameras=())[f"{ROBOT}_joint_pos"]
     return {"joint_pos_rad": joints.tolist(), "end_effector_m": world.end_effector().tolist()}

@@ -39,6 +39,7 @@ from pytest_libero_max.worlds.contract import (
     Image,
     World,
 )
+from pytest_libero_max.worlds.robot import PANDA
 
 MAX_SHIFT_M = 0.02
 """Largest drift, m, beyond that without the event, while the world is held still."""
@@ -77,7 +78,6 @@ CHECKS: tuple[Check, ...] = get_args(Check)
 _HOLD_AT_START = 2  # control steps: the authors' 50 simulation steps
 _HOLD_AT_TRIGGER = CONTROL_HZ
 _STEP_M = 0.05  # what the controller makes of a full translation action
-_BASE_BODY = "robot0_base"
 
 _APPROACH_STEPS = 160
 _HIGH_M = 0.35  # above the trigger entity: over everything that stands on a table
@@ -437,9 +437,9 @@ def _too_close(world: World, name: str, touching: set[str]) -> Iterable[Problem]
 
 def _out_of_reach(world: World, change: Change) -> Iterable[Problem]:
     names = [world.model.body(i).name for i in range(world.model.nbody)]
-    if change.operation != "move_object" or _BASE_BODY not in names:
+    if change.operation != "move_object" or PANDA.base_body not in names:
         return
-    base = world.data.body(_BASE_BODY).xpos
+    base = world.data.body(PANDA.base_body).xpos
     for name in _moved(change):
         away = hypot(*(world.position(name) - base)[:2])
         if away > MAX_REACH_M:

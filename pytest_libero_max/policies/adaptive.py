@@ -19,6 +19,7 @@ from pytest_libero_max.policies.check import ask
 from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
 from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.contract import Array, Image, Observation, World
+from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
 
 AdaptiveMode = Literal["image", "privileged"]
 ADAPTIVE_MODES: tuple[AdaptiveMode, ...] = get_args(AdaptiveMode)
@@ -33,7 +34,6 @@ MOVED_M = 0.02
 """Largest displacement since the query of an object that nothing of the robot touches, m."""
 
 _ON_THE_HAND = "eye_in_hand"
-_ROBOT = ("robot0", "gripper0")
 
 Chunk = NDArray[np.float64]
 
@@ -188,7 +188,7 @@ def has_moved(world: World, places: Mapping[str, Array]) -> bool:
     if now.keys() != places.keys():
         return True
     far = (name for name, place in now.items() if float(np.linalg.norm(place - places[name])) > MOVED_M)
-    return any(not set(world.contacts(name)) & set(_ROBOT) for name in far)
+    return any(not {ROBOT, GRIPPER} & set(world.contacts(name)) for name in far)
 
 
 def with_adaptive_queries(policy: Policy, mode: AdaptiveMode | None) -> Policy:

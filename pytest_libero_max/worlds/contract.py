@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.worlds.robot import HAND_CAMERA
+
 if TYPE_CHECKING:
     import mujoco
 
@@ -31,7 +33,7 @@ ACTION_DIM = 7
 NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
 """Hold the pose with the gripper open: LIBERO's settle action."""
 
-CAMERAS = ("agentview", "robot0_eye_in_hand")
+CAMERAS = ("agentview", HAND_CAMERA)
 """The two cameras a LIBERO policy sees, in the order in which LIBERO lists them."""
 
 EntityKind = Literal["object", "fixture", "surface"]

@@ -190,6 +190,9 @@ class MujocoWorld(ABC):
     def _after_step(self) -> None:  # noqa: B027 - most worlds have nothing to do here
         """Follow-up of a step or a reset that writes alterable fields, such as a burner's glow."""
 
+    def _after_alteration(self) -> None:  # noqa: B027 - most worlds have nothing to do here
+        """Follow-up of an alteration from outside, once the world is settled in its altered state."""
+
     # The contract.
 
     @property
@@ -373,6 +376,7 @@ class MujocoWorld(ABC):
             )
         getattr(self._model, field)[index] = value
         self._settle()
+        self._after_alteration()
 
     def place(
         self,
@@ -385,6 +389,7 @@ class MujocoWorld(ABC):
             raise SubstrateError(f"{name!r} is parked, so it cannot be placed: unpark it there instead.")
         self._write_pose(name, _position(position), None if quaternion is None else _quaternion(quaternion))
         self._settle()
+        self._after_alteration()
 
     def push(self, entity: str, velocity_m_s: Sequence[float] | Array) -> None:
         name = self._free(entity)
@@ -393,6 +398,7 @@ class MujocoWorld(ABC):
         first = self._dofs(name).start
         self._data.qvel[first : first + 3] += _three_numbers("velocity_m_s", velocity_m_s, "m/s")
         self._settle()
+        self._after_alteration()
 
     def park(self, entity: str, position: Sequence[float] | Array) -> None:
         name = self._free(entity)
@@ -411,6 +417,7 @@ class MujocoWorld(ABC):
         # force cancels it to the last bit, so its acceleration is zero and it stays where it is.
         dofs = self._dofs(name)
         self._data.qfrc_applied[dofs] = self._data.qfrc_bias[dofs]
+        self._after_alteration()
 
     def unpark(
         self,
@@ -430,6 +437,7 @@ class MujocoWorld(ABC):
         self._data.qfrc_applied[self._dofs(name)] = 0.0
         self._write_pose(name, where, orientation)
         self._settle()
+        self._after_alteration()
 
     def parked_pose(self, entity: str) -> tuple[Array, Array]:
         name = self._known(entity)
@@ -445,11 +453,13 @@ class MujocoWorld(ABC):
                 "the filter depends on. Make it a frozen dataclass with a __call__ method."
             )
         self._filters = (*self._filters, (filter, self._steps))
+        self._after_alteration()
 
     def remove_filter(self, index: int) -> None:
         if not 0 <= index < len(self._filters):
             raise SubstrateError(f"index={index!r}, but the world has {len(self._filters)} pixel filters.")
         self._filters = (*self._filters[:index], *self._filters[index + 1 :])
+        self._after_alteration()
 
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
         raise SubstrateError(f"{self._scene} has no arm with seven joints that could be posed.")

@@ -11,6 +11,7 @@ import numpy as np
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import FASTEST, MujocoWorld
+from pytest_libero_max.worlds.robot import PANDA
 from pytest_libero_max.worlds.stepping import Stepper
 
 
@@ -61,6 +62,7 @@ class RobosuiteWorld(MujocoWorld):
         self._data.qacc_warmstart[self._stepper.arm_dofs] = 0.0
         self._settle()
         self._reset_controller()
+        self._after_alteration()
 
     def _reset_controller(self) -> None:
         self._stepper.start()
@@ -76,15 +78,16 @@ class RobosuiteWorld(MujocoWorld):
 
     def _proprioception(self) -> dict[str, Array]:
         stepper, data = self._stepper, self._data
-        return {
-            "robot0_eef_pos": self.end_effector(),
+        values = (
+            self.end_effector(),
             # Indexing with index arrays copies, so nothing here follows the live data.
-            "robot0_eef_quat": np.roll(data.xquat[self._hand_body], -1),
-            "robot0_gripper_qpos": data.qpos[stepper.finger_qpos],
-            "robot0_gripper_qvel": data.qvel[stepper.finger_dofs],
-            "robot0_joint_pos": data.qpos[stepper.arm_qpos],
-            "robot0_joint_vel": data.qvel[stepper.arm_dofs],
-        }
+            np.roll(data.xquat[self._hand_body], -1),
+            data.qpos[stepper.finger_qpos],
+            data.qvel[stepper.finger_dofs],
+            data.qpos[stepper.arm_qpos],
+            data.qvel[stepper.arm_dofs],
+        )
+        return dict(zip(PANDA.proprioception, values, strict=True))
 
     def close(self) -> None:
         super().close()

@@ -1,19 +1,28 @@
 """The robot of a world: the names of its parts and the numbers that are its own, in one place.
 
-A world of another robot needs another :class:`Robot`. Which controller drives it is a matter of the world:
-:mod:`.stepping` reproduces robosuite's ``OSC_POSE`` and reads gains, limits and indices from the environment.
+Another robot needs another :class:`Robot`, and what is not told by names:
+
+- a control step: :mod:`.stepping` reproduces robosuite's ``OSC_POSE`` for any arm and gripper that robosuite
+  drives with it, and checks the number of joints; gains, limits and indices come from the environment;
+- what is drawn of it on the embedded scenes (:mod:`pytest_libero_max.substrates.embedded.robot`);
+- initial states: the embedded ones start from :attr:`Robot.home_rad`, LIBERO's are files of the Panda;
+- the experts, which grasp with two fingers, and whatever a policy has learnt.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
 begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as ``gripper0``."""
 
 OWNERS = {f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_": GRIPPER}
-"""What the bodies of the robot belong to, by the beginning of their names."""
+"""Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
+
+HAND_CAMERA = f"{ROBOT}_eye_in_hand"
+"""The camera that moves with the hand."""
 
 
 @dataclass(frozen=True)
@@ -21,12 +30,53 @@ class Robot:
     """An arm with a gripper, by the names that its parts have in a compiled model.
 
     Attributes:
+        name: robosuite's name of the robot.
+        arm_joints: From the base to the hand.
         finger_joints: One for each finger. The finger is the body that the joint moves, with everything that
             is fixed to it.
+        hand_body: Body whose orientation is observed.
+        grip_site: Site between the fingers: the end effector.
+        base_body: Body that the arm stands on.
+        controller: robosuite's name of its controller.
+        home_rad: Angles of the arm's joints at the start of LIBERO's tasks, rad.
+        finger_start: Positions of the fingers' joints there, m.
+        finger_bodies: For each finger, the bodies that hold what is grasped.
     """
 
+    name: str
+    arm_joints: tuple[str, ...]
     finger_joints: tuple[str, ...]
+    hand_body: str
+    grip_site: str = f"{GRIPPER}_grip_site"
+    base_body: str = f"{ROBOT}_base"
+    controller: str = "OSC_POSE"
+    home_rad: tuple[float, ...] = ()
+    finger_start: Mapping[str, float] = field(default_factory=dict)
+    finger_bodies: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def proprioception(self) -> dict[str, int]:
+        """Keys of an observation beside the images, with the sizes of their arrays."""
+        return {
+            f"{ROBOT}_eef_pos": 3,
+            f"{ROBOT}_eef_quat": 4,
+            f"{ROBOT}_gripper_qpos": len(self.finger_joints),
+            f"{ROBOT}_gripper_qvel": len(self.finger_joints),
+            f"{ROBOT}_joint_pos": len(self.arm_joints),
+            f"{ROBOT}_joint_vel": len(self.arm_joints),
+        }
 
 
-PANDA = Robot(finger_joints=(f"{GRIPPER}_finger_joint1", f"{GRIPPER}_finger_joint2"))
+PANDA = Robot(
+    name="Panda",
+    arm_joints=tuple(f"{ROBOT}_joint{number}" for number in range(1, 8)),
+    finger_joints=(f"{GRIPPER}_finger_joint1", f"{GRIPPER}_finger_joint2"),
+    hand_body=f"{ROBOT}_right_hand",
+    home_rad=(0.0, -0.161037389, 0.0, -2.44459747, 0.0, 2.2267522, 0.7853981633974483),
+    finger_start={f"{GRIPPER}_finger_joint1": 0.020833, f"{GRIPPER}_finger_joint2": -0.020833},
+    finger_bodies=(
+        (f"{GRIPPER}_leftfinger", f"{GRIPPER}_finger_joint1_tip"),
+        (f"{GRIPPER}_rightfinger", f"{GRIPPER}_finger_joint2_tip"),
+    ),
+)
 """The Franka Emika Panda with its own gripper, as robosuite 1.4 models it."""

@@ -33,6 +33,7 @@ from numba.extending import intrinsic
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import ACTION_DIM, Array, Control
 from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.robot import PANDA
 
 gl.import_robosuite()
 
@@ -43,8 +44,6 @@ from robosuite.utils.control_utils import (  # noqa: E402
     orientation_error,
 )
 from robosuite.utils.transform_utils import axisangle2quat, quat2mat  # noqa: E402
-
-ARM_DOFS = 7
 
 
 class Stepper:
@@ -236,8 +235,8 @@ def _rotation(vector: list[float]) -> Array:
 
 def _check(env: Any, robot: Any, controller: Any) -> None:
     wanted: dict[str, tuple[Any, Any]] = {
-        "robot.dof": (len(robot._ref_joint_pos_indexes), ARM_DOFS),
-        "controller.name": (controller.name, "OSC_POSE"),
+        "robot.dof": (len(robot._ref_joint_pos_indexes), len(PANDA.arm_joints)),
+        "controller.name": (controller.name, PANDA.controller),
         "controller.impedance_mode": (controller.impedance_mode, "fixed"),
         "controller.use_delta": (controller.use_delta, True),
         "controller.uncoupling": (controller.uncoupling, True),

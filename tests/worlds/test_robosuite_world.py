@@ -10,9 +10,10 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import EntityError, SubstrateError
 from pytest_libero_max.substrates.embedded.robot import outline
-from pytest_libero_max.substrates.embedded.scene import ROBOT_INIT_QPOS, build_scene
+from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
 from pytest_libero_max.worlds.contract import NOOP_ACTION, World
+from pytest_libero_max.worlds.robot import PANDA
 from tests.worlds.reference import twin
 from tests.worlds.states import differing, every_array, random_actions
 
@@ -53,7 +54,7 @@ def test_the_panda_stands_where_liberos_does(
     scene = build_scene(*task)
     world = EmbeddedWorld(scene)
     data = mujoco.MjData(world.model)
-    data.qpos[:7] = ROBOT_INIT_QPOS
+    data.qpos[:7] = PANDA.home_rad
     mujoco.mj_kinematics(world.model, data)
     assert data.body("robot0_base").xpos.tolist() == list(base)
     assert data.site("gripper0_grip_site").xpos == pytest.approx(hand, abs=1e-4)
@@ -73,6 +74,17 @@ def test_the_panda_has_liberos_joints(table: EmbeddedWorld) -> None:
         mujoco.mjtIntegrator.mjINT_EULER,
         mujoco.mjtCone.mjCONE_ELLIPTIC,
     )
+
+
+def test_the_scene_has_every_part_that_the_robot_names(table: EmbeddedWorld) -> None:
+    model = table.model
+    assert [model.joint(name).id for name in (*PANDA.arm_joints, *PANDA.finger_joints)] == list(range(9))
+    bodies = [PANDA.base_body, PANDA.hand_body, *(name for finger in PANDA.finger_bodies for name in finger)]
+    assert all(model.body(name).id > 0 for name in bodies)
+    assert model.site(PANDA.grip_site).id == table._grip_site
+    assert model.body(PANDA.hand_body).id == table._hand_body
+    sizes = {name: value.size for name, value in table.observe(cameras=()).items()}
+    assert sizes == PANDA.proprioception
 
 
 def test_the_robot_is_light_to_draw_and_complete(table: EmbeddedWorld) -> None:

@@ -15,15 +15,9 @@ from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.policies.transforms.images import side_by_side
 from pytest_libero_max.policies.transforms.steps import INPUT_STEPS, TEXT_STEPS, Step, parse_steps
 from pytest_libero_max.worlds.contract import CAMERAS, Observation
+from pytest_libero_max.worlds.robot import PANDA
 
-KEYS = (
-    "robot0_eef_pos",
-    "robot0_eef_quat",
-    "robot0_gripper_qpos",
-    "robot0_gripper_qvel",
-    "robot0_joint_pos",
-    "robot0_joint_vel",
-)
+KEYS = tuple(PANDA.proprioception)
 """Sources of an input, beside the images."""
 
 

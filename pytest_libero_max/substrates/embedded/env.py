@@ -17,6 +17,7 @@ from pytest_libero_max.substrates.embedded.scene import Scene
 from pytest_libero_max.substrates.embedded.textures import upload
 from pytest_libero_max.worlds.contract import CONTROL_HZ, WorldState
 from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.robot import PANDA
 
 gl.import_robosuite()
 
@@ -42,8 +43,8 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
     ) -> None:
         self._scene = scene
         super().__init__(
-            robots="Panda",
-            controller_configs=load_controller_config(default_controller="OSC_POSE"),
+            robots=PANDA.name,
+            controller_configs=load_controller_config(default_controller=PANDA.controller),
             mount_types=_MOUNTS[scene.mount],
             initialization_noise=None,
             use_camera_obs=bool(cameras),
@@ -59,7 +60,7 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
 
     def _load_model(self) -> None:
         super()._load_model()
-        self.robots[0].init_qpos = np.array(self._scene.robot_init_qpos)
+        self.robots[0].init_qpos = np.array(PANDA.home_rad)
         robot = self.robots[0].robot_model
         robot._elements["root_body"].set("pos", " ".join(map(repr, self._scene.robot_base_pos)))
         document = ET.fromstring(self._scene.mjcf)

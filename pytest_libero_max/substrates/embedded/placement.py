@@ -23,16 +23,13 @@ from pytest_libero_max.tasks.libero_tasks import category_of
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array
 from pytest_libero_max.worlds.privileged import Fact
+from pytest_libero_max.worlds.robot import PANDA
 
 if TYPE_CHECKING:
     import mujoco
 
 INITIAL_STATES = 10
 """Initial states of every task, numbered from 0."""
-
-ARM_JOINTS = tuple(f"robot0_joint{n}" for n in range(1, 8))
-FINGER_JOINTS = {"gripper0_finger_joint1": 0.020833, "gripper0_finger_joint2": -0.020833}
-"""The Panda's joints, and where the fingers stand at reset (m)."""
 
 # LIBERO's initial states scatter each arm joint with a deviation of 0.02 rad, never by more than 0.08.
 _ARM_SPREAD, _ARM_LIMIT = 0.02, 0.08
@@ -118,10 +115,10 @@ def _lay_out(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, draw: _Dr
 
     mujoco.mj_resetData(model, data)
     known = {model.joint(n).name for n in range(model.njnt)}
-    for name, middle in zip(ARM_JOINTS, scene.robot_init_qpos, strict=True):
+    for name, middle in zip(PANDA.arm_joints, PANDA.home_rad, strict=True):
         if name in known:
             data.joint(name).qpos[0] = round(middle + draw.normal(name, _ARM_SPREAD, _ARM_LIMIT), _DIGITS)
-    for name, position in FINGER_JOINTS.items():
+    for name, position in PANDA.finger_start.items():
         if name in known:
             data.joint(name).qpos[0] = position
     for fact in scene.task.start:
@@ -274,7 +271,7 @@ def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
 
 def _robot_addresses(model: mujoco.MjModel) -> tuple[list[int], list[int]]:
     joints = [model.joint(n) for n in range(model.njnt)]
-    held = [joint for joint in joints if joint.name in ARM_JOINTS or joint.name in FINGER_JOINTS]
+    held = [joint for joint in joints if joint.name in (*PANDA.arm_joints, *PANDA.finger_joints)]
     return [int(joint.qposadr[0]) for joint in held], [int(joint.dofadr[0]) for joint in held]
 
 

@@ -17,15 +17,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.worlds.robot import GRIPPER, MOUNT, OWNERS, ROBOT
+
 WHITE = "0.93 0.94 0.95 1"
 GREY = "0.45 0.46 0.48 1"
 DARK = "0.16 0.16 0.17 1"
-_COLOURS = {"robot0_link7": GREY, "gripper0_leftfinger": DARK, "gripper0_rightfinger": DARK}
-_KEPT_MESHES = ("gripper0_finger_vis",)
-_FINE_MESH = "robot0_link1"
-_OUTLINE = "robot0_link1_outline"
+_COLOURS = {f"{ROBOT}_link7": GREY, f"{GRIPPER}_leftfinger": DARK, f"{GRIPPER}_rightfinger": DARK}
+_KEPT_MESHES = (f"{GRIPPER}_finger_vis",)
+_FINE_MESH = f"{ROBOT}_link1"
+_OUTLINE = f"{_FINE_MESH}_outline"
 _OUTLINE_DIRECTIONS = 120
-_PREFIXES = ("robot0_", "gripper0_", "mount0_")
 
 
 def add_robot(document: ET.Element, robot: ET.Element) -> None:
@@ -72,7 +73,7 @@ def _lighten(robot: ET.Element) -> None:
 def _visual_twin(body: str, collision: ET.Element) -> ET.Element | None:
     """A geom to draw in place of a collision geom; None for those that something else stands for."""
     mesh = collision.get("mesh", "")
-    if mesh == "gripper0_finger" or collision.get("name", "").endswith("pad_collision"):
+    if mesh == f"{GRIPPER}_finger" or collision.get("name", "").endswith("pad_collision"):
         return None  # the fingers keep their own visual meshes
     if "feet" in collision.get("name", "") or "controller_box" in collision.get("name", ""):
         return None  # robosuite does not draw these parts of the pedestal either
@@ -84,7 +85,7 @@ def _visual_twin(body: str, collision: ET.Element) -> ET.Element | None:
     if mesh == _FINE_MESH:
         drawn.set("mesh", _OUTLINE)
     drawn.set("name", f"{collision.get('name', body)}_drawn")
-    drawn.set("rgba", DARK if body.startswith("mount0_") else _COLOURS.get(body, WHITE))
+    drawn.set("rgba", DARK if body.startswith(f"{MOUNT}_") else _COLOURS.get(body, WHITE))
     return drawn
 
 
@@ -108,7 +109,7 @@ def _drop_unused(robot: ET.Element, assets: ET.Element) -> None:
 
 def _bodies(root: ET.Element) -> Iterator[ET.Element]:
     for body in root.iter("body"):
-        if body.get("name", "").startswith(_PREFIXES):
+        if body.get("name", "").startswith(tuple(OWNERS)):
             yield body
 
 

@@ -16,9 +16,6 @@ from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Entity, Image
 from pytest_libero_max.worlds.privileged import Fact
 
-ROBOT_INIT_QPOS = (0.0, -0.161037389, 0.0, -2.44459747, 0.0, 2.2267522, 0.7853981633974483)
-"""LIBERO's start pose of the Panda's seven joints, rad."""
-
 
 @dataclass(frozen=True)
 class Region:
@@ -46,7 +43,6 @@ class Scene:
         language: The benchmark's instruction.
         mount: What the robot stands on: ``rethink`` (a pedestal behind the table) or ``ground``.
         robot_base_pos: Position of the robot's base, m, world.
-        robot_init_qpos: The seven joint angles at reset, rad.
         mjcf: A complete MJCF document without the robot.
         textures: Pictures by texture name; :func:`.textures.upload` writes them into a compiled model.
         entities: Objects in the order of their joints, then fixtures, then the surface.
@@ -61,7 +57,6 @@ class Scene:
     language: str
     mount: str
     robot_base_pos: tuple[float, float, float]
-    robot_init_qpos: tuple[float, ...]
     mjcf: str
     textures: Mapping[str, Image]
     entities: Mapping[str, Entity]
@@ -97,7 +92,6 @@ def build_scene(suite: str, index: int) -> Scene:
         language=row.language,
         mount=arena.mount,
         robot_base_pos=arena.robot_base_pos,
-        robot_init_qpos=ROBOT_INIT_QPOS,
         mjcf=document,
         textures=pictures,
         entities=entities,

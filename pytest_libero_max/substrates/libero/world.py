@@ -35,26 +35,19 @@ from pytest_libero_max.worlds.contract import (
     Goal,
     Image,
     ImageSize,
-    PixelFilter,
     Semantics,
 )
 from pytest_libero_max.worlds.privileged import Fact, GraspablePart, facts
 from pytest_libero_max.worlds.rendering.renderer import Renderer
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
+from pytest_libero_max.worlds.robot import PANDA, ROBOT
 
 import mujoco  # isort: skip - the rooms above have settled its backend
 
 _LINEAR = 1
 """``mjCOLORSPACE_LINEAR``: textures as they are, which is how MuJoCo before 3.3.3 showed all of them."""
 
-_SEEN = {
-    "robot0_eef_pos": 3,
-    "robot0_eef_quat": 4,
-    "robot0_gripper_qpos": 2,
-    "robot0_gripper_qvel": 2,
-    "robot0_joint_pos": 7,
-    "robot0_joint_vel": 7,
-}
+_SEEN = PANDA.proprioception
 
 _RUNNERS_LOOKS = 3
 """Fresh observations that the authors' runner asks for between ``set_init_state`` and the first step: two
@@ -174,7 +167,7 @@ class LiberoWorld(RobosuiteWorld):
 
     def look(self) -> None:
         """Look out of turn, as a source variation does in the middle of its changes."""
-        self._refresh()
+        self._after_alteration()
         self._sample_earlier()
 
     def pin(self, entity: str) -> None:
@@ -201,24 +194,7 @@ class LiberoWorld(RobosuiteWorld):
         return self._holds() if self._fresh and not self._pinned[0] else self._solved
 
     def end_effector(self) -> Array:
-        return super().end_effector() if self._fresh else self._seen["robot0_eef_pos"].copy()
-
-    def alter(self, field: str, index: int | slice, value: Any) -> None:
-        super().alter(field, index, value)
-        self._refresh()
-
-    def place(
-        self,
-        entity: str,
-        position: Sequence[float] | Array,
-        quaternion: Sequence[float] | Array | None = None,
-    ) -> None:
-        super().place(entity, position, quaternion)
-        self._refresh()
-
-    def push(self, entity: str, velocity_m_s: Sequence[float] | Array) -> None:
-        super().push(entity, velocity_m_s)
-        self._refresh()
+        return super().end_effector() if self._fresh else self._seen[f"{ROBOT}_eef_pos"].copy()
 
     def park(self, entity: str, position: Sequence[float] | Array) -> None:
         if self._semantics == "published":
@@ -227,7 +203,6 @@ class LiberoWorld(RobosuiteWorld):
             self._parked[entity] = (*at.tolist(), *orientation.tolist())
         else:
             super().park(entity, position)
-        self._refresh()
 
     def unpark(
         self,
@@ -245,21 +220,11 @@ class LiberoWorld(RobosuiteWorld):
                 raise
         else:
             super().unpark(entity, position, quaternion)
-        self._refresh()
-
-    def add_filter(self, filter: PixelFilter) -> None:
-        super().add_filter(filter)
-        self._refresh()
-
-    def remove_filter(self, index: int) -> None:
-        super().remove_filter(index)
-        self._refresh()
 
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
         super().pose_arm(joints)
         self._stale = False
         self._stepper.start()
-        self._refresh()
 
     # One control step.
 
@@ -292,7 +257,7 @@ class LiberoWorld(RobosuiteWorld):
         address = int(self._pinned[0])
         self._data.qpos[address : address + 7] = self._pinned[1:]
         self._settle()
-        self._refresh()
+        self._after_alteration()
         self._asked = False  # what a step returns is always that look, so it does not matter when one is due
 
     def _begin(self, action: Array) -> tuple[Array, int]:
@@ -325,9 +290,9 @@ class LiberoWorld(RobosuiteWorld):
     def _sample(self) -> None:
         for name, value in super()._proprioception().items():
             self._seen[name][:] = value
-        self._seen["robot0_eef_pos"][:] = super().end_effector()
+        self._seen[f"{ROBOT}_eef_pos"][:] = super().end_effector()
 
-    def _refresh(self) -> None:
+    def _after_alteration(self) -> None:
         """Note that the world was altered: until the next step, an observation shows it as it is now."""
         self._fresh = self._asked = True
         self._env._post_process()
@@ -374,7 +339,7 @@ class LiberoWorld(RobosuiteWorld):
         self._pinned[:] = 0.0
         for seen in (self._seen_qpos, *self._seen.values()):
             seen[:] = 0.0
-        self._refresh()
+        self._after_alteration()
         self._asked = False
 
     def _controller_state(self) -> Array:

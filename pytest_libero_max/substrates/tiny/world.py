@@ -18,7 +18,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 from pytest_libero_max.worlds.rendering import gl
-from pytest_libero_max.worlds.robot import Robot
+from pytest_libero_max.worlds.robot import GRIPPER, PANDA, Robot
 
 gl.prepare()
 
@@ -134,7 +134,12 @@ _ENTITIES = {
     )
 }
 
-_HAND = Robot(finger_joints=("finger_1", "finger_2"))
+_HAND = Robot(
+    name="hand",
+    arm_joints=("hand_x", "hand_y", "hand_z"),
+    finger_joints=("finger_1", "finger_2"),
+    hand_body=f"{GRIPPER}_hand",
+)
 
 
 class TinyWorld(MujocoWorld):
@@ -149,12 +154,12 @@ class TinyWorld(MujocoWorld):
     def __init__(self) -> None:
         model = mujoco.MjModel.from_xml_string(_MJCF)
         super().__init__("tiny/0", LANGUAGE, model, mujoco.MjData(model), _ENTITIES, _HAND)
-        self._site = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "gripper0_grip_site"))
-        self._hand = [int(model.joint(f"hand_{axis}").qposadr[0]) for axis in "xyz"]
-        self._hand_dofs = [int(model.joint(f"hand_{axis}").dofadr[0]) for axis in "xyz"]
-        self._hand_body = int(model.body("gripper0_hand").id)
-        self._fingers = [int(model.joint(f"finger_{side}").qposadr[0]) for side in (1, 2)]
-        self._finger_dofs = [int(model.joint(f"finger_{side}").dofadr[0]) for side in (1, 2)]
+        self._site = int(model.site(_HAND.grip_site).id)
+        self._hand = [int(model.joint(name).qposadr[0]) for name in _HAND.arm_joints]
+        self._hand_dofs = [int(model.joint(name).dofadr[0]) for name in _HAND.arm_joints]
+        self._hand_body = int(model.body(_HAND.hand_body).id)
+        self._fingers = [int(model.joint(name).qposadr[0]) for name in _HAND.finger_joints]
+        self._finger_dofs = [int(model.joint(name).dofadr[0]) for name in _HAND.finger_joints]
         self._opening = 0.0
         self.reset(0)
 
@@ -189,16 +194,17 @@ class TinyWorld(MujocoWorld):
         return False
 
     def _proprioception(self) -> dict[str, Array]:
-        joints, velocities = np.zeros(7), np.zeros(7)
+        joints, velocities = np.zeros((2, len(PANDA.arm_joints)))  # policies expect those of LIBERO's arm
         joints[:3], velocities[:3] = self._data.qpos[self._hand], self._data.qvel[self._hand_dofs]
-        return {
-            "robot0_eef_pos": self.end_effector(),
-            "robot0_eef_quat": np.roll(self._data.xquat[self._hand_body], -1),
-            "robot0_gripper_qpos": self._data.qpos[self._fingers],
-            "robot0_gripper_qvel": self._data.qvel[self._finger_dofs],
-            "robot0_joint_pos": joints,
-            "robot0_joint_vel": velocities,
-        }
+        values = (
+            self.end_effector(),
+            np.roll(self._data.xquat[self._hand_body], -1),
+            self._data.qpos[self._fingers],
+            self._data.qvel[self._finger_dofs],
+            joints,
+            velocities,
+        )
+        return dict(zip(PANDA.proprioception, values, strict=True))
 
     def end_effector(self) -> Array:
         position: Array = self._data.site_xpos[self._site].copy()
