@@ -47,9 +47,10 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.registry import open_substrate
     from pytest_libero_max.substrates.tiny.world import TinyWorld
     from pytest_libero_max.tasks.contents import TaskMetadata
-    from pytest_libero_max.worlds.contract import Entity, World, WorldState
+    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, World, WorldState
 
 __all__ = [
+    "AlterableWorld",
     "Arm",
     "ArmEnv",
     "BatchItem",
@@ -143,7 +144,7 @@ _HOMES = {
     "report.stopping": ("StoppingRule",),
     "pairing.probes.probe": ("Probe",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
-    "worlds.contract": ("World", "WorldState", "Entity"),
+    "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
     "substrates.tiny.world": ("TinyWorld",),
 }
 """Public names by the module that defines them."""

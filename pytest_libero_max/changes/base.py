@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import AlterableWorld
 
 Factor = str
 """Factors that a change may touch: ``camera:<name>``, ``light``, ``material``, ``pixels``, ``robot``,
@@ -53,7 +53,7 @@ class Change(Protocol):
         """Everything :meth:`apply` may touch. All else stays bit-identical."""
         ...
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         """Alter the world now.
 
         Raises:

@@ -13,7 +13,7 @@ from pytest_libero_max.changes.fields import ManifestFields, Vector3, items, num
 from pytest_libero_max.changes.reversal import Reversal, altered_rows
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds import rotations
-from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 FOVY_RANGE_DEG = (5.0, 150.0)
 """Vertical field of view a shifted camera may have."""
@@ -60,7 +60,7 @@ class ShiftCamera(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({f"camera:{self.camera}"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         index = camera_index(world, self.operation, self.camera)
         model = world.model
         before = measure_camera(world, index)
@@ -97,7 +97,7 @@ class ShiftCamera(ManifestFields):
         )
 
 
-def camera_index(world: World, operation: str, camera: str) -> int:
+def camera_index(world: AlterableWorld, operation: str, camera: str) -> int:
     """The model's number of a camera.
 
     Raises:
@@ -129,7 +129,7 @@ def _camera_reversal(change: ShiftCamera | OrbitCamera | PlaceCamera, evidence: 
     return Reversal(change.operation, change.factors, rows=rows)
 
 
-def measure_camera(world: World, index: int) -> dict[str, Any]:
+def measure_camera(world: AlterableWorld, index: int) -> dict[str, Any]:
     """Pose of a camera, for the evidence."""
     model = world.model
     return {
@@ -185,7 +185,7 @@ class OrbitCamera(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({f"camera:{self.camera}"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         index = camera_index(world, self.operation, self.camera)
         before = measure_camera(world, index)
         pivot = np.array(self.pivot_m)
@@ -281,7 +281,7 @@ class PlaceCamera(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({f"camera:{self.camera}"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         index = camera_index(world, self.operation, self.camera)
         before = measure_camera(world, index)
         if self.share:
@@ -303,7 +303,7 @@ class PlaceCamera(ManifestFields):
         return self if s == 1.0 else replace(self, blend=self.share * s)
 
 
-def _write(world: World, index: int, place: Array, turn: rotations.Quaternion) -> None:
+def _write(world: AlterableWorld, index: int, place: Array, turn: rotations.Quaternion) -> None:
     if not np.array_equal(place, world.model.cam_pos[index]):
         world.alter("cam_pos", index, place)
     if not np.array_equal(turn, world.model.cam_quat[index]):

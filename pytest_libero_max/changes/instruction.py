@@ -10,7 +10,7 @@ from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, tex
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, frozen, saved
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.contract import Goal, World
+from pytest_libero_max.worlds.contract import AlterableWorld, Goal
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class SetInstruction(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"instruction"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before, former = _measure(world), _assigned(world)
         world.assign(instruction=self.instruction)
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
@@ -87,7 +87,7 @@ class SetTask(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"instruction", "goal"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before, former = _measure(world), _assigned(world)
         world.assign(self.instruction, self.goal)
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
@@ -102,11 +102,11 @@ class SetTask(ManifestFields):
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
-def _measure(world: World) -> dict[str, Any]:
+def _measure(world: AlterableWorld) -> dict[str, Any]:
     goal = world.assigned[1]
     return {"instruction": world.language, "goal": None if goal is None else [list(fact) for fact in goal]}
 
 
-def _assigned(world: World) -> dict[str, Any]:
+def _assigned(world: AlterableWorld) -> dict[str, Any]:
     instruction, goal = world.assigned
     return {"assigned": [instruction, None if goal is None else [list(fact) for fact in goal]]}

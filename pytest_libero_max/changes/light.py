@@ -22,7 +22,7 @@ from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.pixels import Brightness
 from pytest_libero_max.changes.reversal import Reversal, added_filters, altered_rows
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 LIGHT_FIELDS = ("light_ambient", "light_diffuse", "light_specular")
 DARKENED, BRIGHTENED = 0.75, 1.25
@@ -63,7 +63,7 @@ class SetLighting(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"light", "pixels"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = _measure_lighting(world)
         if self.scale != 1.0:
             for field in LIGHT_FIELDS:
@@ -86,7 +86,7 @@ class SetLighting(ManifestFields):
         return SetLighting(1.0 + (self.scale - 1.0) * s, 1.0 + (self.pixel_brightness - 1.0) * s)
 
 
-def _measure_lighting(world: World) -> dict[str, Any]:
+def _measure_lighting(world: AlterableWorld) -> dict[str, Any]:
     lamps: dict[str, Any] = {field: getattr(world.model, field).tolist() for field in LIGHT_FIELDS}
     return {**lamps, "filters": filter_records(world)}
 
@@ -144,7 +144,7 @@ class SetLamps(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"light"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = _measure_lamps(world)
         share = 1.0 if self.blend is None else self.blend
         if share > 0.0:
@@ -166,7 +166,7 @@ class SetLamps(ManifestFields):
             )
         return self if s == 1.0 else replace(self, blend=(1.0 if self.blend is None else self.blend) * s)
 
-    def _alter(self, world: World, share: float) -> None:
+    def _alter(self, world: AlterableWorld, share: float) -> None:
         model = world.model
         for position, field in enumerate(("light_ambient", "light_diffuse", "light_specular")):
             old = getattr(model, field).astype(np.float64)
@@ -194,5 +194,5 @@ class SetLamps(ManifestFields):
         return [math.cos(azimuth) * away, math.sin(azimuth) * away, -math.cos(math.radians(polar))]
 
 
-def _measure_lamps(world: World) -> dict[str, Any]:
+def _measure_lamps(world: AlterableWorld) -> dict[str, Any]:
     return {field: getattr(world.model, field).tolist() for field in _LAMP_FIELDS}

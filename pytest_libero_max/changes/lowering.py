@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.contract import AlterableWorld, Array
 from pytest_libero_max.worlds.rotations import fused_dot
 
 _STEP_M, _BISECTIONS, _MAX_STEPS = 0.004, 12, 500
 _BOX = 6  # mjGEOM_BOX
 
 
-def lower(world: World, name: str, onto: str, start: Array) -> None:
+def lower(world: AlterableWorld, name: str, onto: str, start: Array) -> None:
     """Lower an object until it would touch ``onto``, and leave it a few micrometres above that height."""
     at = start.copy()
 
@@ -40,7 +40,7 @@ def lower(world: World, name: str, onto: str, start: Array) -> None:
     meets(free)
 
 
-def _geoms(world: World, name: str) -> list[int]:
+def _geoms(world: AlterableWorld, name: str) -> list[int]:
     """The colliding geoms of an entity."""
     model = world.model
     root = model.body(world.entities[name].body).id
@@ -48,7 +48,7 @@ def _geoms(world: World, name: str) -> list[int]:
     return [int(geom) for geom in np.flatnonzero(inside & (model.geom_group == 0))]
 
 
-def top(world: World, name: str) -> float:
+def top(world: AlterableWorld, name: str) -> float:
     """Height of an entity's highest point, m."""
     model, data = world.model, world.data
     heights = []
@@ -62,7 +62,7 @@ def top(world: World, name: str) -> float:
     return max(heights)
 
 
-def reach(world: World, name: str) -> float:
+def reach(world: AlterableWorld, name: str) -> float:
     """Distance from an object's origin to its farthest point, m, at most."""
     model, data = world.model, world.data
     origin = data.body(world.entities[name].body).xpos

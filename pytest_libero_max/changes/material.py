@@ -24,7 +24,7 @@ from pytest_libero_max.changes.fields import (
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, Row, frozen, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import AlterableWorld
 
 COLOUR_FIELDS = ("geom_rgba", "mat_rgba")
 COLOUR_ROLE = 1
@@ -74,7 +74,7 @@ class SetVisualTheme(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"material"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before, former = _mean_colours(world), []
         if self.share > 0.0:
             for field in COLOUR_FIELDS:
@@ -99,7 +99,7 @@ class SetVisualTheme(ManifestFields):
         return new
 
 
-def _mean_colours(world: World) -> dict[str, Any]:
+def _mean_colours(world: AlterableWorld) -> dict[str, Any]:
     """Mean colours: enough to see the transform, small enough for every record."""
     means = {}
     for field in COLOUR_FIELDS:
@@ -133,7 +133,7 @@ class SetTexture(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"material"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         material = _number_of(world, "mat", "set_texture.material", self.material)
         texture = _number_of(world, "tex", "set_texture.texture", self.texture)
         before = _measure_materials(world, [material])
@@ -183,7 +183,7 @@ class CoverEntity(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"material"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         materials = _materials_of(world, self.entity)
         texture = -1
         if self.texture is not None:
@@ -202,7 +202,7 @@ class CoverEntity(ManifestFields):
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
-def _alter(world: World, field: str, row: int | None, value: Any) -> list[Any]:
+def _alter(world: AlterableWorld, field: str, row: int | None, value: Any) -> list[Any]:
     """Write a row of a model field, or all of it; returns what takes it back: field, row, former values."""
     index = slice(None) if row is None else row
     former = getattr(world.model, field)[index].tolist()
@@ -210,7 +210,7 @@ def _alter(world: World, field: str, row: int | None, value: Any) -> list[Any]:
     return [field, row, former]
 
 
-def _show(world: World, material: int, texture: int, rgb: Vector3 | None) -> list[list[Any]]:
+def _show(world: AlterableWorld, material: int, texture: int, rgb: Vector3 | None) -> list[list[Any]]:
     """Let a material show a texture, painted over unless ``rgb`` is None; returns what takes it back."""
     row = world.model.mat_texid[material].copy()
     row[COLOUR_ROLE] = texture
@@ -229,7 +229,7 @@ def _material_reversal(change: SetVisualTheme | SetTexture | CoverEntity, eviden
     return Reversal(change.operation, change.factors, rows=tuple(rows))
 
 
-def _materials_of(world: World, entity: str) -> list[int]:
+def _materials_of(world: AlterableWorld, entity: str) -> list[int]:
     if entity not in world.entities:
         raise EntityError(f"entity={entity!r} is not in the scene. {did_you_mean(entity, world.entities)}")
     model = world.model
@@ -246,7 +246,7 @@ def _materials_of(world: World, entity: str) -> list[int]:
     return sorted({material for material in drawn if material >= 0})
 
 
-def _number_of(world: World, kind: str, where: str, name: str) -> int:
+def _number_of(world: AlterableWorld, kind: str, where: str, name: str) -> int:
     model = world.model
     count, named = (model.nmat, model.mat) if kind == "mat" else (model.ntex, model.tex)
     known = [named(number).name for number in range(count)]
@@ -255,7 +255,7 @@ def _number_of(world: World, kind: str, where: str, name: str) -> int:
     return known.index(name)
 
 
-def _measure_materials(world: World, materials: Sequence[int]) -> dict[str, Any]:
+def _measure_materials(world: AlterableWorld, materials: Sequence[int]) -> dict[str, Any]:
     model = world.model
     return {
         "materials": [model.mat(material).name for material in materials],

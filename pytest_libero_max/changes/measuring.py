@@ -6,10 +6,10 @@ import dataclasses
 from collections.abc import Iterable
 from typing import Any
 
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import AlterableWorld
 
 
-def filter_records(world: World) -> list[dict[str, Any]]:
+def filter_records(world: AlterableWorld) -> list[dict[str, Any]]:
     """The world's active pixel filters as JSON values, in the order in which they act."""
     records = []
     for pixel_filter, since in world.filters:
@@ -20,7 +20,7 @@ def filter_records(world: World) -> list[dict[str, Any]]:
     return records
 
 
-def measure_poses(world: World, names: Iterable[str]) -> dict[str, Any]:
+def measure_poses(world: AlterableWorld, names: Iterable[str]) -> dict[str, Any]:
     """Positions of the entities named, for the evidence."""
     poses = {name: world.pose(name) for name in names}
     return {

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, strength_of
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import AlterableWorld
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Nothing(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset()
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         return Evidence(self.operation, (), {}, {})
 
     def reverted(self, evidence: Evidence) -> Nothing:

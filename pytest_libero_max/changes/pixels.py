@@ -22,7 +22,7 @@ from pytest_libero_max.changes.fields import ManifestFields, integer, number, st
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.reversal import Reversal, added_filters
 from pytest_libero_max.errors import ChangeError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, Image, World
+from pytest_libero_max.worlds.contract import CAMERAS, AlterableWorld, Image
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ class SetSensorCorruption(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"pixels"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = {"filters": filter_records(world)}
         if self.noise_std or self.occlusion_fraction:
             kind = PublishedSensorCorruption if world.semantics == "published" else SensorCorruption
@@ -266,7 +266,7 @@ class CorruptPicture(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"pixels"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = {"filters": filter_records(world)}
         share = 1.0 if self.blend is None else self.blend
         if share > 0.0:
@@ -314,7 +314,7 @@ class SetGlare(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"pixels"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = {"filters": filter_records(world)}
         if self.strength:
             world.add_filter(Glare(self.strength, self.across, self.up, self.radius))

@@ -29,7 +29,7 @@ from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, former_poses, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds import rotations
-from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 _FAR_ABOVE_M = 1.0
 
@@ -81,7 +81,7 @@ class MoveObject(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return pose_factors([self.object])
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         require_in_scene(world, self.operation, "object", self.object)
         if world.entities[self.object].kind == "surface":
             raise ChangeError(
@@ -136,7 +136,7 @@ class RemoveObject(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return pose_factors([self.object])
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         require_in_scene(world, self.operation, "object", self.object)
         kind = world.entities[self.object].kind
         if kind != "object":
@@ -209,7 +209,7 @@ class InsertObstacle(Placement):
     def factors(self) -> frozenset[Factor]:
         return pose_factors([self.object])
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         return _insert(world, self.operation, [self])
 
     def reverted(self, evidence: Evidence) -> Reversal:
@@ -259,7 +259,7 @@ class InsertDistractors(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return pose_factors(placement.object for placement in self.placements)
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         return _insert(world, self.operation, self.placements)
 
     def reverted(self, evidence: Evidence) -> Reversal:
@@ -310,7 +310,7 @@ class PutObject(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return pose_factors([self.object])
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         if self.object not in world.entities:
             raise EntityError(
                 f"entity={self.object!r} is not in the scene. {did_you_mean(self.object, world.entities)}"
@@ -369,7 +369,7 @@ class TurnObject(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return pose_factors([self.object])
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         require_in_scene(world, self.operation, "object", self.object)
         if world.entities[self.object].kind == "surface":
             raise ChangeError(
@@ -407,7 +407,7 @@ def _placement(where: str, value: Any) -> Placement:
         raise ChangeError(f"{where}: {error}") from error
 
 
-def _insert(world: World, operation: str, placements: Iterable[Placement]) -> Evidence:
+def _insert(world: AlterableWorld, operation: str, placements: Iterable[Placement]) -> Evidence:
     placements = tuple(placements)
     names = [placement.object for placement in placements]
     for placement in placements:
@@ -432,7 +432,7 @@ def _insert(world: World, operation: str, placements: Iterable[Placement]) -> Ev
     return Evidence(operation, tuple(sorted(pose_factors(names))), before, after, {"parked": former})
 
 
-def _parked_poses(world: World, names: Iterable[str]) -> dict[str, list[float]]:
+def _parked_poses(world: AlterableWorld, names: Iterable[str]) -> dict[str, list[float]]:
     """The poses (m and wxyz) that those of the objects which are out of the scene had in it."""
     poses = {name: world.parked_pose(name) for name in names if name in world.parked}
     return {name: [*position.tolist(), *turn.tolist()] for name, (position, turn) in poses.items()}
@@ -461,12 +461,12 @@ def _moved(evidence: Evidence, name: str) -> bool:
     return poses or (name in before["taken_out"]) != (name in after["taken_out"])
 
 
-def _require_known(world: World, entity: str) -> None:
+def _require_known(world: AlterableWorld, entity: str) -> None:
     if entity not in world.entities:
         raise EntityError(f"entity={entity!r} is not in the scene. {did_you_mean(entity, world.entities)}")
 
 
-def require_in_scene(world: World, operation: str, field: str, entity: str) -> None:
+def require_in_scene(world: AlterableWorld, operation: str, field: str, entity: str) -> None:
     """Raise unless ``entity`` exists and has not been taken out."""
     _require_known(world, entity)
     if entity in world.parked:
@@ -481,7 +481,7 @@ def pose_factors(names: Iterable[str]) -> frozenset[Factor]:
     return frozenset(f"pose:{name}" for name in names)
 
 
-def _objects(world: World) -> list[str]:
+def _objects(world: AlterableWorld) -> list[str]:
     return [name for name, entity in world.entities.items() if entity.kind == "object"]
 
 

@@ -11,7 +11,7 @@ from pytest_libero_max.changes.fields import all_or_nothing
 from pytest_libero_max.changes.measuring import filter_records, measure_poses
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.contract import Goal, World
+from pytest_libero_max.worlds.contract import AlterableWorld, Goal
 from pytest_libero_max.worlds.robot import ROBOT
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Reversal:
     joints: tuple[float, ...] | None = None
     assigned: tuple[()] | tuple[str | None, Goal | None] = ()
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         """Write the former values.
 
         Raises:

@@ -11,7 +11,7 @@ from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, flag, items, number, strength_of
 from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import AlterableWorld
 from pytest_libero_max.worlds.robot import GRIPPER, PANDA, ROBOT
 
 ARM_DOF = len(PANDA.arm_joints)
@@ -49,7 +49,7 @@ class OffsetArm(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"robot"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = _measure(world)
         if any(self.delta_joint_rad):
             joints, delta = np.array(before["joint_pos_rad"]), np.array(self.delta_joint_rad)
@@ -78,13 +78,13 @@ class OffsetArm(ManifestFields):
         return replace(self, delta_joint_rad=tuple(delta * s for delta in self.delta_joint_rad))
 
 
-def _touching(world: World) -> bool:
+def _touching(world: AlterableWorld) -> bool:
     """True if the robot touches anything that has a name."""
     return any(
         {ROBOT, GRIPPER} & set(world.contacts(name)) for name in world.entities if name not in world.parked
     )
 
 
-def _measure(world: World) -> dict[str, list[float]]:
+def _measure(world: AlterableWorld) -> dict[str, list[float]]:
     joints = world.observe(cameras=())[f"{ROBOT}_joint_pos"]
     return {"joint_pos_rad": joints.tolist(), "end_effector_m": world.end_effector().tolist()}

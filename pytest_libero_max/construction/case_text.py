@@ -21,7 +21,7 @@ from pytest_libero_max.report.writers.files import make_folder, write_bytes
 from pytest_libero_max.substrates.registry import own_variation
 from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import task_metadata
-from pytest_libero_max.worlds.contract import CAMERAS, Image, World
+from pytest_libero_max.worlds.contract import CAMERAS, Image, World, alterable
 
 _ENDINGS: Mapping[Ending, str] = {
     "solved": "completes Dynamic",
@@ -98,7 +98,7 @@ def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image
         SimulatorError: The renderer does not answer.
     """
     before = world.observe(CAMERAS, size)
-    change_from_dict(case.event.change).apply(world)
+    change_from_dict(case.event.change).apply(alterable(world))
     after = world.observe(CAMERAS, size)
     return {camera: (before[f"{camera}_image"][::-1], after[f"{camera}_image"][::-1]) for camera in CAMERAS}
 

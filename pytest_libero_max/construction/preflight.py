@@ -36,8 +36,10 @@ from pytest_libero_max.worlds.contract import (
     CAMERAS,
     CONTROL_HZ,
     NOOP_ACTION,
+    AlterableWorld,
     Image,
     World,
+    alterable,
 )
 from pytest_libero_max.worlds.robot import PANDA
 
@@ -238,7 +240,7 @@ def _go(world: World, case: Case, aim: _Aim, high: bool) -> bool:
 def _begin(world: World, case: Case) -> None:
     world.reset(case.init_state_index)
     for raw in case.event.setup:
-        change_from_dict(raw).apply(world)
+        change_from_dict(raw).apply(alterable(world))
     _hold(world, SETTLE_STEPS)
 
 
@@ -288,10 +290,10 @@ def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: 
     }
     here = world.snapshot()
     places = _positions(world)
-    change.apply(world)
+    change.apply(alterable(world))
     moving = bool(entities) and _positions(world) == places  # it sets in motion what stays where it was
-    found = [problem for name in entities for problem in _too_close(world, name, touching[name])]
-    found += _out_of_reach(world, change)
+    found = [problem for name in entities for problem in _too_close(alterable(world), name, touching[name])]
+    found += _out_of_reach(alterable(world), change)
     if world.succeeded():
         found.append(Problem("solved", "the event solves the task"))
     if found:
@@ -342,7 +344,7 @@ def _motion_problems(
         settling, loose = _settling(world, case, steps, touching)
         calm = {**settling, **calm}
     world.restore(here)
-    change.apply(world)
+    change.apply(alterable(world))
     disturbed = _drift(world, steps)
     if calm_image is not None:
         yield from _image_problems(calm_image, _image(world))
@@ -413,7 +415,7 @@ def _overlaps(world: World, touching: Mapping[str, set[str]]) -> Iterable[Proble
             yield Problem("contact", f"{name} touches {', '.join(sorted(new))}")
 
 
-def _too_close(world: World, name: str, touching: set[str]) -> Iterable[Problem]:
+def _too_close(world: AlterableWorld, name: str, touching: set[str]) -> Iterable[Problem]:
     import mujoco
 
     model = world.model
@@ -435,7 +437,7 @@ def _too_close(world: World, name: str, touching: set[str]) -> Iterable[Problem]
             yield Problem("clearance", detail)
 
 
-def _out_of_reach(world: World, change: Change) -> Iterable[Problem]:
+def _out_of_reach(world: AlterableWorld, change: Change) -> Iterable[Problem]:
     names = [world.model.body(i).name for i in range(world.model.nbody)]
     if change.operation != "move_object" or PANDA.base_body not in names:
         return

@@ -23,7 +23,7 @@ from pytest_libero_max.films.drawing import labels, shared_steps
 from pytest_libero_max.films.replay import Look, Tick, View, distinct_arms, opening_m
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
-from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, Image, World
+from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, Image, OnMujoco, World
 
 if TYPE_CHECKING:
     import rerun
@@ -261,6 +261,7 @@ def _compressed(image: Image) -> Any:
 
 
 def _camera(world: World, name: str) -> Camera:
+    assert isinstance(world, OnMujoco)
     number = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, name)
     data = world.data
     angle = float(np.deg2rad(world.model.cam_fovy[number]))

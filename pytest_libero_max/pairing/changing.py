@@ -15,7 +15,7 @@ from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, ImageSize, World
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, ImageSize, World, alterable
 
 
 def begin_world(case: Case, world: World, control: Control = "delta") -> None:
@@ -33,7 +33,7 @@ def begin_world(case: Case, world: World, control: Control = "delta") -> None:
     """
     world.reset(case.init_state_index)
     for change in case.event.setup:
-        change_from_dict(change).apply(world)
+        change_from_dict(change).apply(alterable(world))
     for _ in range(SETTLE_STEPS):
         world.step(NOOP_ACTION)
     world.set_control(control)
@@ -75,7 +75,7 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
     cameras, size = (spec.cameras, spec.image_size) if spec else ((), 1)
     images = _look(world, cameras, size)
     before = world.digest()
-    evidence = change.apply(world)
+    evidence = change.apply(alterable(world))
     if world.digest() == before and not isinstance(change, Nothing):
         raise ProtocolError(
             f"{item_id}: {change.operation} left the world bit for bit as it was, so the arm would equal the "

@@ -16,7 +16,7 @@ from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.pairing.trajectory import Trajectory, event_link, first_link, next_link
 from pytest_libero_max.policies.check import Actions, memory_of, remembers, sees
 from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.worlds.contract import WorldState
+from pytest_libero_max.worlds.contract import WorldState, alterable
 
 PrefixMode = Literal["fork", "replay"]
 """How an arm gets to the branch point: ``fork`` restores the snapshot taken there, ``replay`` plays the
@@ -123,7 +123,7 @@ def _replay(branch: BranchPoint, stage: Stage) -> None:
     shown = {result.step: result for result in played.queries} if show else {}
     for step in range(branch.step + 1):
         for firing in (firing for firing in played.firings if firing.step == step):
-            firing.applied.change.apply(world)
+            firing.applied.change.apply(alterable(world))
             digest, before = world.digest(), digest
             link = link if digest == before else event_link(link, digest)
             _compare(link, firing.link, branch, step, stage)

@@ -83,7 +83,7 @@ def check_cameras(policy: Policy, world: World) -> None:
         AdapterError: It lacks one; suggests the closest.
         SimulatorError: Nothing on this machine can draw; says what helps.
     """
-    known = [world.model.camera(number).name for number in range(world.model.ncam)]
+    known = world.cameras
     for camera in policy.spec.cameras:
         if camera not in known:
             raise AdapterError(

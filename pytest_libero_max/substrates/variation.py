@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pytest_libero_max.benchmark.cases import Source
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata, owner, task_metadata
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import AlterableWorld
 
 Item = TypeVar("Item")
 
@@ -49,7 +49,7 @@ class Variation:
         where = f"{self.suite}/{self.index:04d}" if self.source == "plus" else f"{self.suite}/{self.index}"
         return f"{self.source}/{where}" if self.source == "plus" else f"{self.source}/{self.category}/{where}"
 
-    def apply(self, world: World) -> None:
+    def apply(self, world: AlterableWorld) -> None:
         """Make the changes to a world that has just been reset.
 
         Raises:

@@ -1,7 +1,9 @@
 """The contract of a world: one scene that can be reset, stepped, rendered, copied and compared.
 
-Everything above this room (changes, policies, the pair runner) knows worlds only through
-:class:`World`. The two substrates, ``embedded`` and ``libero``, stand behind it.
+Everything above this room knows worlds through one of three protocols, each with a reader of its own.
+:class:`World` is what the pair runner, triggers and policies ask of any simulator. :class:`AlterableWorld` is
+what changes write to, with MuJoCo's model, whose fields camera, light and material are. A privileged policy
+may ask for more (:class:`.privileged.PrivilegedWorld`).
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.worlds.robot import HAND_CAMERA
+from pytest_libero_max.errors import SubstrateError
 
 if TYPE_CHECKING:
     import mujoco
@@ -33,7 +35,7 @@ ACTION_DIM = 7
 NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
 """Hold the pose with the gripper open: LIBERO's settle action."""
 
-CAMERAS = ("agentview", HAND_CAMERA)
+CAMERAS = ("agentview", "robot0_eye_in_hand")
 """The two cameras a LIBERO policy sees, in the order in which LIBERO lists them."""
 
 EntityKind = Literal["object", "fixture", "surface"]
@@ -153,43 +155,13 @@ class World(Protocol):
         ...
 
     @property
-    def assigned(self) -> tuple[str | None, Goal | None]:
-        """Instruction and goal given since reset in place of the task's own; None where they were not."""
-        ...
-
-    @property
-    def control(self) -> Control:
-        """What the actions of :meth:`step` are taken for; ``delta`` after a reset."""
-        ...
-
-    @property
-    def semantics(self) -> Semantics:
-        """Whether events keep the defects of the authors' code, which published numbers contain."""
-        ...
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """MuJoCo's model of the scene."""
-        ...
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's state of the scene."""
-        ...
-
-    @property
     def entities(self) -> Mapping[str, Entity]:
         """Everything that a case can name, by name."""
         ...
 
     @property
-    def steps(self) -> int:
-        """Control steps since reset (1 step = 50 ms)."""
-        ...
-
-    @property
-    def filters(self) -> tuple[tuple[PixelFilter, int], ...]:
-        """The pixel filters in use, in their order, each with the step at which it was added."""
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras of the scene."""
         ...
 
     @property
@@ -262,16 +234,11 @@ class World(Protocol):
         """Undo every write to the model or its options that was not made through this contract.
 
         The fields that changes alter are part of the digest and restored by a reset; all others are fixed
-        when the scene is built. A field too large to be put back leaves the world :attr:`spoiled`.
+        when the scene is built. The substrate builds a world anew where a field was too large to be put back.
 
         Returns:
             The fixed fields that had been written since the last call, for example ``opt.gravity``.
         """
-        ...
-
-    @property
-    def spoiled(self) -> bool:
-        """Whether a write could not be undone: the substrate then builds the scene anew."""
         ...
 
     def succeeded(self) -> bool:
@@ -306,7 +273,47 @@ class World(Protocol):
         """
         ...
 
-    # What changes use. Nothing else writes to a world from outside.
+    def close(self) -> None:
+        """Give back GL contexts and memory. The world cannot be used afterwards."""
+        ...
+
+
+@runtime_checkable
+class OnMujoco(World, Protocol):
+    """A world whose simulator is MuJoCo, with its raw model and state. Whoever reads them depends on it."""
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model of the scene."""
+        ...
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's state of the scene."""
+        ...
+
+
+@runtime_checkable
+class AlterableWorld(OnMujoco, Protocol):
+    """A world that changes can alter. Nothing else writes to a world from outside.
+
+    What is altered here belongs to :class:`WorldState`, and a reset undoes it.
+    """
+
+    @property
+    def semantics(self) -> Semantics:
+        """Whether events keep the defects of the authors' code, which published numbers contain."""
+        ...
+
+    @property
+    def assigned(self) -> tuple[str | None, Goal | None]:
+        """Instruction and goal given since reset in place of the task's own; None where they were not."""
+        ...
+
+    @property
+    def filters(self) -> tuple[tuple[PixelFilter, int], ...]:
+        """The pixel filters in use, in their order, each with the step at which it was added."""
+        ...
 
     def alter(self, field: str, index: int | slice, value: Any) -> None:
         """Write ``model.<field>[index] = value`` for an alterable field and bring derived data up to date.
@@ -382,6 +389,16 @@ class World(Protocol):
         """Put back what :attr:`assigned` was earlier in the episode; None means the task's own."""
         ...
 
-    def close(self) -> None:
-        """Give back GL contexts and memory. The world cannot be used afterwards."""
-        ...
+
+def alterable(world: World) -> AlterableWorld:
+    """Return the world as one that changes can alter.
+
+    Raises:
+        SubstrateError: It is none.
+    """
+    if not isinstance(world, AlterableWorld):
+        raise SubstrateError(
+            f"{world.scene} cannot be altered: a change needs the members of AlterableWorld, and "
+            f"{type(world).__name__} lacks some. Play it on a substrate that has them."
+        )
+    return world

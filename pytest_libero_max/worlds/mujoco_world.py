@@ -209,6 +209,7 @@ class MujocoWorld(ABC):
 
     @property
     def control(self) -> Control:
+        """Meaning of the actions of :meth:`step`; ``delta`` after a reset."""
         return self._control
 
     @property
@@ -228,7 +229,12 @@ class MujocoWorld(ABC):
         return MappingProxyType(self._entities)
 
     @property
+    def cameras(self) -> tuple[str, ...]:
+        return tuple(self._model.camera(number).name for number in range(self._model.ncam))
+
+    @property
     def steps(self) -> int:
+        """Control steps since reset (1 step = 50 ms)."""
         return self._steps
 
     @property
@@ -342,6 +348,7 @@ class MujocoWorld(ABC):
 
     @property
     def spoiled(self) -> bool:
+        """True if a write could not be undone: the substrate then builds the scene anew."""
         return self._guard is not None and self._guard.spoiled
 
     def position(self, entity: str) -> Array:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
-from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.contract import Array, OnMujoco
 
 if TYPE_CHECKING:
     import mujoco
@@ -95,7 +95,7 @@ class GraspablePart:
 
 
 @runtime_checkable
-class PrivilegedWorld(World, Protocol):
+class PrivilegedWorld(OnMujoco, Protocol):
     """A world that also tells what must be done, and whether it has been."""
 
     @property

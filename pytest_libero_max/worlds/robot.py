@@ -21,9 +21,6 @@ begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as
 OWNERS = {f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_": GRIPPER}
 """Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
 
-HAND_CAMERA = f"{ROBOT}_eye_in_hand"
-"""The camera that moves with the hand."""
-
 
 @dataclass(frozen=True)
 class Robot:

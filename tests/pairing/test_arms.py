@@ -19,7 +19,7 @@ from pytest_libero_max.events.triggers import AtStart, BudgetFraction, Proximity
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair, play_pair
 from pytest_libero_max.policies.contract import Episode
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import AlterableWorld
 
 from .actors import BUDGET, Approaching, make_case
 
@@ -38,7 +38,7 @@ class Nudge:
     def factors(self) -> frozenset[Factor]:
         return frozenset({"pose:box_1"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = world.position("box_1")
         world.place("box_1", before + self.offset_m)
         after = world.position("box_1")
@@ -65,7 +65,7 @@ class PutBack(Nudge):
 
     operation: ClassVar[str] = "put_back"
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         world.place("box_1", self.offset_m)
         return Evidence(self.operation, ("pose:box_1",), {}, {"position_m": world.position("box_1").tolist()})
 

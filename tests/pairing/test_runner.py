@@ -27,7 +27,7 @@ from pytest_libero_max.pairing.runner import (
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.contract import CAMERAS, alterable
 
 from .actors import BUDGET, Approaching, Looking, Posing, Solvable, make_case, policy_steps, shorten
 
@@ -410,9 +410,9 @@ def test_a_policy_that_writes_to_the_world_is_caught(world: TinyWorld, where: st
         def reset(self, episode: Episode) -> None:
             super().reset(episode)
             assert episode.world is not None
-            self.world = episode.world
+            self.world = alterable(episode.world)
             if where == "reset":
-                episode.world.place("box_1", (0.1, 0.15, 0.46))
+                alterable(episode.world).place("box_1", (0.1, 0.15, 0.46))
 
         def predict(self, observation: Any, query: Query) -> Any:
             self.world.data.qpos[0] += 1e-9

@@ -12,11 +12,11 @@ from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.pairing.runner import PairSettings, play_pair
 from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import OnMujoco
 
 from .actors import Approaching, make_case
 
-Write = Callable[[World], None]
+Write = Callable[[OnMujoco], None]
 
 
 class Writing(Approaching):
@@ -28,7 +28,7 @@ class Writing(Approaching):
 
     def reset(self, episode: Episode) -> None:
         super().reset(episode)
-        assert episode.world is not None
+        assert isinstance(episode.world, OnMujoco)
         self.world = episode.world
 
     def predict(self, observation: Any, query: Query) -> Any:
@@ -37,35 +37,35 @@ class Writing(Approaching):
         return super().predict(observation, query)
 
 
-def gravity(world: World) -> None:
+def gravity(world: OnMujoco) -> None:
     world.model.opt.gravity[2] = -1.0
 
 
-def friction(world: World) -> None:
+def friction(world: OnMujoco) -> None:
     world.model.geom_friction[:, 0] = 0.0
 
 
-def size(world: World) -> None:
+def size(world: OnMujoco) -> None:
     world.model.geom_size[-1] *= 2.0
 
 
-def timestep(world: World) -> None:
+def timestep(world: OnMujoco) -> None:
     world.model.opt.timestep = 0.004
 
 
-def mass(world: World) -> None:
+def mass(world: OnMujoco) -> None:
     world.model.body_mass[:] *= 2.0
 
 
-def light(world: World) -> None:
+def light(world: OnMujoco) -> None:
     world.model.light_diffuse[:] = 0.0
 
 
-def pose(world: World) -> None:
+def pose(world: OnMujoco) -> None:
     world.data.qpos[0] += 1e-9
 
 
-def played(world: World, mode: str = "fork") -> str:
+def played(world: OnMujoco, mode: str = "fork") -> str:
     settings = PairSettings(mode)  # type: ignore[arg-type]
     record = play_pair(make_case(), world, Approaching(privileged=True), settings).to_dict()
     return json.dumps({**record, "timings": None}, sort_keys=True)
@@ -97,7 +97,7 @@ def test_a_write_is_found_and_named_and_the_next_pair_is_what_it_was(
 
 
 def test_a_write_is_named_where_another_error_comes_first() -> None:
-    def destroy(world: World) -> None:
+    def destroy(world: OnMujoco) -> None:
         world.model.opt.gravity[2] = float("nan")
 
     world = TinyWorld()
@@ -109,7 +109,7 @@ def test_a_write_is_named_where_another_error_comes_first() -> None:
 
 
 def test_an_interrupt_leaves_the_scene_as_it_was_built() -> None:
-    def interrupt(world: World) -> None:
+    def interrupt(world: OnMujoco) -> None:
         gravity(world)
         raise KeyboardInterrupt
 

@@ -79,10 +79,6 @@ def page() -> str:
             if item.value.isdigit() or item.value.startswith("(")
         ),
     )
-    methods = table(
-        ("Member", "Meaning"),
-        ((code(name + _arguments(value)), one_line(summary(value))) for name, value in _members()),
-    )
     return f"""# Worlds
 
 {prose(description(worlds))}
@@ -127,14 +123,21 @@ without its known errors.
 
 ## The contract of a world
 
-{prose(description(contract.World))}
+{_protocol(contract.World)}
 
-{methods}
+## What changes use
+
+{_protocol(contract.OnMujoco)}
+
+{_protocol(contract.AlterableWorld)}
 """
 
 
-def _members() -> list[tuple[str, object]]:
-    return [(name, value) for name, value in vars(contract.World).items() if not name.startswith("_")]
+def _protocol(protocol: type) -> str:
+    """Description and table of the members that a protocol adds."""
+    members = ((name, value) for name, value in vars(protocol).items() if not name.startswith("_"))
+    rows = ((code(name + _arguments(value)), one_line(summary(value))) for name, value in members)
+    return f"{prose(description(protocol))}\n\n{table(('Member', 'Meaning'), rows)}"
 
 
 def _arguments(value: object) -> str:

@@ -15,7 +15,7 @@ from pytest_libero_max.probes import Column, View
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
-    from pytest_libero_max import Entity, Identity, TaskMetadata, World
+    from pytest_libero_max import AlterableWorld, Entity, Identity, TaskMetadata
 
 DIRECTIONS = 8
 """Number of directions along the table; the identity of a case says which one it is."""
@@ -46,7 +46,7 @@ class PushObject(ManifestFields):
     def factors(self) -> frozenset[Factor]:
         return frozenset({f"pose:{self.object}"})
 
-    def apply(self, world: World) -> Evidence:
+    def apply(self, world: AlterableWorld) -> Evidence:
         before = {"position_m": world.position(self.object).tolist()}
         if any(self.velocity_m_s):
             world.push(self.object, self.velocity_m_s)
