@@ -31,7 +31,7 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
-from pytest_libero_max.plugin.processes.deaths import CRASH_PHASE
+from pytest_libero_max.plugin.processes.retries import CRASH_PHASE
 from pytest_libero_max.plugin.progress import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_room
 from pytest_libero_max.plugin.run_end import RunEnd

@@ -21,7 +21,7 @@ from pytest_libero_max.plugin.fixtures import (
     libero_max_substrate,
     libero_max_world,
 )
-from pytest_libero_max.plugin.processes.guard import STDERR
+from pytest_libero_max.plugin.processes.pair_process import STDERR
 from pytest_libero_max.plugin.stash_keys import (
     MEASURED_INPUT,
     NOTE,
@@ -94,7 +94,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
         use_one_blas_thread()
     if in_use and hasattr(config, "workerinput"):
-        from pytest_libero_max.plugin.processes.channel import keep_from_children
+        from pytest_libero_max.plugin.processes.pair_process import keep_from_children
         from pytest_libero_max.plugin.stopping import PairGate
 
         keep_from_children(config)

@@ -15,7 +15,7 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import option_values as read
-from pytest_libero_max.plugin.processes.timeouts import Limits
+from pytest_libero_max.plugin.processes.time_limits import Limits
 from pytest_libero_max.runs.media import FILM_SELECTIONS
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES

@@ -16,7 +16,7 @@ from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.processes.guard import Guard, guard_of
+from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.plugin.stopping import stop_run
 from pytest_libero_max.runs.media import FILMS_NAME, TRACES_NAME
@@ -39,35 +39,37 @@ LIMIT_REACHED = (
 
 def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     """Play a pair in the process of the session or of its worker; what goes wrong is left on the item."""
-    guard = guard_of(request.config)
+    process = pair_process_of(request.config)
     try:
-        with guard.pair():
-            return play(request, case, guard)
+        with process.pair():
+            return play(request, case, process)
     except Unsupported as unsupported:
         pytest.skip(str(unsupported))
     except BaseException as error:
         raised = error
-    return _leave(request, case, guard, raised)
+    return _leave(request, case, process, raised)
 
 
-def _leave(request: pytest.FixtureRequest, case: Case, guard: Guard, error: BaseException) -> NoReturn:
+def _leave(
+    request: pytest.FixtureRequest, case: Case, process: PairProcess, error: BaseException
+) -> NoReturn:
     """Leave what went wrong on the item, and fail it; outside of its handler, or pytest shows it twice."""
     from pytest_libero_max.policies.check import ends_the_session
 
-    limit = guard.ended_by(error)
+    limit = process.ended_by(error)
     if limit is None and ends_the_session(error):
         raise error
-    request.node.stash[RESULT] = PairError.of(case, limit or error, guard.phase).to_dict()
+    request.node.stash[RESULT] = PairError.of(case, limit or error, process.phase).to_dict()
     if limit is not None:
         stop_run(request.node, LIMIT_REACHED)
         pytest.fail(explain(limit), pytrace=False)
-    if guard.phase == POLICY_PHASE:
+    if process.phase == POLICY_PHASE:
         stop_run(request.node, BROKEN_POLICY)
     if isinstance(error, LiberoMaxError):
         pytest.fail(explain(error), pytrace=False)
     if not isinstance(error, Exception):
         # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
-        raise LiberoMaxError(f"{type(error).__name__} in phase {guard.phase!r}: {error}") from error
+        raise LiberoMaxError(f"{type(error).__name__} in phase {process.phase!r}: {error}") from error
     raise error
 
 
@@ -75,29 +77,31 @@ class Unsupported(Exception):
     """The policy declares that it does not support the suite of the case."""
 
 
-def play(request: pytest.FixtureRequest, case: Case, guard: Guard) -> PairRecord:
+def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> PairRecord:
     """Play a pair in this process.
 
     Raises:
         Unsupported: The policy does not play this suite.
-        BaseException: Whatever a policy, a fixture or the simulator raises; the guard knows the phase.
+        BaseException: Whatever a policy, a fixture or the simulator raises; the process knows the phase.
     """
     # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
-    guard.enter(POLICY_PHASE)
+    process.enter(POLICY_PHASE)
     policy = request.getfixturevalue("libero_max_policy")
     if not policy.spec.supports(case.suite):
         suites = ", ".join(policy.spec.suites or ())
         raise Unsupported(f"unsupported: policy {policy.spec.name!r} declares the suites {suites}")
-    guard.enter("setup")
-    with guard.watchdog.pair():
-        pair, world = _measure(request, case, guard, policy)
+    process.enter("setup")
+    with process.watchdog.pair():
+        pair, world = _measure(request, case, process, policy)
     notes = _keep(pair, case, world, settings_of(request.config))
     if notes:
         request.node.stash[NOTE] = "; ".join(notes)
     return pair.record
 
 
-def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: Policy) -> tuple[Pair, World]:
+def _measure(
+    request: pytest.FixtureRequest, case: Case, process: PairProcess, policy: Policy
+) -> tuple[Pair, World]:
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
     from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
     from pytest_libero_max.policies.adapter_digest import adapter_digest
@@ -108,12 +112,12 @@ def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: P
     world = request.getfixturevalue("libero_max_world")
     world_s = perf_counter() - begin
     if ADAPTER_DIGEST not in request.config.stash:
-        guard.enter(POLICY_PHASE)
+        process.enter(POLICY_PHASE)
         check_cameras(policy, world)
         if settings.study is not None:
             settings.study.check_policy(policy.spec)
         request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference, settings.profile)
-        guard.enter("setup")
+        process.enter("setup")
     fingerprints = {
         **substrate.fingerprint(),
         **scene_fingerprints(world, case.init_state_index),
@@ -126,8 +130,8 @@ def _measure(request: pytest.FixtureRequest, case: Case, guard: Guard, policy: P
         case,
         world,
         policy,
-        PairSettings(settings.prefix, fingerprints, guard.watchdog),
-        guard.enter,
+        PairSettings(settings.prefix, fingerprints, process.watchdog),
+        process.enter,
         _arms(case, policy, settings, repeat_base=case.item_id in noise_cases_of(request.config)),
     )
     if settings.study is not None:

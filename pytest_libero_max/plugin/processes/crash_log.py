@@ -1,4 +1,4 @@
-"""What a process that plays pairs leaves behind when it dies: what it did, and the end of its stderr."""
+"""Crash log of a process that plays pairs: what it was doing when it died, and the end of its stderr."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ from typing import TextIO
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import CrashError, LiberoMaxError, MemoryLimitError, TimeLimitError
-from pytest_libero_max.plugin.processes.timer import time_signal
 
 _HEADER = 256
 """Bytes at the start of the file that say what is being done; the rest is what was written to stderr."""
 
 _MOST_READ = 64 * 1024
-"""So many bytes of the end of stderr are read."""
+"""Bytes of the end of stderr that are read."""
 
 MEMORY = "memory"
-"""What a process does last that wanted more memory than it may use."""
+"""Last activity of a process that wanted more memory than it may use."""
 
 _FRAME = re.compile(r'File "(.+)", line (\d+) in (.+)')
 _DUMP = re.compile(r"(Fatal Python error: |^(Current t|T)hread 0x)", re.MULTILINE)
@@ -33,12 +32,12 @@ _OUT_OF_MEMORY = "The kernel sends it to a process when the machine has no memor
 
 
 @dataclass(frozen=True)
-class Doing:
-    """What a process is doing.
+class Activity:
+    """Activity of a process.
 
     Attributes:
         phase: Phase of the pair, as in its record of an error.
-        what: In words, for a message: ``a query of the policy``.
+        what: For a message: ``a query of the policy``.
         limit: Option with the time limit that holds, and its value, for a message. Empty where none does.
     """
 
@@ -47,8 +46,8 @@ class Doing:
     limit: str = ""
 
 
-class LastWords:
-    """A file that outlives the process: it is written while the process lives, and read by another one.
+class CrashLog:
+    """File that a process writes while it lives, and another one reads after its death.
 
     Args:
         path: The file; made anew.
@@ -59,22 +58,22 @@ class LastWords:
         # Never closed: what an adapter logs with may keep it, and goes on writing after the pair.
         self._stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
         self._forget()
-        self.note(Doing())
+        self.note(Activity())
         faulthandler.enable(self._file)
 
     @property
     def descriptor(self) -> int:
-        """Where handlers of signals write to."""
+        """File descriptor that handlers of signals write to."""
         return self._file
 
-    def note(self, doing: Doing) -> None:
-        """Remember what begins now."""
-        text = json.dumps(asdict(doing)).encode()[:_HEADER]
+    def note(self, activity: Activity) -> None:
+        """Note the activity that begins now."""
+        text = json.dumps(asdict(activity)).encode()[:_HEADER]
         os.pwrite(self._file, text.ljust(_HEADER), 0)
 
     @contextmanager
-    def hearing(self) -> Iterator[None]:
-        """Collect what is written to stderr in the block, also by native code, and pass it on after it."""
+    def capture_stderr(self) -> Iterator[None]:
+        """Keep what is written to stderr in the block, also by native code, and pass it on after it."""
         python = sys.stderr
         before = os.dup(2)
         try:
@@ -100,10 +99,10 @@ class LastWords:
 
 @dataclass(frozen=True)
 class Death:
-    """How a process ended that was to play a pair.
+    """Death of a process that was to play a pair.
 
     Attributes:
-        error: What the pair ends with, if it is not played again.
+        error: Error of the pair, if it is not played again.
         phase: Phase of the pair.
         text: The end of what it wrote to stderr, with the tracebacks of its threads.
     """
@@ -123,54 +122,63 @@ class Death:
 
     @classmethod
     def from_dict(cls, values: Json) -> Death:
-        """From what :meth:`to_dict` returned."""
+        """Read what :meth:`to_dict` returned."""
         kinds = (TimeLimitError, MemoryLimitError)
         kind = next((kind for kind in kinds if kind.__name__ == values["kind"]), CrashError)
         return cls(kind(values["message"]), values["phase"], values["text"])
 
 
 def read_death(path: Path | None, status: int | None, who: str) -> Death:
-    """Find out how a process ended.
+    """Read why a process died.
 
     Args:
-        path: Its last words; None where they are on another machine.
+        path: Its crash log; None where it is on another machine.
         status: Its exit status, negative for a signal; None where it is not known.
-        who: Who it was, for the message: ``worker gw1``.
+        who: Its name for the message: ``worker gw1``.
     """
-    doing, text = Doing(phase=""), ""
+    activity, text = Activity(phase=""), ""
     if path is not None:
         with suppress(OSError, ValueError, TypeError):  # it died before it could write
-            doing, text = _read(path)
-    if status == -time_signal(hard=True) and doing.limit:
-        return Death(TimeLimitError(time_limit_text(doing, _place(text))), doing.phase, text)
-    if doing.what == MEMORY:
-        return Death(MemoryLimitError(f"{who}: {doing.limit}"), doing.phase, text)
+            activity, text = _read(path)
+    if status == -time_signal(hard=True) and activity.limit:
+        return Death(TimeLimitError(time_limit_text(activity, _place(text))), activity.phase, text)
+    if activity.what == MEMORY:
+        return Death(MemoryLimitError(f"{who}: {activity.limit}"), activity.phase, text)
     place = _place(text)
-    where = f" in {doing.what}" if doing.phase else ""
-    said = _said(text)
+    where = f" in {activity.what}" if activity.phase else ""
+    last_line = _last_line(text)
     message = f"{who} {_ended(status)}{where}{_bracketed(place)}."
     if status == -signal.SIGKILL:
         message += f" {_OUT_OF_MEMORY}"
-    if said:
-        message += f" Its last line on stderr: {said!r}."
+    if last_line:
+        message += f" Its last line on stderr: {last_line!r}."
     # A kill comes from outside: that it met the loading of the policy says nothing about the policy.
-    return Death(CrashError(message), "" if status == -signal.SIGKILL else doing.phase, text)
+    return Death(CrashError(message), "" if status == -signal.SIGKILL else activity.phase, text)
 
 
-def time_limit_text(doing: Doing, place: str = "") -> str:
-    """The message of a pair that a time limit ended."""
+def time_signal(hard: bool) -> int:
+    """Signal with which a time limit ends a process: a real-time one, whose default is to end it.
+
+    Args:
+        hard: Whether it is the one that no handler of Python's turns into an exception.
+    """
+    return signal.SIGRTMIN + (10 if hard else 9)
+
+
+def time_limit_text(activity: Activity, place: str = "") -> str:
+    """Message of a pair that a time limit ended."""
     return (
-        f"{doing.what} took longer than {doing.limit} allows{_bracketed(place)}. The pair counts as not "
-        "measured. Look for what hangs, or raise the limit."
+        f"{activity.what} took longer than {activity.limit} allows{_bracketed(place)}. The pair counts as "
+        "not measured. Look for what hangs, or raise the limit."
     )
 
 
-def _read(path: Path) -> tuple[Doing, str]:
+def _read(path: Path) -> tuple[Activity, str]:
     with path.open("rb") as file:
-        doing = Doing(**json.loads(file.read(_HEADER)))
+        activity = Activity(**json.loads(file.read(_HEADER)))
         size = file.seek(0, os.SEEK_END)
         file.seek(max(_HEADER, size - _MOST_READ))
-        return doing, file.read().decode(errors="replace").replace("\0", "")
+        return activity, file.read().decode(errors="replace").replace("\0", "")
 
 
 def _ended(status: int | None) -> str:
@@ -186,7 +194,7 @@ def _ended(status: int | None) -> str:
 
 
 def place_of(file: str, line: int | str, function: str) -> str:
-    """A place in code, for a message: ``adapter.py, line 12, in predict``."""
+    """Place in code for a message: ``adapter.py, line 12, in predict``."""
     return f"{Path(file).name}, line {line}, in {function}"
 
 
@@ -195,13 +203,13 @@ def _bracketed(place: str) -> str:
 
 
 def _place(text: str) -> str:
-    """The innermost frame of the thread that was stopped."""
+    """Innermost frame of the thread that was stopped."""
     frame = _FRAME.search(text, max(text.rfind("Current thread 0x"), 0))
     return place_of(frame[1], frame[2], frame[3]) if frame else ""
 
 
-def _said(text: str) -> str:
-    """The last line that the process itself wrote, before the tracebacks."""
+def _last_line(text: str) -> str:
+    """Last line that the process itself wrote, before the tracebacks."""
     dump = _DUMP.search(text)
     lines = (text[: dump.start()] if dump else text).strip().splitlines()
     return lines[-1].strip()[:300] if lines else ""

@@ -20,9 +20,9 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import settings_of
-from pytest_libero_max.plugin.processes.crash_log import Death, LastWords, read_death
-from pytest_libero_max.plugin.processes.deaths import keep_text, pair_error
-from pytest_libero_max.plugin.processes.guard import Guard
+from pytest_libero_max.plugin.processes.crash_log import CrashLog, Death, read_death
+from pytest_libero_max.plugin.processes.pair_process import PairProcess
+from pytest_libero_max.plugin.processes.retries import keep_text, pair_error
 from pytest_libero_max.plugin.run_pair import BROKEN_POLICY, Unsupported, explain, play
 from pytest_libero_max.plugin.stash_keys import NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.plugin.stopping import stop_run
@@ -39,7 +39,7 @@ def play_apart(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     settings, node = settings_of(request.config), request.node
     with tempfile.TemporaryDirectory(prefix="libero-max-") as folder:
         for number in range(1, settings.retries + 2):
-            told = _in_child(Path(folder), lambda words: _played(request, case, words))
+            told = _in_child(Path(folder), lambda log: _played(request, case, log))
             if not isinstance(told, Death):
                 break
             keep_text(settings.output, case.item_id, number, told.text)
@@ -59,13 +59,13 @@ def play_apart(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     pytest.fail(told["text"], pytrace=False)
 
 
-def _played(request: pytest.FixtureRequest, case: Case, words: LastWords) -> Json:
+def _played(request: pytest.FixtureRequest, case: Case, log: CrashLog) -> Json:
     """Play the pair, in the child; what comes of it as JSON values."""
     workers = getattr(request.config, "workerinput", {}).get("workercount", 1)
-    guard = Guard(settings_of(request.config), int(workers), words)
+    process = PairProcess(settings_of(request.config), int(workers), log)
     try:
-        with guard.pair():
-            record = play(request, case, guard)
+        with process.pair():
+            record = play(request, case, process)
     except Unsupported as unsupported:
         return {"skip": str(unsupported)}
     except pytest.skip.Exception as skipped:
@@ -76,13 +76,13 @@ def _played(request: pytest.FixtureRequest, case: Case, words: LastWords) -> Jso
         text = explain(error)
         if type(error).__module__.startswith("_pytest."):
             return {"text": text}
-        return {"error": PairError.of(case, error, guard.phase).to_dict(), "text": text}
+        return {"error": PairError.of(case, error, process.phase).to_dict(), "text": text}
     return {"record": record.to_dict(), "note": request.node.stash.get(NOTE, None)}
 
 
-def _in_child(folder: Path, play: Callable[[LastWords], Json]) -> Json | Death:
+def _in_child(folder: Path, play: Callable[[CrashLog], Json]) -> Json | Death:
     """Call a function in a child of this process; what it returned, or how the child died."""
-    words, answer = folder / "words", folder / "answer"
+    log, answer = folder / "crash-log", folder / "answer"
     answer.unlink(missing_ok=True)
     sys.stdout.flush()
     sys.stderr.flush()
@@ -91,7 +91,7 @@ def _in_child(folder: Path, play: Callable[[LastWords], Json]) -> Json | Death:
         warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if child == 0:
-        _be_child(words, answer, play)
+        _be_child(log, answer, play)
     try:
         _, status = os.waitpid(child, 0)
     finally:  # what the adapter has started, and after an interrupt the child itself
@@ -100,17 +100,17 @@ def _in_child(folder: Path, play: Callable[[LastWords], Json]) -> Json | Death:
     try:
         told: Json = json.loads(answer.read_bytes())
     except (OSError, ValueError):
-        death = read_death(words, os.waitstatus_to_exitcode(status), "the process of the pair")
+        death = read_death(log, os.waitstatus_to_exitcode(status), "the process of the pair")
         sys.stderr.write(death.text)
         return death
     return told
 
 
-def _be_child(words: Path, answer: Path, play: Callable[[LastWords], Json]) -> NoReturn:
+def _be_child(log: Path, answer: Path, play: Callable[[CrashLog], Json]) -> NoReturn:
     try:
         ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
         os.setpgid(0, 0)
-        told = play(LastWords(words))
+        told = play(CrashLog(log))
         part = answer.with_name("part")
         part.write_text(json.dumps(told), encoding="utf-8")
         part.replace(answer)

@@ -1,24 +1,33 @@
-"""What becomes of a pair whose process died: it is played again some times, and then set aside."""
+"""Retries of a pair whose process died: it is played again some times, and is then an error of its own."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.crash_log import Death
-from pytest_libero_max.plugin.processes.deaths import keep_text, pair_error
 from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.plugin.stopping import RunStop
+from pytest_libero_max.runs.media import CRASHES_NAME
+
+CRASH_PHASE = "crash"
+"""Phase of a pair error: each process that played the pair died."""
 
 RETRIED = "retried"
 """Outcome of the report of a pair that is played again, or was measured before its process died."""
 
-FRUITLESS = 4
-"""A run stops after so many deaths in a row for each process and each time that a pair may be played."""
+DEATHS_IN_A_ROW = 4
+"""Deaths in a row, for each process and each time that a pair may be played, after which a run stops."""
+
+_NAMED = 5
+"""Pairs that a line of the summary names."""
 
 
 class Retries:
@@ -26,8 +35,8 @@ class Retries:
 
     Args:
         settings: Of the run.
-        processes: How many play at once.
-        kind: What they are called: ``workers``.
+        processes: Number of processes that play at once.
+        kind: Their name for messages: ``workers``.
         stop: Of the run.
     """
 
@@ -41,28 +50,28 @@ class Retries:
         self._in_a_row = 0
 
     def died(self, death: Death) -> None:
-        """A process died. Stops the run if nothing else than deaths happens any more."""
+        """Count a death. Stops the run where nothing but deaths happens any more."""
         self._in_a_row += 1
-        if self._in_a_row >= FRUITLESS * self.processes * (self._settings.retries + 1):
+        if self._in_a_row >= DEATHS_IN_A_ROW * self.processes * (self._settings.retries + 1):
             self._stop.stop(
                 f"{self._in_a_row} {self._kind} died one after another, and none of them measured a pair; "
                 f"the last one: {death.error}"
             )
 
     def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
-        """Something else than deaths happens."""
+        """Begin to count deaths in a row again."""
         if isinstance(pair, PairRecord):
             self._measured.add(pair.item_id)
             self._in_a_row = 0
 
     def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
-        """How a pair is shown that is played again."""
+        """Show a pair that is played again."""
         if report.outcome != RETRIED:
             return None
         return RETRIED, "r", f"RETRIED ({report.longrepr})"
 
-    def tell(self, report: Any, case: Case, death: Death, play_again: Callable[[], bool]) -> None:
-        """Say in a report what becomes of the pair that a process was to play when it died.
+    def report_death(self, report: Any, case: Case, death: Death, play_again: Callable[[], bool]) -> None:
+        """Write into a report what becomes of the pair that a process played when it died.
 
         Stops the run where every other pair would end like this one. A pair of a run that has been stopped is
         not played again: it stays missing.
@@ -90,3 +99,49 @@ class Retries:
         report.longrepr = f"{error.kind}: {error.message}"
         if error.phase == POLICY_PHASE:
             self._stop.stop("the policy cannot be played: it ends each process that loads it")
+
+
+def pair_error(case: Case, death: Death, plays: int) -> PairError:
+    """Error of a pair that is not played again.
+
+    Args:
+        case: The pair.
+        death: Of its last process.
+        plays: Number of processes that played it.
+    """
+    again = f"Played {plays} times" if plays > 1 else "Played once"
+    message = f"{death.error} {again}."
+    if death.text:
+        message += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
+    phase = POLICY_PHASE if death.phase == POLICY_PHASE else CRASH_PHASE
+    return PairError(case.case_id, case.item_id, case.digest, type(death.error).__name__, message, phase)
+
+
+def set_aside_lines(invalid: Sequence[Json]) -> list[str]:
+    """Sentence that names the pairs whose processes died each time; none where there is no such pair.
+
+    Args:
+        invalid: ``invalid_pairs`` of a report.
+    """
+    names = [pair["item_id"] for pair in invalid if pair["phase"] == CRASH_PHASE]
+    if not names:
+        return []
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return [
+        f"Set aside, because each process that played it died: {', '.join(names[:_NAMED])}{more}. "
+        f"report.json has all of them; {CRASHES_NAME} has what they said."
+    ]
+
+
+def keep_text(output: Path, item_id: str, number: int, text: str) -> None:
+    """Keep what a process wrote before it died, as far as the disk has room."""
+    if not text:
+        return
+    with suppress(OSError):
+        folder = output / CRASHES_NAME
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / _name(item_id, number)).write_text(text, encoding="utf-8")
+
+
+def _name(item_id: str, number: int) -> str:
+    return f"{item_id}.{number}.txt"

@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.plugin.collection import case_of
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.crash_log import Death, read_death
-from pytest_libero_max.plugin.processes.guard import WORDS_INPUT
+from pytest_libero_max.plugin.processes.pair_process import CRASH_LOG_INPUT
 from pytest_libero_max.plugin.processes.retries import Retries
 from pytest_libero_max.plugin.stopping import RunStop
 
@@ -71,15 +71,15 @@ class Workers:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
-        """Tell a worker where to leave its last words."""
-        node.workerinput[WORDS_INPUT] = str(self._words_of(node))
+        """Tell a worker where to leave its crash log."""
+        node.workerinput[CRASH_LOG_INPUT] = str(self._crash_log_of(node))
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any, error: object) -> None:
         """A worker has ended. Where it died, find out why, and stop if nothing else happens any more."""
         if not error or error == _INTERRUPTED:
             return
-        death = read_death(self._words_of(node), _status(node), f"worker {node.gateway.id}")
+        death = read_death(self._crash_log_of(node), _status(node), f"worker {node.gateway.id}")
         self._deaths[node] = death
         self._retries.died(death)
 
@@ -98,13 +98,13 @@ class Workers:
                 return True
             return False
 
-        self._retries.tell(report, case, death, play_again)
+        self._retries.report_death(report, case, death, play_again)
 
     def pytest_unconfigure(self) -> None:
-        """Remove the last words."""
+        """Remove the crash log."""
         self._folder.cleanup()
 
-    def _words_of(self, node: Any) -> Path:
+    def _crash_log_of(self, node: Any) -> Path:
         return Path(self._folder.name, f"{node.gateway.id}.txt")
 
 

@@ -10,7 +10,7 @@ Only the pairs go to the cluster, each to an actor that has a pytest session, a 
 own. Tests that are no pairs are played here afterwards. Ray places the actors where there is room for the
 CPUs and GPUs that each takes, and a new one where an actor, its process or its node is lost. The pair that
 was lost is played again, at most `--libero-max-retries` times; if each process that plays it dies, it is an
-error with their last words. Without `--libero-max-ray-actors`, the number of actors follows the nodes that
+error with their crash log. Without `--libero-max-ray-actors`, the number of actors follows the nodes that
 join and leave. If no node is left, the run waits for one. If the head of the cluster is lost, Ray ends the
 session after a minute, and `--libero-max-resume` continues it.
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.plugin.processes.crash_log import read_death
-from pytest_libero_max.plugin.processes.guard import WORDS_INPUT
+from pytest_libero_max.plugin.processes.pair_process import CRASH_LOG_INPUT
 from pytest_libero_max.plugin.ray.capacity import seats_of
 
 _POLL_S = 0.5
@@ -27,7 +27,7 @@ _PATIENCE_S = 8.0
 
 
 class Player:
-    """Plays pairs in a process of its own, whose crash cannot take its words along.
+    """Plays pairs in a process of its own, whose crash leaves a crash log.
 
     Its methods take and return text: JSON that no process has to trust.
 
@@ -39,7 +39,7 @@ class Player:
     def __init__(self, plan: str) -> None:
         self._plan: Json = json.loads(plan)
         self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
-        self._words = Path(self._folder.name, "words")
+        self._crash_log = Path(self._folder.name, "crash-log")
         self._process: subprocess.Popen[bytes] | None = None
         self._said: deque[bytes] = deque(maxlen=_KEPT_CHUNKS)
         self._unread = b""
@@ -63,7 +63,7 @@ class Player:
             start_new_session=True,
         )
         threading.Thread(target=self._listen, args=(self._process.stderr,), daemon=True).start()
-        shared = {WORDS_INPUT: str(self._words), "workercount": self._neighbours()}
+        shared = {CRASH_LOG_INPUT: str(self._crash_log), "workercount": self._neighbours()}
         self._send({**plan["workerinput"], **shared})
         answer = self._answer()
         if "died" in answer and (self._process.returncode or 0) >= 0:
@@ -102,7 +102,9 @@ class Player:
         assert self._process is not None
         self._end_all(self._process)
         return {
-            "died": read_death(self._words, self._process.wait(), f"the process on {self._where()}").to_dict()
+            "died": read_death(
+                self._crash_log, self._process.wait(), f"the process on {self._where()}"
+            ).to_dict()
         }
 
     def _line(self) -> bytes | None:

@@ -23,7 +23,7 @@ import pytest_libero_max
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.plugin.collection import manifest_of, settings_of
-from pytest_libero_max.plugin.processes.channel import close_in_children
+from pytest_libero_max.plugin.processes.pair_process import close_in_children
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 
 _PARENT_DEATH_SIGNAL = 1

@@ -316,7 +316,7 @@ class RayRun:
             self._shares.give_back(item.nodeid)
             return True
 
-        self._retries.tell(report, self._cases[item.case.item_id], death, play_again)
+        self._retries.report_death(report, self._cases[item.case.item_id], death, play_again)
         self._log(report, player)
 
     def _log(self, report: Any, player: _Player) -> None:
