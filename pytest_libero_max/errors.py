@@ -2,9 +2,8 @@
 
 A message names what was seen, the rule, and what to do next. The attributes of an error hold the same data::
 
-    raise ManifestError(
-        f"{path}: {field}={value!r}, but must be at least 1.", field=field, value=value, path=path
-    )
+    raise OptionError.seen("limit", limit, ", but must be at least 1.")
+    raise ManifestError(f"{path} is damaged. Restore it.", path=path)
 """
 
 from __future__ import annotations
@@ -75,6 +74,17 @@ class LiberoMaxError(Exception):
         self.value = value
         self.path = None if path is None else Path(path)
         self.line = line
+
+    @classmethod
+    def seen(cls, field: str, value: Any, rest: str) -> Self:
+        """Return the error about the value of a field: its text is ``FIELD=VALUE`` and the rest.
+
+        Args:
+            field: Name of the field; a place before a colon, ``case 'x': draw_id``, is for the text alone.
+            value: What was seen.
+            rest: The rule and what to do next, with the punctuation before it: ``", but must be text."``
+        """
+        return cls(f"{field}={value!r}{rest}", field=field.rpartition(": ")[2], value=value)
 
     def within(
         self, where: str, *, field: str | None = None, path: Path | str | None = None, line: int | None = None

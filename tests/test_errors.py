@@ -1,19 +1,24 @@
 from __future__ import annotations
 
 import difflib
+import json
 import pickle
 from pathlib import Path
 
 import pytest
 
+from pytest_libero_max import load_manifest, load_policy, load_track, parse_gate
 from pytest_libero_max.errors import (
     CLOSEST,
     MOST_NAMED,
+    AdapterError,
     LiberoMaxError,
     ManifestError,
+    OptionError,
     ServerError,
     did_you_mean,
 )
+from pytest_libero_max.policies.profile import load_profile
 
 
 def test_an_error_carries_its_data_through_a_pickle() -> None:
@@ -76,3 +81,31 @@ def test_a_word_that_is_too_long_to_be_close_is_not_compared(monkeypatch: pytest
     assert not difflib.get_close_matches(f"{longest}x", ["fork"], cutoff=0.5)
     monkeypatch.delattr(difflib, "get_close_matches")
     assert did_you_mean(f"{longest}x", ["fork"]) == "Known: fork."
+
+
+def test_errors_of_what_people_write_carry_what_was_seen(tmp_path: Path) -> None:
+    manifest = tmp_path / "cases.json"
+    manifest.write_text('{"benchmark_id": "x",\n "cases": }')
+    with pytest.raises(ManifestError) as damaged:
+        load_manifest(manifest)
+    assert (damaged.value.path, damaged.value.line) == (manifest, 2)
+    record = json.loads(load_track("smoke").to_json())
+    record["cases"][0]["scenario"]["severity"] = "huge"
+    manifest.write_text(json.dumps(record))
+    with pytest.raises(ManifestError) as wrong:
+        load_manifest(manifest)
+    assert wrong.value.path == manifest
+    assert (wrong.value.field, wrong.value.value) == ("scenario.severity", "huge")
+
+    profile = tmp_path / "mine.toml"
+    profile.write_text('extends = "pi05_libero"\n[policy]\nhorizn = 3\n')
+    with pytest.raises(AdapterError) as unknown:
+        load_profile(str(profile))
+    assert (unknown.value.field, unknown.value.value, unknown.value.path) == ("policy.horizn", 3, profile)
+
+    with pytest.raises(OptionError) as gate:
+        parse_gate("dynamic_sr > much")
+    assert (gate.value.field, gate.value.value) == ("gate", "dynamic_sr > much")
+    with pytest.raises(AdapterError) as policy:
+        load_policy("no_such_adapter.py")
+    assert (policy.value.field, policy.value.value) == ("policy", "no_such_adapter.py")

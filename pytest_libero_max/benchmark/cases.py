@@ -290,7 +290,7 @@ def _draw(value: Any, where: str) -> int:
     require_count(randomization, "seed", where)
     draw = randomization["draw_id"]
     if type(draw) is not int or draw not in (0, 1):
-        raise ManifestError(f"{where}.draw_id={draw!r}, but an event has the variants 0 and 1.")
+        raise ManifestError.seen(f"{where}.draw_id", draw, ", but an event has the variants 0 and 1.")
     return draw
 
 
@@ -304,7 +304,7 @@ def _parse_trigger(value: Any, where: str) -> Json:
     distance = trigger.get("distance_m")
     longest = sys.float_info.max
     if isinstance(distance, bool) or not isinstance(distance, int | float) or not 0 < distance <= longest:
-        raise ManifestError(f"{where}.distance_m={distance!r}, but must be a length in metres above 0.")
+        raise ManifestError.seen(f"{where}.distance_m", distance, ", but must be a length in metres above 0.")
     return {**trigger, "distance_m": float(distance)}
 
 

@@ -120,7 +120,7 @@ def require_text(value: Json, key: str, where: str) -> str:
     """
     text = value.get(key)
     if not isinstance(text, str) or not text:
-        raise ManifestError(f"{where}.{key}={text!r}, but must be a non-empty string.")
+        raise ManifestError.seen(f"{where}.{key}", text, ", but must be a non-empty string.")
     return text
 
 
@@ -132,7 +132,7 @@ def require_word(value: Json, key: str, where: str, known: Sequence[str]) -> str
     """
     word = require_text(value, key, where)
     if word not in known:
-        raise ManifestError(f"{where}.{key}={word!r}. {did_you_mean(word, known)}")
+        raise ManifestError.seen(f"{where}.{key}", word, f". {did_you_mean(word, known)}")
     return word
 
 
@@ -144,7 +144,7 @@ def require_texts(value: Json, key: str, where: str) -> tuple[str, ...]:
     """
     items = value.get(key)
     if not isinstance(items, list) or not all(isinstance(item, str) and item for item in items):
-        raise ManifestError(f"{where}.{key}={items!r}, but must be a list of non-empty strings.")
+        raise ManifestError.seen(f"{where}.{key}", items, ", but must be a list of non-empty strings.")
     return tuple(items)
 
 
@@ -156,5 +156,5 @@ def require_count(value: Json, key: str, where: str) -> int:
     """
     number = value.get(key)
     if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-        raise ManifestError(f"{where}.{key}={number!r}, but must be an integer of at least 0.")
+        raise ManifestError.seen(f"{where}.{key}", number, ", but must be an integer of at least 0.")
     return number

@@ -115,7 +115,9 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
         document = json.loads(text, parse_constant=refuse_constant)
     except (ValueError, RecursionError) as error:
         raise ManifestError(
-            f"{path}: not a JSON document ({error}). The file is damaged or is not a manifest; restore it."
+            f"{path}: not a JSON document ({error}). The file is damaged or is not a manifest; restore it.",
+            path=path,
+            line=getattr(error, "lineno", None),
         ) from error
     named = document.get("benchmark_id") if isinstance(document, dict) else None
     recognition = recognise(content, path, named)
@@ -123,11 +125,12 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
         return replace(parse_manifest(document), recognition=recognition)
     except ManifestError as error:
         what = "" if recognition is None else f" ({recognition})"
-        raise ManifestError(f"{path}{what}: {error}") from error
+        raise error.within(f"{path}{what}", path=path) from error
 
 
 def _unreadable(path: Path, error: Exception) -> ManifestError:
-    return ManifestError(f"Cannot read manifest {str(path)!r}: {error}. Give the path of a JSON manifest.")
+    text = f"Cannot read manifest {str(path)!r}: {error}. Give the path of a JSON manifest."
+    return ManifestError(text, path=path)
 
 
 def parse_manifest(document: Any) -> Manifest:
@@ -141,9 +144,11 @@ def parse_manifest(document: Any) -> Manifest:
         top, "manifest", {"benchmark_id", "benchmark_version", "protocol", "cases"}, ("manifest_format",)
     )
     if top.get("manifest_format", FORMAT_2) != FORMAT_2:
-        raise ManifestError(
-            f"manifest_format={top['manifest_format']!r}, but this version reads {FORMAT_2}, and files "
-            "without the field. Use the version of pytest-libero-max that wrote the file, or a newer one."
+        raise ManifestError.seen(
+            "manifest_format",
+            top["manifest_format"],
+            f", but this version reads {FORMAT_2}, and files "
+            "without the field. Use the version of pytest-libero-max that wrote the file, or a newer one.",
         )
     protocol = require_object(top["protocol"], "protocol")
     _check_protocol(protocol)
@@ -161,7 +166,7 @@ def parse_manifest(document: Any) -> Manifest:
         )
     for case_id, count in Counter(case.case_id for case in cases).items():
         if count > 1:
-            raise ManifestError(f"case_id={case_id!r} occurs {count} times; ids must be unique.")
+            raise ManifestError.seen("case_id", case_id, f" occurs {count} times; ids must be unique.")
     for item_id, count in Counter(case.item_id for case in cases).items():
         if count > 1:
             raise ManifestError(
@@ -181,13 +186,16 @@ _PROTOCOL_OPTIONAL = ("substrate", "profile", "source_benchmark_commit", "select
 def _check_protocol(protocol: Json) -> None:
     require_keys(protocol, "protocol", {"arms", "query_interval", "scoring_track"}, _PROTOCOL_OPTIONAL)
     if protocol["arms"] != ["control", "intervention"]:
-        raise ManifestError(f"protocol.arms={protocol['arms']!r}, but must be ['control', 'intervention'].")
+        raise ManifestError.seen(
+            "protocol.arms", protocol["arms"], ", but must be ['control', 'intervention']."
+        )
     if require_count(protocol, "query_interval", "protocol") < 1:
         raise ManifestError("protocol.query_interval=0, but must be at least 1.")
     if require_text(protocol, "scoring_track", "protocol") != SCORING_TRACK:
-        raise ManifestError(
-            f"protocol.scoring_track={protocol['scoring_track']!r}, but only {SCORING_TRACK!r} is played: "
-            "whether the task of the case is completed."
+        raise ManifestError.seen(
+            "protocol.scoring_track",
+            protocol["scoring_track"],
+            f", but only {SCORING_TRACK!r} is played: whether the task of the case is completed.",
         )
     for key in _PROTOCOL_OPTIONAL:
         if key in protocol:

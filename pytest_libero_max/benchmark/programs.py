@@ -118,13 +118,13 @@ def parse_program(value: Any, where: str = "program") -> Program:
     name = require_name(program, where)
     arms = program["arms"]
     if not isinstance(arms, list) or not arms:
-        raise ManifestError(f"{where}.arms={arms!r}, but must be a non-empty list of arms.")
+        raise ManifestError.seen(f"{where}.arms", arms, ", but must be a non-empty list of arms.")
     seen: set[str] = set()
     for i, arm in enumerate(arms):
         called = _check_arm(arm, f"{where}.arms[{i}]")
         if called in seen:
-            raise ManifestError(
-                f"{where}.arms[{i}].name={called!r} of two arms. Give each a name of its own."
+            raise ManifestError.seen(
+                f"{where}.arms[{i}].name", called, " of two arms. Give each a name of its own."
             )
         seen.add(called)
     return Program(name, tuple(dict(arm) for arm in arms))
@@ -138,9 +138,10 @@ def require_name(value: Json, where: str) -> str:
     """
     name = value.get("name")
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise ManifestError(
-            f"{where}.name={name!r}, but must be lower-case letters, digits and underscores, with a letter "
-            "first."
+        raise ManifestError.seen(
+            f"{where}.name",
+            name,
+            ", but must be lower-case letters, digits and underscores, with a letter first.",
         )
     return name
 
@@ -151,9 +152,10 @@ def _check_arm(value: Any, where: str) -> str:
     require_keys(arm, where, {"name"}, ("schedule", "repetition", "cadence"))
     name = require_name(arm, where)
     if name == BASE_AGAIN:
-        raise ManifestError(
-            f"{where}.name={name!r} is the arm of the noise floor. Use --libero-max-noise-floor, or another "
-            "name."
+        raise ManifestError.seen(
+            f"{where}.name",
+            name,
+            " is the arm of the noise floor. Use --libero-max-noise-floor, or another name.",
         )
     schedule = arm.get("schedule", [])
     if not isinstance(schedule, list):
@@ -167,7 +169,7 @@ def _check_arm(value: Any, where: str) -> str:
         )
     if (name == BASE and schedule) or (name == DYNAMIC and not schedule):
         what = "nothing happens in Base" if name == BASE else "something happens in Dynamic"
-        raise ManifestError(f"{where}.schedule={schedule!r} of arm {name!r}, but {what}.")
+        raise ManifestError.seen(f"{where}.schedule", schedule, f" of arm {name!r}, but {what}.")
     if "repetition" in arm:
         require_count(arm, "repetition", where)
     if "cadence" in arm:
@@ -191,7 +193,7 @@ def check_entry(value: Any, where: str) -> Json:
         require_count(entry, "reverts", where)
     strength = entry.get("strength", 1.0)
     if isinstance(strength, bool) or not isinstance(strength, int | float) or not 0 < strength <= 1:
-        raise ManifestError(f"{where}.strength={strength!r}, but must be a number above 0, at most 1.")
+        raise ManifestError.seen(f"{where}.strength", strength, ", but must be a number above 0, at most 1.")
     return entry
 
 

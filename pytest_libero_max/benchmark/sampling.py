@@ -25,7 +25,7 @@ def stratified(cases: Iterable[Case], limit: int) -> tuple[Case, ...]:
     """
     cases = tuple(cases)
     if limit < 1:
-        raise OptionError(f"limit={limit!r}, but must be at least 1.")
+        raise OptionError.seen("limit", limit, ", but must be at least 1.")
     if limit >= len(cases):
         return cases
     waiting: dict[Cell, list[Case]] = {}

@@ -119,9 +119,9 @@ class Selection:
                 merged=bool(values["merged"]),
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise ReportError(f"selection={values!r} is not one: {error}.") from error
+            raise ReportError.seen("selection", values, f" is not one: {error}.") from error
         if read.to_dict() != values or not 0 <= read.chosen <= read.of:
-            raise ReportError(f"selection={values!r} is not one: {read.chosen} of {read.of} cases.")
+            raise ReportError.seen("selection", values, f" is not one: {read.chosen} of {read.of} cases.")
         return read
 
 

@@ -51,7 +51,7 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
         )
     known = (*track_names(folder), *(f"{GENUINE}/{one}" for one in track_names(folder / GENUINE)))
     if name not in known:
-        raise OptionError(f"track={name!r} is not a track. {did_you_mean(name, known)}")
+        raise OptionError.seen("track", name, f" is not a track. {did_you_mean(name, known)}")
     plain = folder / f"{name}.json"
     return plain if plain.exists() else folder / f"{name}.json.gz"
 

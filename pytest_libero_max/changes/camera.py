@@ -66,10 +66,12 @@ class ShiftCamera(ManifestFields):
         before = measure_camera(world, index)
         fovy = float(model.cam_fovy[index]) + self.delta_fovy_degrees
         if self.delta_fovy_degrees and not FOVY_RANGE_DEG[0] <= fovy <= FOVY_RANGE_DEG[1]:
-            raise ChangeError(
-                f"shift_camera.delta_fovy_degrees={self.delta_fovy_degrees!r} would give camera "
+            raise ChangeError.seen(
+                "shift_camera.delta_fovy_degrees",
+                self.delta_fovy_degrees,
+                f" would give camera "
                 f"{self.camera!r} a field of view of {fovy:g} degrees, but it must be within "
-                f"{FOVY_RANGE_DEG[0]:g} to {FOVY_RANGE_DEG[1]:g}. Use a smaller delta."
+                f"{FOVY_RANGE_DEG[0]:g} to {FOVY_RANGE_DEG[1]:g}. Use a smaller delta.",
             )
         if any(self.delta_position_m):
             world.alter("cam_pos", index, model.cam_pos[index] + self.delta_position_m)
@@ -107,8 +109,10 @@ def camera_index(world: AlterableWorld, operation: str, camera: str) -> int:
         return int(world.model.camera(camera).id)
     except KeyError:
         known = [world.model.camera(i).name for i in range(world.model.ncam)]
-        raise ChangeError(
-            f"{operation}.camera={camera!r}, but the scene has no such camera. {did_you_mean(camera, known)}"
+        raise ChangeError.seen(
+            f"{operation}.camera",
+            camera,
+            f", but the scene has no such camera. {did_you_mean(camera, known)}",
         ) from None
 
 
@@ -251,7 +255,7 @@ class PlaceCamera(ManifestFields):
         given = items(f"{where}.quaternion_wxyz", self.quaternion_wxyz, 4)
         turn = tuple(number(f"{where}.quaternion_wxyz[{i}]", v, -1.0, 1.0) for i, v in enumerate(given))
         if abs(math.hypot(*turn) - 1.0) > 1e-3:
-            raise ChangeError(f"{where}.quaternion_wxyz={list(turn)!r}, but must have unit length.")
+            raise ChangeError.seen(f"{where}.quaternion_wxyz", list(turn), ", but must have unit length.")
         self._set("quaternion_wxyz", turn)
         if self.blend is not None:
             self._set("blend", number(f"{where}.blend", self.blend, 0.0, 1.0))
@@ -266,9 +270,11 @@ class PlaceCamera(ManifestFields):
         try:
             turn = rotations.of_axes(right, up, back)
         except ValueError:
-            raise ChangeError(
-                f"aim_m={aim_m!r} lies straight behind position_m={position_m!r}, where no single "
-                "upright orientation exists. Move either of them."
+            raise ChangeError.seen(
+                "aim_m",
+                aim_m,
+                f" lies straight behind position_m={position_m!r}, where no single "
+                "upright orientation exists. Move either of them.",
             ) from None
         return cls(camera, position_m, tuple(round(float(part), 8) for part in turn))  # type: ignore[arg-type]
 

@@ -71,7 +71,7 @@ def number(where: str, value: Any, low: float = -math.inf, high: float = math.in
     numeric = isinstance(value, int | float) and not isinstance(value, bool)
     # The comparison, unlike math.isfinite, also answers for an integer too long for a float.
     if not numeric or not abs(value) <= sys.float_info.max or not low <= value <= high:
-        raise ChangeError(f"{where}={value!r}, but must be a finite number{_bounds(low, high)}.")
+        raise ChangeError.seen(where, value, f", but must be a finite number{_bounds(low, high)}.")
     return float(value)
 
 
@@ -82,7 +82,7 @@ def integer(where: str, value: Any, low: int = 0, high: float = math.inf) -> int
         ChangeError: It is not.
     """
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise ChangeError(f"{where}={value!r}, but must be an integer{_bounds(low, high)}.")
+        raise ChangeError.seen(where, value, f", but must be an integer{_bounds(low, high)}.")
     return value
 
 
@@ -93,7 +93,7 @@ def text(where: str, value: Any) -> str:
         ChangeError: It is not.
     """
     if not isinstance(value, str) or not value:
-        raise ChangeError(f"{where}={value!r}, but must be a non-empty string.")
+        raise ChangeError.seen(where, value, ", but must be a non-empty string.")
     return value
 
 
@@ -104,7 +104,7 @@ def flag(where: str, value: Any) -> bool:
         ChangeError: It is neither.
     """
     if not isinstance(value, bool):
-        raise ChangeError(f"{where}={value!r}, but must be true or false.")
+        raise ChangeError.seen(where, value, ", but must be true or false.")
     return value
 
 
@@ -115,7 +115,7 @@ def items(where: str, value: Any, length: int) -> Sequence[Any]:
         ChangeError: It is not.
     """
     if not isinstance(value, list | tuple) or len(value) != length:
-        raise ChangeError(f"{where}={value!r}, but must be a list of {length} items.")
+        raise ChangeError.seen(where, value, f", but must be a list of {length} items.")
     return value
 
 
@@ -174,8 +174,8 @@ def all_or_nothing(operation: str, strength: float) -> bool:
     """
     s = strength_of(operation, strength)
     if s not in (0.0, 1.0):
-        raise ChangeError(
-            f"strength={strength!r}, but {operation} is all or nothing: it happens or not. Use 0 or 1."
+        raise ChangeError.seen(
+            "strength", strength, f", but {operation} is all or nothing: it happens or not. Use 0 or 1."
         )
     return s == 1.0
 

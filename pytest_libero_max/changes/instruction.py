@@ -74,11 +74,13 @@ class SetTask(ManifestFields):
     def __post_init__(self) -> None:
         text("set_task.instruction", self.instruction)
         if not isinstance(self.goal, list | tuple) or not self.goal:
-            raise ChangeError(f"set_task.goal={self.goal!r}, but must be a non-empty list of predicates.")
+            raise ChangeError.seen(
+                "set_task.goal", self.goal, ", but must be a non-empty list of predicates."
+            )
         for i, fact in enumerate(self.goal):
             where = f"set_task.goal[{i}]"
             if not isinstance(fact, list | tuple) or len(fact) not in (2, 3):
-                raise ChangeError(f"{where}={fact!r}, but must be a predicate and one or two names.")
+                raise ChangeError.seen(where, fact, ", but must be a predicate and one or two names.")
             for j, word in enumerate(fact):
                 text(f"{where}[{j}]", word)
         self._set("goal", tuple(tuple(fact) for fact in self.goal))

@@ -161,8 +161,8 @@ class SetLamps(ManifestFields):
         """The share ``strength`` of the change; ``cast_shadows`` cannot be divided and takes only 0 and 1."""
         s = strength_of(self.operation, strength)
         if self.cast_shadows is not None and s not in (0.0, 1.0):
-            raise ChangeError(
-                f"strength={strength!r}, but {self.operation} with shadows is all or nothing. Use 0 or 1."
+            raise ChangeError.seen(
+                "strength", strength, f", but {self.operation} with shadows is all or nothing. Use 0 or 1."
             )
         return self if s == 1.0 else replace(self, blend=(1.0 if self.blend is None else self.blend) * s)
 

@@ -58,7 +58,7 @@ def top(world: AlterableWorld, name: str) -> float:
         reach = fused_dot(np.abs(up), model.geom_size[geom]) if box else float(model.geom_rbound[geom])
         heights.append(float(data.geom_xpos[geom][2]) + reach)
     if not heights:
-        raise ChangeError(f"put_object.onto={name!r} has nothing that could carry anything.")
+        raise ChangeError.seen("put_object.onto", name, " has nothing that could carry anything.")
     return max(heights)
 
 

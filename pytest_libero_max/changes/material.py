@@ -59,7 +59,7 @@ class SetVisualTheme(ManifestFields):
         given = items(where, self.rgb_permutation, 3)
         permutation = tuple(integer(f"{where}[{i}]", item, 0, 2) for i, item in enumerate(given))
         if sorted(permutation) != [0, 1, 2]:
-            raise ChangeError(f"{where}={list(permutation)!r}, but must be a permutation of [0, 1, 2].")
+            raise ChangeError.seen(where, list(permutation), ", but must be a permutation of [0, 1, 2].")
         self._set("rgb_permutation", permutation)
         self._set("rgb_multiplier", factors3("set_visual_theme.rgb_multiplier", self.rgb_multiplier))
         if self.blend is not None:
@@ -231,7 +231,9 @@ def _material_reversal(change: SetVisualTheme | SetTexture | CoverEntity, eviden
 
 def _materials_of(world: AlterableWorld, entity: str) -> list[int]:
     if entity not in world.entities:
-        raise EntityError(f"entity={entity!r} is not in the scene. {did_you_mean(entity, world.entities)}")
+        raise EntityError.seen(
+            "entity", entity, f" is not in the scene. {did_you_mean(entity, world.entities)}"
+        )
     model = world.model
     root = model.body(world.entities[entity].body).id
     inside = {root}
@@ -251,7 +253,7 @@ def _number_of(world: AlterableWorld, kind: str, where: str, name: str) -> int:
     count, named = (model.nmat, model.mat) if kind == "mat" else (model.ntex, model.tex)
     known = [named(number).name for number in range(count)]
     if name not in known:
-        raise ChangeError(f"{where}={name!r} is not in the scene. {did_you_mean(name, known)}")
+        raise ChangeError.seen(where, name, f" is not in the scene. {did_you_mean(name, known)}")
     return known.index(name)
 
 

@@ -254,8 +254,8 @@ class CorruptPicture(ManifestFields):
         text(f"{where}.camera", self.camera)
         known = image_corruptions.KINDS
         if text(f"{where}.kind", self.kind) not in known:
-            raise ChangeError(
-                f"{where}.kind={self.kind!r} is not a corruption. {did_you_mean(self.kind, known)}"
+            raise ChangeError.seen(
+                f"{where}.kind", self.kind, f" is not a corruption. {did_you_mean(self.kind, known)}"
             )
         integer(f"{where}.level", self.level, 1, image_corruptions.LEVELS)
         integer(f"{where}.seed", self.seed)

@@ -84,9 +84,10 @@ class MoveObject(ManifestFields):
     def apply(self, world: AlterableWorld) -> Evidence:
         require_in_scene(world, self.operation, "object", self.object)
         if world.entities[self.object].kind == "surface":
-            raise ChangeError(
-                f"move_object.object={self.object!r} is the surface that others stand on and cannot be moved."
-                " Name an object or a fixture."
+            raise ChangeError.seen(
+                "move_object.object",
+                self.object,
+                " is the surface that others stand on and cannot be moved. Name an object or a fixture.",
             )
         before = measure_poses(world, [self.object])
         if any(self.delta_position_m):
@@ -140,9 +141,11 @@ class RemoveObject(ManifestFields):
         require_in_scene(world, self.operation, "object", self.object)
         kind = world.entities[self.object].kind
         if kind != "object":
-            raise ChangeError(
-                f"remove_object.object={self.object!r} is a {kind}, but only objects can be taken out. "
-                f"{did_you_mean(self.object, _objects(world))}"
+            raise ChangeError.seen(
+                "remove_object.object",
+                self.object,
+                f" is a {kind}, but only objects can be taken out. "
+                f"{did_you_mean(self.object, _objects(world))}",
             )
         before = measure_poses(world, [self.object])
         world.park(self.object, self.offworld_position_m)
@@ -243,16 +246,17 @@ class InsertDistractors(ManifestFields):
     def __post_init__(self) -> None:
         where = "insert_distractors"
         if not isinstance(self.placements, list | tuple) or not self.placements:
-            raise ChangeError(f"{where}.placements={self.placements!r}, but must be a non-empty list.")
+            raise ChangeError.seen(f"{where}.placements", self.placements, ", but must be a non-empty list.")
         placements = tuple(_placement(f"{where}.placements[{i}]", v) for i, v in enumerate(self.placements))
         self._set("placements", placements)
         names = [placement.object for placement in placements]
         if len(set(names)) < len(names):
             raise ChangeError(f"{where}.placements name {names!r}, but every object may come back only once.")
         if integer(f"{where}.distractor_count", self.distractor_count) != len(placements):
-            raise ChangeError(
-                f"{where}.distractor_count={self.distractor_count!r}, but there are "
-                f"{len(placements)} placements. Make them equal."
+            raise ChangeError.seen(
+                f"{where}.distractor_count",
+                self.distractor_count,
+                f", but there are {len(placements)} placements. Make them equal.",
             )
 
     @property
@@ -312,12 +316,14 @@ class PutObject(ManifestFields):
 
     def apply(self, world: AlterableWorld) -> Evidence:
         if self.object not in world.entities:
-            raise EntityError(
-                f"entity={self.object!r} is not in the scene. {did_you_mean(self.object, world.entities)}"
+            raise EntityError.seen(
+                "entity", self.object, f" is not in the scene. {did_you_mean(self.object, world.entities)}"
             )
         kind = world.entities[self.object].kind
         if kind != "object":
-            raise ChangeError(f"put_object.object={self.object!r} is a {kind}, but only objects can be put.")
+            raise ChangeError.seen(
+                "put_object.object", self.object, f" is a {kind}, but only objects can be put."
+            )
         require_in_scene(world, self.operation, "onto", self.onto)
         before, former = measure_poses(world, [self.object]), _parked_poses(world, [self.object])
         x, y = self.offset_xy_m
@@ -372,9 +378,10 @@ class TurnObject(ManifestFields):
     def apply(self, world: AlterableWorld) -> Evidence:
         require_in_scene(world, self.operation, "object", self.object)
         if world.entities[self.object].kind == "surface":
-            raise ChangeError(
-                f"turn_object.object={self.object!r} is the surface that others stand on. "
-                "Name an object or a fixture."
+            raise ChangeError.seen(
+                "turn_object.object",
+                self.object,
+                " is the surface that others stand on. Name an object or a fixture.",
             )
         before = measure_poses(world, [self.object])
         if self.yaw_degrees:
@@ -398,13 +405,13 @@ def _placement(where: str, value: Any) -> Placement:
     if isinstance(value, Placement):
         return value
     if not isinstance(value, dict):
-        raise ChangeError(f"{where}={value!r}, but must be an object that describes a placement.")
+        raise ChangeError.seen(where, value, ", but must be an object that describes a placement.")
     if "operation" in value:
         raise ChangeError(f"{where} has the unknown field 'operation'; a placement is not a change.")
     try:
         return Placement.from_dict(value)
     except ChangeError as error:
-        raise ChangeError(f"{where}: {error}") from error
+        raise error.within(where) from error
 
 
 def _insert(world: AlterableWorld, operation: str, placements: Iterable[Placement]) -> Evidence:
@@ -414,9 +421,11 @@ def _insert(world: AlterableWorld, operation: str, placements: Iterable[Placemen
         _require_known(world, placement.object)
         require_in_scene(world, operation, "relative_to", placement.relative_to)
         if placement.object not in world.parked:
-            raise ChangeError(
-                f"{operation}.object={placement.object!r} is in the scene already and cannot be brought back."
-                " Take it out in the event's setup (remove_object), and insert it once."
+            raise ChangeError.seen(
+                f"{operation}.object",
+                placement.object,
+                " is in the scene already and cannot be brought back."
+                " Take it out in the event's setup (remove_object), and insert it once.",
             )
     # All targets are computed before anything moves, and nothing moves unless everything can.
     targets = []
@@ -463,16 +472,19 @@ def _moved(evidence: Evidence, name: str) -> bool:
 
 def _require_known(world: AlterableWorld, entity: str) -> None:
     if entity not in world.entities:
-        raise EntityError(f"entity={entity!r} is not in the scene. {did_you_mean(entity, world.entities)}")
+        raise EntityError.seen(
+            "entity", entity, f" is not in the scene. {did_you_mean(entity, world.entities)}"
+        )
 
 
 def require_in_scene(world: AlterableWorld, operation: str, field: str, entity: str) -> None:
     """Raise unless ``entity`` exists and has not been taken out."""
     _require_known(world, entity)
     if entity in world.parked:
-        raise ChangeError(
-            f"{operation}.{field}={entity!r} has been taken out of the scene. "
-            "Insert it first, or name an entity that is there."
+        raise ChangeError.seen(
+            f"{operation}.{field}",
+            entity,
+            " has been taken out of the scene. Insert it first, or name an entity that is there.",
         )
 
 

@@ -95,11 +95,11 @@ def change_from_dict(raw: Mapping[str, Any]) -> Change:
         ChangeError: The operation or a field is unknown, a field is missing, or a value breaks its rule.
     """
     if not isinstance(raw, Mapping):
-        raise ChangeError(f"change={raw!r}, but must be an object with an operation and its parameters.")
+        raise ChangeError.seen("change", raw, ", but must be an object with an operation and its parameters.")
     operation = raw.get("operation")
     if not isinstance(operation, str) or operation not in OPERATIONS:
-        raise ChangeError(
-            f"operation={operation!r} is not a change. {did_you_mean(str(operation), OPERATIONS)}"
+        raise ChangeError.seen(
+            "operation", operation, f" is not a change. {did_you_mean(str(operation), OPERATIONS)}"
         )
     return OPERATIONS[operation].from_dict(raw)
 
@@ -115,4 +115,6 @@ def check_changes(cases: Iterable[Case]) -> None:
             try:
                 change_from_dict(raw)
             except ChangeError as error:
-                raise ManifestError(f"case {case.case_id!r}: {error}") from error
+                raise ManifestError(
+                    f"case {case.case_id!r}: {error}", field=error.field, value=error.value
+                ) from error

@@ -55,7 +55,9 @@ def _serve(options: argparse.Namespace) -> None:
     from pytest_libero_max.policies.server.sockets import serving
 
     if is_address(options.adapter):
-        raise AdapterError(f"policy={options.adapter!r} is a server already. Give its address to pytest.")
+        raise AdapterError.seen(
+            "policy", options.adapter, " is a server already. Give its address to pytest."
+        )
     batching = Batching(options.max_batch, options.max_wait_ms / 1000.0, options.pad_batch)
     policy = load_policy(options.adapter, horizon=options.horizon, query_interval=options.query_interval)
     revision, metrics = f"adapter {adapter_digest(options.adapter)[:12]}", None

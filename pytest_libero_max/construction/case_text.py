@@ -40,7 +40,9 @@ def find_case(manifest: Manifest, name: str) -> Case:
     items = {case.item_id: case for case in manifest}
     case = items.get(name) or {case.case_id: case for case in manifest}.get(name)
     if case is None:
-        raise OptionError(f"case={name!r} is not in {manifest.benchmark_id}. {did_you_mean(name, items)}")
+        raise OptionError.seen(
+            "case", name, f" is not in {manifest.benchmark_id}. {did_you_mean(name, items)}"
+        )
     return case
 
 

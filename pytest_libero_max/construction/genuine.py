@@ -53,7 +53,7 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     names = tuple(names)
     for name in names:
         if name not in TRACKS:
-            raise OptionError(f"track={name!r} cannot be built. {did_you_mean(name, TRACKS)}")
+            raise OptionError.seen("track", name, f" cannot be built. {did_you_mean(name, TRACKS)}")
     found: dict[str, Preflight] = {}
     unexamined: dict[str, str] = {}
     lacks = {_key(one): catalogue.lacks(one) for source in SOURCES for one in catalogue.variations(source)}

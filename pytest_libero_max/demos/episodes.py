@@ -86,7 +86,7 @@ def planned(
     """
     for event in events:
         if event not in BENCHMARK_EVENTS:
-            raise OptionError(f"event={event!r}. {did_you_mean(event, BENCHMARK_EVENTS)}")
+            raise OptionError.seen("event", event, f". {did_you_mean(event, BENCHMARK_EVENTS)}")
     for suite in suites:
         there = [task.index for task in tasks(suite)]
         chosen = there if task_indices is None else list(task_indices)

@@ -94,9 +94,10 @@ def changes(
     chosen = []
     for operation in operations:
         if operation not in strategies:
-            raise OptionError(
-                f"operation={operation!r} cannot be applied right after a reset. "
-                f"{did_you_mean(operation, AT_ONCE)}"
+            raise OptionError.seen(
+                "operation",
+                operation,
+                f" cannot be applied right after a reset. {did_you_mean(operation, AT_ONCE)}",
             )
         chosen.append(strategies[operation]())
     return st.one_of(chosen)

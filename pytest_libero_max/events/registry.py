@@ -103,11 +103,13 @@ def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identit
     """
     kind = EVENTS[name]
     if variant not in VARIANTS:
-        raise ManifestError(f"variant={variant!r}, but an event has the variants 0 and 1.")
+        raise ManifestError.seen("variant", variant, ", but an event has the variants 0 and 1.")
     if not kind.eligible(task):
-        raise ManifestError(
-            f"event={name!r} is not possible in {task.name!r}. The task needs {kind.needs} "
-            f"Possible: {', '.join(eligible_events(task)) or 'none'}."
+        raise ManifestError.seen(
+            "event",
+            name,
+            f" is not possible in {task.name!r}. The task needs {kind.needs} "
+            f"Possible: {', '.join(eligible_events(task)) or 'none'}.",
         )
     scenario = kind.resolve(variant, task, identity)
     return kind.event(variant, identity.seed(name, variant), scenario, kind.trigger(task))
@@ -140,21 +142,22 @@ def check_cases(cases: Iterable[Case]) -> None:
 
 def _check_event(event: Event, where: str) -> None:
     if event.name not in EVENTS:
-        raise ManifestError(
-            f"{where}.change_type={event.name!r} is not an event. {did_you_mean(event.name, EVENTS)}"
+        raise ManifestError.seen(
+            f"{where}.change_type", event.name, f" is not an event. {did_you_mean(event.name, EVENTS)}"
         )
     kind = EVENTS[event.name]
     if event.family_code != kind.code:
-        raise ManifestError(
-            f"{where}.change_family={event.family_code!r}, but {kind.name} belongs to {kind.code!r}."
+        raise ManifestError.seen(
+            f"{where}.change_family", event.family_code, f", but {kind.name} belongs to {kind.code!r}."
         )
     severity = kind.severities[event.variant]
     if event.severity != severity:
-        raise ManifestError(
-            f"{where}.severity={event.severity!r}, but variant {event.variant} of {kind.name} has the "
-            f"severity {severity!r}."
+        raise ManifestError.seen(
+            f"{where}.severity",
+            event.severity,
+            f", but variant {event.variant} of {kind.name} has the severity {severity!r}.",
         )
     if event.response != kind.response:
-        raise ManifestError(
-            f"{where}.expected_response_mode={event.response!r}, but {kind.name} expects {kind.response!r}."
+        raise ManifestError.seen(
+            f"{where}.expected_response_mode", event.response, f", but {kind.name} expects {kind.response!r}."
         )

@@ -190,9 +190,8 @@ def _field(value: Any, own: Json, where: str) -> Any:
     if value.keys() != {EVENT}:
         return {key: _field(item, own, f"{where}.{key}") for key, item in value.items()}
     if value[EVENT] not in own:
-        raise ManifestError(
-            f"{where}={value!r}, but the case's event has no such field there. "
-            f"{did_you_mean(value[EVENT], own)}"
+        raise ManifestError.seen(
+            where, value, f", but the case's event has no such field there. {did_you_mean(value[EVENT], own)}"
         )
     return own[value[EVENT]]
 

@@ -91,7 +91,9 @@ def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
     values = require_object(raw, where)
     name = values.get("type")
     if not isinstance(name, str) or name not in TRIGGERS:
-        raise ManifestError(f"{where}.type={name!r} is not a trigger. {did_you_mean(str(name), TRIGGERS)}")
+        raise ManifestError.seen(
+            f"{where}.type", name, f" is not a trigger. {did_you_mean(str(name), TRIGGERS)}"
+        )
     kind = TRIGGERS[name]
     names = {kind.spelling.get(item.name, item.name): item for item in fields(kind)}
     required = {spelled for spelled, item in names.items() if item.default is MISSING}
@@ -156,11 +158,14 @@ class StepsAfter(Trigger):
 
     def __post_init__(self) -> None:
         if type(self.steps) is not int or self.steps < 1:
-            raise ManifestError(f"steps_after.steps={self.steps!r}, but must be an integer of at least 1.")
+            raise ManifestError.seen(
+                "steps_after.steps", self.steps, ", but must be an integer of at least 1."
+            )
         if type(self.entry) is not int or self.entry < -1:
-            raise ManifestError(
-                f"steps_after.entry={self.entry!r}, but must be the index of an earlier entry, or -1 for the "
-                "one just before."
+            raise ManifestError.seen(
+                "steps_after.entry",
+                self.entry,
+                ", but must be the index of an earlier entry, or -1 for the one just before.",
             )
 
     def fires(self, moment: Moment) -> bool:
@@ -232,9 +237,10 @@ class BudgetFraction(Trigger):
 
     def __post_init__(self) -> None:
         if not _is_number(self.share) or not 0.0 < self.share < 1.0:
-            raise ManifestError(
-                f"budget_fraction.value={self.share!r}, but must be a number between 0 and 1. Use "
-                f"{AtStart.type!r} for the start of the episode."
+            raise ManifestError.seen(
+                "budget_fraction.value",
+                self.share,
+                f", but must be a number between 0 and 1. Use {AtStart.type!r} for the start of the episode.",
             )
 
     def fires(self, moment: Moment) -> bool:
@@ -243,12 +249,12 @@ class BudgetFraction(Trigger):
 
 def _require_name(kind: str, value: object) -> None:
     if not isinstance(value, str) or not value:
-        raise ManifestError(f"{kind}.value={value!r}, but must be the name of an entity.")
+        raise ManifestError.seen(f"{kind}.value", value, ", but must be the name of an entity.")
 
 
 def _require_length(kind: str, value: object, name: str = "distance_m") -> None:
     if not _is_number(value) or not 0.0 < float(value) < math.inf:  # type: ignore[arg-type]  # it is a number
-        raise ManifestError(f"{kind}.{name}={value!r}, but must be a length in metres above 0.")
+        raise ManifestError.seen(f"{kind}.{name}", value, ", but must be a length in metres above 0.")
 
 
 def _is_number(value: object) -> bool:

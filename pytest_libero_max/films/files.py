@@ -45,7 +45,7 @@ def write_film(path: Path, frames: Iterable[Image], hz: float, overwrite: bool =
     """
     kind = path.suffix.removeprefix(".")
     if kind not in FILM_FORMATS:
-        raise ReportError(f"film={str(path)!r}, but a film ends in .mp4 or .webp.")
+        raise ReportError.seen("film", str(path), ", but a film ends in .mp4 or .webp.")
     if kind == "mp4" and available_format() != "mp4":
         raise ReportError(f"An MP4 needs PyAV: {INSTALL}. Or write a .webp.")
     if path.exists() and not overwrite:

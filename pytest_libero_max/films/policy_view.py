@@ -72,8 +72,8 @@ def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) 
         return _by_adapter(ran, adapter)
     if not is_address(str(ran["reference"])):
         if profile is not None:
-            raise AdapterError(
-                f"profile={profile!r}, but policy {ran['reference']!r} is no server's address."
+            raise AdapterError.seen(
+                "profile", profile, f", but policy {ran['reference']!r} is no server's address."
             )
         return Shown(f"{_AS_DELIVERED}; what the adapter does to them is not known", _delivered)
     found = _profile_of(ran, profile)

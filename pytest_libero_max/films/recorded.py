@@ -267,9 +267,11 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     known = {name: record for record in records for name in (record.case_id, record.item_id)}
     for name in names:
         if name not in known:
-            raise OptionError(
-                f"case={name!r} is not a measured pair of this run. "
-                f"{did_you_mean(name, [record.item_id for record in records])}"
+            raise OptionError.seen(
+                "case",
+                name,
+                f" is not a measured pair of this run. "
+                f"{did_you_mean(name, [record.item_id for record in records])}",
             )
     asked = {known[name].item_id for name in names}
     return [record for record in records if record.item_id in asked]

@@ -206,7 +206,7 @@ class Rollout:
         try:
             checked = check_actions(actions, self._stage.spec)
         except ActionError as error:
-            raise ActionError(f"query {index} at step {step}: {error}") from error
+            raise error.within(f"query {index} at step {step}") from error
         self._take(QueryResult(index, step, checked, notes))
 
     # Driving it with the policy of the stage.

@@ -48,8 +48,8 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
     try:
         code = code_digest(adapter_files(reference))
     except OSError as error:
-        raise AdapterError(
-            f"policy={text!r} cannot be read ({error}). Check the file's permissions."
+        raise AdapterError.seen(
+            "policy", text, f" cannot be read ({error}). Check the file's permissions."
         ) from None
     return hashlib.sha256(f"{reference.name}|{code}".encode()).hexdigest()
 

@@ -78,7 +78,9 @@ class AdaptivePolicy(WrappedPolicy):
 
     def __init__(self, policy: Policy, mode: AdaptiveMode) -> None:
         if mode not in ADAPTIVE_MODES:
-            raise AdapterError(f"mode={mode!r} of an AdaptivePolicy. {did_you_mean(mode, ADAPTIVE_MODES)}")
+            raise AdapterError.seen(
+                "mode", mode, f" of an AdaptivePolicy. {did_you_mean(mode, ADAPTIVE_MODES)}"
+            )
         super().__init__(policy, f"adaptive={mode} H={policy.spec.horizon} Q={policy.spec.query_interval}")
         self._cameras = [name for name in policy.spec.cameras if _ON_THE_HAND not in name]
         self._mode = mode

@@ -53,8 +53,8 @@ def check_policy(policy: Any, where: str) -> Policy:
             "a PolicySpec. Add `spec = PolicySpec(name=...)`."
         )
     if not isinstance(policy.spec, PolicySpec):
-        raise AdapterError(
-            f"{where}.spec={policy.spec!r}, but must be a PolicySpec. Write `spec = PolicySpec(name=...)`."
+        raise AdapterError.seen(
+            f"{where}.spec", policy.spec, ", but must be a PolicySpec. Write `spec = PolicySpec(name=...)`."
         )
     _check_method(policy, "reset", where, "episode")
     _check_method(policy, "predict", where, "observation", "query")
@@ -86,9 +86,11 @@ def check_cameras(policy: Policy, world: World) -> None:
     known = world.cameras
     for camera in policy.spec.cameras:
         if camera not in known:
-            raise AdapterError(
-                f"camera={camera!r} of policy {policy.spec.name!r} does not exist in scene {world.scene}. "
-                f"{did_you_mean(camera, known)}"
+            raise AdapterError.seen(
+                "camera",
+                camera,
+                f" of policy {policy.spec.name!r} does not exist in scene {world.scene}. "
+                f"{did_you_mean(camera, known)}",
             )
     if policy.spec.cameras:
         gl.require()
@@ -255,7 +257,7 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
     try:
         return check_actions(answer, spec)
     except ActionError as error:
-        raise ActionError(f"{where}: {error}") from error
+        raise error.within(where) from error
 
 
 def notes_of(policy: Policy) -> dict[str, int] | None:
@@ -269,9 +271,11 @@ def notes_of(policy: Policy) -> dict[str, int] | None:
         return None
     counts = dict(notes) if isinstance(notes, Mapping) else {}
     if counts != notes or not all(type(name) is str and _is_count(n) for name, n in counts.items()):
-        raise AdapterError(
-            f"query_notes={notes!r} of policy {policy.spec.name!r}, but must be counts by name, integers of "
-            "at least 0. They are added up in the record."
+        raise AdapterError.seen(
+            "query_notes",
+            notes,
+            f" of policy {policy.spec.name!r}, but must be counts by name, integers of "
+            "at least 0. They are added up in the record.",
         )
     return {name: int(count) for name, count in counts.items()}
 
@@ -341,7 +345,9 @@ def _check_method(policy: Any, name: str, where: str, *arguments: str) -> None:
         )
     method = getattr(policy, name)
     if not callable(method):
-        raise AdapterError(f"{where}.{name}={method!r} is not callable, but must be the method {form}.")
+        raise AdapterError.seen(
+            f"{where}.{name}", method, f" is not callable, but must be the method {form}."
+        )
     try:
         signature = inspect.signature(method)
     except ValueError:  # an extension method that does not tell its signature

@@ -74,18 +74,20 @@ class PolicySpec:
             object.__setattr__(self, field, self._count(field, getattr(self, field)))
         object.__setattr__(self, "image_size", self._size())
         if self.revision is not None and not (isinstance(self.revision, str) and self.revision):
-            raise AdapterError(
-                f"revision={self.revision!r} of policy {self.name!r}, but must be None or a string that is "
-                "not empty."
+            raise AdapterError.seen(
+                "revision",
+                self.revision,
+                f" of policy {self.name!r}, but must be None or a string that is not empty.",
             )
         if not isinstance(self.history, bool):
-            raise AdapterError(
-                f"history={self.history!r} of policy {self.name!r}, but must be True or False."
+            raise AdapterError.seen(
+                "history", self.history, f" of policy {self.name!r}, but must be True or False."
             )
         if self.control not in get_args(Control):
-            raise AdapterError(
-                f"control={self.control!r} of policy {self.name!r}. "
-                f"{did_you_mean(str(self.control), get_args(Control))}"
+            raise AdapterError.seen(
+                "control",
+                self.control,
+                f" of policy {self.name!r}. {did_you_mean(str(self.control), get_args(Control))}",
             )
         if self.suites is not None:
             object.__setattr__(self, "suites", self._known_suites())
@@ -96,8 +98,8 @@ class PolicySpec:
                 "(Q <= H). Lower Q or raise H."
             )
         if isinstance(self.cameras, str):
-            raise AdapterError(
-                f"cameras={self.cameras!r} of policy {self.name!r}, but must be a tuple of names."
+            raise AdapterError.seen(
+                "cameras", self.cameras, f" of policy {self.name!r}, but must be a tuple of names."
             )
         object.__setattr__(self, "cameras", tuple(self.cameras))
 
@@ -107,14 +109,16 @@ class PolicySpec:
 
     def _known_suites(self) -> tuple[str, ...]:
         if isinstance(self.suites, str) or not self.suites:
-            raise AdapterError(
-                f"suites={self.suites!r} of policy {self.name!r}, but must be None or a tuple of names."
+            raise AdapterError.seen(
+                "suites", self.suites, f" of policy {self.name!r}, but must be None or a tuple of names."
             )
         for suite in self.suites:
             if suite not in SUITE_BUDGETS:
-                raise AdapterError(
-                    f"suites={self.suites!r} of policy {self.name!r} names the unknown suite {suite!r}. "
-                    f"{did_you_mean(str(suite), SUITE_BUDGETS)}"
+                raise AdapterError.seen(
+                    "suites",
+                    self.suites,
+                    f" of policy {self.name!r} names the unknown suite {suite!r}. "
+                    f"{did_you_mean(str(suite), SUITE_BUDGETS)}",
                 )
         return tuple(sorted({*self.suites}))
 
@@ -124,8 +128,8 @@ class PolicySpec:
         if not isinstance(value, list | tuple):
             return self._count("image_size", value)
         if len(value) != 2:
-            raise AdapterError(
-                f"image_size={value!r} of policy {self.name!r}, but must be a side, or height and width."
+            raise AdapterError.seen(
+                "image_size", value, f" of policy {self.name!r}, but must be a side, or height and width."
             )
         height, width = (self._count("image_size", side) for side in value)
         return height if height == width else (height, width)
@@ -137,12 +141,12 @@ class PolicySpec:
         except TypeError:
             count = 0
         if isinstance(value, bool | np.bool_) or count < 1:
-            raise AdapterError(
-                f"{field}={value!r} of policy {self.name!r}, but must be an integer of at least 1."
+            raise AdapterError.seen(
+                field, value, f" of policy {self.name!r}, but must be an integer of at least 1."
             )
         if count > MOST[field]:
-            raise AdapterError(
-                f"{field}={value!r} of policy {self.name!r}, but may be {MOST[field]} at most."
+            raise AdapterError.seen(
+                field, value, f" of policy {self.name!r}, but may be {MOST[field]} at most."
             )
         return count
 

@@ -102,8 +102,8 @@ def check_reference(text: str, profile: str | None = None) -> None:
     except (SyntaxError, ValueError) as error:
         raise _failed(error, reference, path, "reading it") from error
     except OSError as error:
-        raise AdapterError(
-            f"policy={text!r} cannot be read: {error}. Check the file's permissions."
+        raise AdapterError.seen(
+            "policy", text, f" cannot be read: {error}. Check the file's permissions."
         ) from None
     defined = _defined_names(tree.body)
     if reference.name not in defined and "*" not in defined:
@@ -112,9 +112,11 @@ def check_reference(text: str, profile: str | None = None) -> None:
 
 def _refuse_profile(text: str, profile: str | None) -> None:
     if profile is not None:
-        raise AdapterError(
-            f"policy={text!r} with profile={profile!r}: a profile says how a policy behind a server is "
-            "asked, and this one is no address (openpi://host:8000). Leave --libero-max-profile out."
+        raise AdapterError.seen(
+            "policy",
+            text,
+            f" with profile={profile!r}: a profile says how a policy behind a server is "
+            "asked, and this one is no address (openpi://host:8000). Leave --libero-max-profile out.",
         )
 
 

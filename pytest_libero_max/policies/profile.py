@@ -161,27 +161,29 @@ def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
             if text.endswith(".toml")
             else f"{did_you_mean(text, profile_names())} A file of your own ends in .toml."
         )
-        raise AdapterError(f"profile={text!r}: there is no such profile. {hint}")
+        raise AdapterError.seen("profile", text, f": there is no such profile. {hint}")
     path = path.resolve()
     if path in above:
-        raise AdapterError(f"profile={text!r} extends itself. Let it extend a profile of this package.")
+        raise AdapterError.seen("profile", text, " extends itself. Let it extend a profile of this package.")
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise AdapterError(f"profile={text!r} cannot be read: {error}. Repair the file.") from None
+        raise AdapterError.seen("profile", text, f" cannot be read: {error}. Repair the file.") from None
     extends = content.pop("extends", None)
     _check(content, path)
     tables: Mapping[str, Table] = content
     folder = path.parent
     if extends is not None:
         if not isinstance(extends, str):
-            raise AdapterError(f"profile={text!r}: extends={extends!r}, but must be the name of a profile.")
+            raise AdapterError.seen(
+                "profile", text, f": extends={extends!r}, but must be the name of a profile."
+            )
         below = _load(extends, path.parent, (*above, path))
         tables = _merged(below.tables, content)
     for field in ("name", "protocol"):
         if not isinstance(tables.get("policy", {}).get(field), str):
-            raise AdapterError(
-                f"profile={text!r} lacks policy.{field}. Add it, or extend a profile that has it."
+            raise AdapterError.seen(
+                "profile", text, f" lacks policy.{field}. Add it, or extend a profile that has it."
             )
     return Profile(path.stem, tables, folder)
 
@@ -190,12 +192,20 @@ def _check(content: Table, path: Path) -> None:
     for section, table in content.items():
         if section not in SECTIONS or not isinstance(table, dict):
             raise AdapterError(
-                f"{path.name}: {section!r} is no table of a profile. {did_you_mean(section, SECTIONS)}"
+                f"{path.name}: {section!r} is no table of a profile. {did_you_mean(section, SECTIONS)}",
+                field=section,
+                value=table,
+                path=path,
             )
         known = SECTIONS[section]
         for field in table:
             if known and field not in known:
-                raise AdapterError(f"{path.name}: {section}.{field} is unknown. {did_you_mean(field, known)}")
+                raise AdapterError(
+                    f"{path.name}: {section}.{field} is unknown. {did_you_mean(field, known)}",
+                    field=f"{section}.{field}",
+                    value=table[field],
+                    path=path,
+                )
 
 
 def _merged(below: Mapping[str, Table], above: Mapping[str, Table]) -> dict[str, Table]:

@@ -92,11 +92,13 @@ def parse_reference(text: str) -> Reference:
         target, name = reference, DEFAULT_NAME
     target = os.path.expanduser(target)  # reports write the home folder as ~
     if not name.isidentifier():
-        raise AdapterError(f"policy={text!r}: {name!r} is not the name of anything in Python. {FORMS}")
+        raise AdapterError.seen("policy", text, f": {name!r} is not the name of anything in Python. {FORMS}")
     if not target.endswith(".py") and not all(part.isidentifier() for part in target.split(".")):
-        raise AdapterError(
-            f"policy={text!r}: {target!r} is neither a Python file nor the dotted name of a module."
-            f"{_instead(Path(target), colon + name if colon else '')} {FORMS}"
+        raise AdapterError.seen(
+            "policy",
+            text,
+            f": {target!r} is neither a Python file nor the dotted name of a module."
+            f"{_instead(Path(target), colon + name if colon else '')} {FORMS}",
         )
     return Reference(text, target, name)
 
@@ -123,15 +125,17 @@ def _existing_file(reference: Reference) -> Path:
     if path.is_file():
         return path.resolve()
     if path.is_dir():
-        raise AdapterError(
-            f"policy={reference.text!r}: {str(path)!r} is a folder, but an adapter is a file. Give the file."
+        raise AdapterError.seen(
+            "policy", reference.text, f": {str(path)!r} is a folder, but an adapter is a file. Give the file."
         )
     if not folder.is_dir():
-        raise AdapterError(f"policy={reference.text!r}: there is no folder {str(folder)!r}. Check the path.")
+        raise AdapterError.seen(
+            "policy", reference.text, f": there is no folder {str(folder)!r}. Check the path."
+        )
     siblings = sorted(file.name for file in folder.glob("*.py"))
     close = get_close_matches(path.name, siblings, n=1, cutoff=0.5)
     hint = f"Did you mean {str(folder / close[0])!r}?" if close else "Check the path."
-    raise AdapterError(f"policy={reference.text!r}: there is no file {str(path)!r}. {hint}")
+    raise AdapterError.seen("policy", reference.text, f": there is no file {str(path)!r}. {hint}")
 
 
 def _module_file(reference: Reference) -> Path | None:
@@ -141,9 +145,11 @@ def _module_file(reference: Reference) -> Path | None:
         raise no_module(reference, top)
     if not rest:
         if spec.origin is None and spec.submodule_search_locations is not None:
-            raise AdapterError(
-                f"policy={reference.text!r}: {top!r} is a folder without __init__.py, but an adapter is a "
-                "file or a module. Give the file in it."
+            raise AdapterError.seen(
+                "policy",
+                reference.text,
+                f": {top!r} is a folder without __init__.py, but an adapter is a "
+                "file or a module. Give the file in it.",
             )
         return Path(spec.origin).resolve() if spec.has_location and spec.origin else None
     file = submodule_file(spec.submodule_search_locations or (), rest)
@@ -171,12 +177,16 @@ def find_spec(name: str) -> ModuleSpec | None:
 def no_module(reference: Reference, missing: str) -> AdapterError:
     """The error for a module that is not there."""
     if reference.text == reference.target and "." not in reference.target:
-        return AdapterError(
-            f"policy={reference.text!r} is neither the name of a policy nor a module on the import path. "
+        return AdapterError.seen(
+            "policy",
+            reference.text,
+            f" is neither the name of a policy nor a module on the import path. "
             f"{did_you_mean(reference.text, POLICIES)} For an adapter of your own, give its file: "
-            f"{reference.text}.py."
+            f"{reference.text}.py.",
         )
-    return AdapterError(
-        f"policy={reference.text!r}: there is no module {missing!r} on the import path. Install it, put "
-        f"its folder on PYTHONPATH, or give the file: {reference.target.replace('.', '/')}.py."
+    return AdapterError.seen(
+        "policy",
+        reference.text,
+        f": there is no module {missing!r} on the import path. Install it, put "
+        f"its folder on PYTHONPATH, or give the file: {reference.target.replace('.', '/')}.py.",
     )

@@ -62,8 +62,8 @@ class RestoringPolicy(WrappedPolicy):
 
     def __init__(self, policy: Policy, mode: RestoreMode = "gated") -> None:
         if mode not in RESTORE_MODES or mode == "native":
-            raise AdapterError(
-                f"mode={mode!r} of a RestoringPolicy. {did_you_mean(mode, ('always', 'gated'))}"
+            raise AdapterError.seen(
+                "mode", mode, f" of a RestoringPolicy. {did_you_mean(mode, ('always', 'gated'))}"
             )
         super().__init__(policy, f"restore={mode}")
         self._mode = mode
@@ -105,8 +105,10 @@ def with_restoration(policy: Policy, mode: RestoreMode) -> Policy:
     if mode == "native":
         return policy
     if not policy.spec.cameras:
-        raise AdapterError(
-            f"restore={mode!r} with policy {policy.spec.name!r}, which asks for no images (cameras=()), so "
-            "nothing can be restored. Leave --libero-max-restore out."
+        raise AdapterError.seen(
+            "restore",
+            mode,
+            f" with policy {policy.spec.name!r}, which asks for no images (cameras=()), so "
+            "nothing can be restored. Leave --libero-max-restore out.",
         )
     return RestoringPolicy(policy, mode)

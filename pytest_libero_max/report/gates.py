@@ -122,18 +122,22 @@ def parse_gate(text: str) -> Gate:
     """
     match = _GATE.fullmatch(text.strip())
     if match is None:
-        raise OptionError(
-            f"gate={text!r} is not a condition. Write QUANTITY OPERATOR NUMBER, for example "
-            f"'dynamic_sr >= 0.6'; operators: {' '.join(OPERATORS)}."
+        raise OptionError.seen(
+            "gate",
+            text,
+            f" is not a condition. Write QUANTITY OPERATOR NUMBER, for example "
+            f"'dynamic_sr >= 0.6'; operators: {' '.join(OPERATORS)}.",
         )
     number = match["number"]
     if not _NUMBER.fullmatch(number):
-        raise OptionError(
-            f"gate={text!r} compares with {number!r}, but must compare with a number or a percentage."
+        raise OptionError.seen(
+            "gate", text, f" compares with {number!r}, but must compare with a number or a percentage."
         )
     exponent = _EXPONENT.search(number)
     if exponent is not None and len(exponent[1]) > _MOST_EXPONENT_DIGITS:
-        raise OptionError(f"gate={text!r} compares with {number!r}, but no quantity is so large or so small.")
+        raise OptionError.seen(
+            "gate", text, f" compares with {number!r}, but no quantity is so large or so small."
+        )
     threshold = Fraction(number.rstrip("%")) / (100 if number.endswith("%") else 1)
     name, scope, end, run = _parse_quantity(match["quantity"].strip(), text)
     gate = Gate(match.string, name, scope, end, run, match["operator"], threshold)
@@ -154,9 +158,10 @@ def _require_open(gate: Gate, percent: bool) -> None:
     """Refuse a gate that every value of its quantity meets, or none."""
     scale, number = scale_of(gate.name), gate.threshold
     if percent and not scale.percent:
-        raise OptionError(
-            f"gate={gate.text!r} compares {gate.name} with a percentage, but it is {scale.name}. "
-            "Give a number."
+        raise OptionError.seen(
+            "gate",
+            gate.text,
+            f" compares {gate.name} with a percentage, but it is {scale.name}. Give a number.",
         )
     most = scale.most
     below = number < scale.least
@@ -171,9 +176,11 @@ def _require_open(gate: Gate, percent: bool) -> None:
         "!=": (impossible, False),
     }[gate.operator]
     if always or never:
-        raise OptionError(
-            f"gate={gate.text!r} can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}"
-            f"{', and 60% is 0.6' if scale.percent else ''}. Give a number that decides something."
+        raise OptionError.seen(
+            "gate",
+            gate.text,
+            f" can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}"
+            f"{', and 60% is 0.6' if scale.percent else ''}. Give a number that decides something.",
         )
 
 
@@ -216,19 +223,21 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
     if call is not None:
         name, end = call["name"], call["end"]
         if name not in VERSUS:
-            raise OptionError(
-                f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, VERSUS)}"
+            raise OptionError.seen(
+                "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, VERSUS)}"
             )
         if end is not None and name != "dynamic_sr_vs":
-            raise OptionError(f"gate={text!r} asks for {end!r} of {name}, which has no interval.")
+            raise OptionError.seen("gate", text, f" asks for {end!r} of {name}, which has no interval.")
         return name, None, _end(end, text), call["run"].strip().strip("'\"")
     parts = quantity.split(".")
     scope: tuple[str, str] | None = None
     if parts[0] in DIMENSIONS:
         if len(parts) < 3:
-            raise OptionError(
-                f"gate={text!r} names a dimension without group and quantity; write for example "
-                f"'{parts[0]}.GROUP.dynamic_sr >= 0.6'."
+            raise OptionError.seen(
+                "gate",
+                text,
+                f" names a dimension without group and quantity; write for example "
+                f"'{parts[0]}.GROUP.dynamic_sr >= 0.6'.",
             )
         scope = (parts[0], parts[1])
         _check_group(scope, text)
@@ -238,16 +247,20 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
     name, ends = ".".join(parts[:words]), parts[words:]
     if name not in known:
         names = known if scope else [*known, *DIMENSIONS, *VERSUS]
-        raise OptionError(f"gate={text!r} has the unknown quantity {name!r}. {did_you_mean(name, names)}")
+        raise OptionError.seen(
+            "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
+        )
     if len(ends) > 1 or (ends and (name not in _QUANTITIES or not _QUANTITIES[name].format.has_interval)):
-        raise OptionError(f"gate={text!r} asks for {'.'.join(ends)!r} of {name}, which has no such part.")
+        raise OptionError.seen(
+            "gate", text, f" asks for {'.'.join(ends)!r} of {name}, which has no such part."
+        )
     return name, scope, _end(ends[0] if ends else None, text), None
 
 
 def _end(end: str | None, text: str) -> str | None:
     if end not in (None, "lower", "upper"):
-        raise OptionError(
-            f"gate={text!r} has the unknown part {end!r}. {did_you_mean(end, ('lower', 'upper'))}"
+        raise OptionError.seen(
+            "gate", text, f" has the unknown part {end!r}. {did_you_mean(end, ('lower', 'upper'))}"
         )
     return end
 
@@ -268,9 +281,10 @@ def require_known_groups(gates: Iterable[Gate], pairs: Iterable[PlannedPair]) ->
             dimension, group = gate.scope
             groups = {DIMENSIONS[dimension].label(pair) for pair in every}
             if group not in groups:
-                raise OptionError(
-                    f"gate={gate.text!r} names the {dimension} {group!r}, which no case is of. "
-                    f"{did_you_mean(group, groups)}"
+                raise OptionError.seen(
+                    "gate",
+                    gate.text,
+                    f" names the {dimension} {group!r}, which no case is of. {did_you_mean(group, groups)}",
                 )
 
 
@@ -278,8 +292,8 @@ def _check_group(scope: tuple[str, str], text: str) -> None:
     """Refuse names that no report can have; other groups depend on the run."""
     known = {"event": tuple(EVENTS), "family": families()}.get(scope[0])
     if known is not None and scope[1] not in known:
-        raise OptionError(
-            f"gate={text!r} has the unknown {scope[0]} {scope[1]!r}. {did_you_mean(scope[1], known)}"
+        raise OptionError.seen(
+            "gate", text, f" has the unknown {scope[0]} {scope[1]!r}. {did_you_mean(scope[1], known)}"
         )
 
 

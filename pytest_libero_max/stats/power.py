@@ -40,7 +40,7 @@ def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
     """
     _check(loss, gain)
     if pairs < 1:
-        raise OptionError(f"pairs={pairs!r}, but a test needs at least one pair.")
+        raise OptionError.seen("pairs", pairs, ", but a test needs at least one pair.")
     discordant = min(1.0, loss + gain)
     if pairs * discordant < _NEGLIGIBLE:  # also where the binomial probabilities could not be computed
         return 0.0
@@ -115,6 +115,8 @@ def _critical_counts(most: int, alpha: float) -> NDArray[np.int64]:
 
 def _check(loss: float, gain: float) -> None:
     if not (0 <= loss <= 1 and 0 <= gain <= 1 and loss + gain <= 1 + 1e-12):
-        raise OptionError(
-            f"loss={loss!r} and gain={gain!r}, but must be probabilities of outcomes that exclude each other."
+        raise OptionError.seen(
+            "loss",
+            loss,
+            f" and gain={gain!r}, but must be probabilities of outcomes that exclude each other.",
         )

@@ -39,7 +39,9 @@ class CadenceSweep(Study):
     def __init__(self, settings: Sequence[Cadence]) -> None:
         self.settings = tuple(settings)
         if not self.settings or len(set(self.settings)) < len(self.settings):
-            raise OptionError(f"settings={cadence_text(self.settings)!r}, but give at least one, each once.")
+            raise OptionError.seen(
+                "settings", cadence_text(self.settings), ", but give at least one, each once."
+            )
         for setting in self.settings:
             if setting.horizon is not None and setting.query_interval > setting.horizon:
                 raise OptionError(

@@ -51,8 +51,9 @@ def study_from_dict(values: Any) -> Study:
         if study.to_dict() != values:
             raise ValueError("it has other fields")
     except (AttributeError, KeyError, TypeError, ValueError, OptionError) as error:
-        raise ReportError(
-            f"study={values!r} of a run is none that this version knows ({error}). Read it with the version "
-            "that played it."
+        raise ReportError.seen(
+            "study",
+            values,
+            f" of a run is none that this version knows ({error}). Read it with the version that played it.",
         ) from error
     return study

@@ -95,28 +95,34 @@ def parse_address(text: str) -> Address:
     """
     scheme = text.partition("://")[0].lower()
     if scheme in _REFUSED:
-        raise AdapterError(
-            f"policy={text!r} {_REFUSED[scheme]}. Whoever answers with a pickle can run any code here, so "
+        raise AdapterError.seen(
+            "policy",
+            text,
+            f" {_REFUSED[scheme]}. Whoever answers with a pickle can run any code here, so "
             "none is ever read. Put the model behind one of the protocols that are spoken "
-            f"({', '.join(PROTOCOLS)}): a server is a few lines around it."
+            f"({', '.join(PROTOCOLS)}): a server is a few lines around it.",
         )
     if scheme in ("ws", "wss"):
-        raise AdapterError(
-            f"policy={text!r} names a WebSocket, but not what is spoken over it. Write openpi://, "
-            "vla-eval:// or starvla:// instead."
+        raise AdapterError.seen(
+            "policy",
+            text,
+            " names a WebSocket, but not what is spoken over it. Write openpi://, "
+            "vla-eval:// or starvla:// instead.",
         )
     if scheme not in PROTOCOLS:
-        raise AdapterError(
-            f"policy={text!r}: {scheme!r} is no protocol that is spoken. {did_you_mean(scheme, PROTOCOLS)}"
+        raise AdapterError.seen(
+            "policy", text, f": {scheme!r} is no protocol that is spoken. {did_you_mean(scheme, PROTOCOLS)}"
         )
     try:
         parts = urlsplit(text)
         port = parts.port
     except ValueError as error:
-        raise AdapterError(f"policy={text!r} is no address: {error}. Write {scheme}://HOST:PORT.") from None
+        raise AdapterError.seen(
+            "policy", text, f" is no address: {error}. Write {scheme}://HOST:PORT."
+        ) from None
     if not parts.hostname or parts.username or parts.fragment:
-        raise AdapterError(
-            f"policy={text!r}: an address is {scheme}://HOST:PORT, without a user name or a fragment."
+        raise AdapterError.seen(
+            "policy", text, f": an address is {scheme}://HOST:PORT, without a user name or a fragment."
         )
     seconds = _seconds(text, parts)
     return Address(
@@ -134,13 +140,15 @@ def _seconds(text: str, parts: SplitResult) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, value in parse_qsl(parts.query, keep_blank_values=True):
         if name not in ("timeout", "patience"):
-            raise AdapterError(
-                f"policy={text!r}: {name!r} is no option. {did_you_mean(name, ('timeout', 'patience'))}"
+            raise AdapterError.seen(
+                "policy", text, f": {name!r} is no option. {did_you_mean(name, ('timeout', 'patience'))}"
             )
         try:
             found[name] = float(value)
         except ValueError:
             found[name] = math.nan
         if not 0.0 < found[name] < math.inf:
-            raise AdapterError(f"policy={text!r}: {name}={value!r}, but must be a number of seconds above 0.")
+            raise AdapterError.seen(
+                "policy", text, f": {name}={value!r}, but must be a number of seconds above 0."
+            )
     return found

@@ -157,7 +157,7 @@ class RememberingPolicy(DeclaredPolicy):
             AdapterError: It is none of a snapshot.
         """
         if not isinstance(memory, Kept):
-            raise AdapterError(f"memory={memory!r}, but must be what snapshot() returned.")
+            raise AdapterError.seen("memory", memory, ", but must be what snapshot() returned.")
         self._at = memory.name
 
 

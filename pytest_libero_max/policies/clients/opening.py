@@ -100,16 +100,20 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
     """
     address = parse_address(text)
     if profile_text is None:
-        raise AdapterError(
-            f"policy={text!r} is the address of a server, and how it is asked depends on the policy behind "
+        raise AdapterError.seen(
+            "policy",
+            text,
+            f" is the address of a server, and how it is asked depends on the policy behind "
             f"it. Add --libero-max-profile=NAME; for {address.scheme}:// there are {_fitting(address)}, or "
-            "the path of your own."
+            "the path of your own.",
         )
     profile = load_profile(profile_text)
     if profile.protocol != address.protocol:
-        raise AdapterError(
-            f"profile={profile_text!r} is for {profile.protocol}://, but the address is {str(address)!r}. "
-            f"For {address.scheme}:// there are {_fitting(address)}."
+        raise AdapterError.seen(
+            "profile",
+            profile_text,
+            f" is for {profile.protocol}://, but the address is {str(address)!r}. "
+            f"For {address.scheme}:// there are {_fitting(address)}.",
         )
     return profile
 

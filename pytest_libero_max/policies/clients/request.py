@@ -142,7 +142,7 @@ class Request:
             for step in item.steps:
                 value = step(value)
         except AdapterError as error:
-            raise AdapterError(f"{self._where}, inputs.{name}: {error}") from None
+            raise error.within(f"{self._where}, inputs.{name}", field=f"inputs.{name}") from None
         try:
             value = value if item.dtype is None else value.astype(item.dtype)
             return value if item.shape is None else value.reshape(item.shape)
@@ -171,14 +171,14 @@ def _input(name: str, table: Any) -> Input:
     where = f"inputs.{name}"
     known = ("from", "join", "steps", "dtype", "shape")
     if not isinstance(table, dict) or ("from" in table) == ("join" in table):
-        raise AdapterError(f"{where}={table!r}, but must be a table with either 'from' or 'join'.")
+        raise AdapterError.seen(where, table, ", but must be a table with either 'from' or 'join'.")
     for field in table:
         if field not in known:
             raise AdapterError(f"{where}.{field} is unknown. {did_you_mean(field, known)}")
     sources = (*(f"{camera}_image" for camera in CAMERAS), *KEYS)
     source = table.get("from")
     if source is not None and source not in sources:
-        raise AdapterError(f"{where}.from={source!r}. {did_you_mean(str(source), sources)}")
+        raise AdapterError.seen(f"{where}.from", source, f". {did_you_mean(str(source), sources)}")
     steps = parse_steps(table.get("steps", []), INPUT_STEPS, f"{where}.steps")
     shape = table.get("shape")
     return Input(

@@ -38,9 +38,9 @@ class Batching:
 
     def __post_init__(self) -> None:
         if self.size < 1:
-            raise AdapterError(f"max_batch={self.size!r}, but must be at least 1.")
+            raise AdapterError.seen("max_batch", self.size, ", but must be at least 1.")
         if not 0.0 <= self.wait_s <= 60.0:
-            raise AdapterError(f"max_wait_ms={1000.0 * self.wait_s!r}, but must be from 0 to 60000.")
+            raise AdapterError.seen("max_wait_ms", 1000.0 * self.wait_s, ", but must be from 0 to 60000.")
         if self.pad and self.size == 1:
             raise AdapterError("pad_batch pads to the full batch, but max_batch is 1. Raise max_batch.")
 

@@ -136,7 +136,7 @@ def jpeg_round_trip(image: Image, quality: int = 95) -> Image:
     from PIL import Image as pillow
 
     if not 1 <= quality <= 100:
-        raise AdapterError(f"quality={quality!r} of a JPEG file, but must be 1 to 100.")
+        raise AdapterError.seen("quality", quality, " of a JPEG file, but must be 1 to 100.")
     with pillow.open(io.BytesIO(_file(image, "JPEG", quality=quality))) as picture:
         return np.asarray(picture.convert("RGB"))
 
@@ -196,7 +196,7 @@ def _checked(image: Image) -> Image:
 
 def _side(side_px: int) -> int:
     if isinstance(side_px, bool) or not isinstance(side_px, int) or side_px < 1:
-        raise AdapterError(f"side_px={side_px!r}, but the side of an image is an integer of at least 1.")
+        raise AdapterError.seen("side_px", side_px, ", but the side of an image is an integer of at least 1.")
     return side_px
 
 

@@ -107,7 +107,7 @@ class Step:
         try:
             return self.apply(value, *self.arguments)
         except AdapterError as error:
-            raise AdapterError(f"step {self.name!r}: {error}") from None
+            raise error.within(f"step {self.name!r}") from None
         except (TypeError, ValueError, IndexError, AttributeError) as error:
             shape = getattr(value, "shape", "")
             raise AdapterError(
@@ -128,8 +128,8 @@ def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str
         AdapterError: Something else; suggests the closest name.
     """
     if not isinstance(values, list):
-        raise AdapterError(
-            f"{where}={values!r}, but must be a list of steps. Known: {', '.join(sorted(known))}."
+        raise AdapterError.seen(
+            where, values, f", but must be a list of steps. Known: {', '.join(sorted(known))}."
         )
     return tuple(_step(value, known, where) for value in values)
 

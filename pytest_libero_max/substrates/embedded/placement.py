@@ -70,8 +70,8 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
         SimulatorError: No draw came to rest as declared.
     """
     if not 0 <= init < INITIAL_STATES:
-        raise SubstrateError(
-            f"init={init!r} is not an initial state of {scene.key}: use 0 to {INITIAL_STATES - 1}."
+        raise SubstrateError.seen(
+            "init", init, f" is not an initial state of {scene.key}: use 0 to {INITIAL_STATES - 1}."
         )
     trouble = "nothing was drawn"
     for attempt in range(_ATTEMPTS):

@@ -173,7 +173,7 @@ def _add_assets(assets: ET.Element, kind: Category) -> dict[str, Image]:
 
 def _add_surface(assets: ET.Element, surface: str) -> dict[str, Image]:
     if surface not in SURFACES:
-        raise SubstrateError(f"surface={surface!r} does not exist. {did_you_mean(surface, SURFACES)}")
+        raise SubstrateError.seen("surface", surface, f" does not exist. {did_you_mean(surface, SURFACES)}")
     name, picture = shown(surface), drawn(SURFACES[surface])
     assets.append(base.texture_element(name, picture))
     return {name: picture}

@@ -137,9 +137,10 @@ def joint_state(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str
     name = regions[fact.subject].target if fact.subject in regions else fact.subject
     kind = category(_entity(name, entities).category)
     if fact.predicate not in kind.states:
-        raise SubstrateError(
-            f"predicate={fact.predicate!r} means nothing for {fact.subject!r}. "
-            f"{did_you_mean(fact.predicate, kind.states)}"
+        raise SubstrateError.seen(
+            "predicate",
+            fact.predicate,
+            f" means nothing for {fact.subject!r}. {did_you_mean(fact.predicate, kind.states)}",
         )
     return kind.states[fact.predicate]
 

@@ -265,9 +265,11 @@ def _redirect_assets(installation: Installation) -> None:
     if installation.flavour == "hf-libero":
         return  # it asks libero.libero, which has been told
     if installation.assets.name != "assets":
-        raise SubstrateError(
-            f"assets={str(installation.assets)!r}: {installation.flavour} looks for a folder of the name "
-            "'assets'. Give it that name, or make a link of that name to it."
+        raise SubstrateError.seen(
+            "assets",
+            str(installation.assets),
+            f": {installation.flavour} looks for a folder of the name "
+            "'assets'. Give it that name, or make a link of that name to it.",
         )
     parent = installation.assets.parent
     vars(sys.modules[f"{installation.inner}.envs.bddl_base_domain"])["DIR_PATH"] = str(parent / "envs")

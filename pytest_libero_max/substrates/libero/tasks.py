@@ -145,7 +145,9 @@ def task_names(installation: Installation, suite: str) -> tuple[str, ...]:
     """
     table = _task_map(installation.package)
     if suite not in table:
-        raise SubstrateError(f"suite={suite!r} is not one of {installation}. {did_you_mean(suite, table)}")
+        raise SubstrateError.seen(
+            "suite", suite, f" is not one of {installation}. {did_you_mean(suite, table)}"
+        )
     return table[suite]
 
 

@@ -165,7 +165,7 @@ class TinyWorld(MujocoWorld):
 
     def _initial_qpos(self, init: int) -> Array:
         if not 0 <= init < INITS:
-            raise SubstrateError(f"init={init!r}: the tiny world has initial states 0 to {INITS - 1}.")
+            raise SubstrateError.seen("init", init, f": the tiny world has initial states 0 to {INITS - 1}.")
         qpos: Array = self._model.qpos0.copy()
         for name, sway in (("box_1", 0.008), ("plate_1", -0.006)):
             qpos[self._qpos_address(name)] += sway * (init % 5)

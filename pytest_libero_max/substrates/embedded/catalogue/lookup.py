@@ -46,7 +46,7 @@ def catalogue(source: str) -> tuple[Variation, ...]:
         return tuple(variation for suite in SUITES for variation in plus_suite(suite))
     if source == "pro":
         return pro_variations()
-    raise ManifestError(f"source={source!r} has no catalogue. {did_you_mean(source, SOURCES)}")
+    raise ManifestError.seen("source", source, f" has no catalogue. {did_you_mean(source, SOURCES)}")
 
 
 def variation_of(case: Case) -> Variation:

@@ -70,7 +70,9 @@ def steps_of(language: str) -> tuple[Step, ...]:
         match = re.fullmatch(pattern, language)
         if match:
             return build(match)
-    raise ManifestError(f"instruction={language!r} is not built like one of LIBERO's and cannot be reworded.")
+    raise ManifestError.seen(
+        "instruction", language, " is not built like one of LIBERO's and cannot be reworded."
+    )
 
 
 def rewordings(language: str) -> tuple[Rewording, ...]:
