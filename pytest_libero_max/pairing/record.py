@@ -36,6 +36,9 @@ READABLE_VERSIONS = (1, 2)
 ACTION_DIM = 7
 """Components of an action; spelled here because records are read where no simulator is."""
 
+_OWN_FIELDS = ("approach", "clipping", "contacts", "response")
+"""The probes of every pair, whose columns are fields of an arm's record."""
+
 OUTCOMES = ("preserved_success", "change_associated_success", "regression", "persistent_failure")
 
 
@@ -84,6 +87,7 @@ class ArmRecord:
             in the other: it was not played a second time. None for an arm that was played.
         notes: What a wrapper around the policy counted, summed over the queries of Base, or over those after
             the first firing of another arm; by name. Absent without such a wrapper.
+        probes: Columns of each probe that was asked for, by its name. Absent without any.
     """
 
     schedule: tuple[Json, ...] | None
@@ -100,6 +104,7 @@ class ArmRecord:
     proof: str | None
     shares: str | None
     notes: Mapping[str, int] | None = None
+    probes: Mapping[str, Json] = field(default_factory=dict)
 
     @property
     def clipped_share(self) -> float | None:
@@ -138,12 +143,15 @@ class ArmRecord:
             contacts=tuple(seen["contacts"]["contacts"]),
             proof=rollout.proof,
             shares=None if first == arm.name else first,
+            probes={name: dict(columns) for name, columns in seen.items() if name not in _OWN_FIELDS},
             notes=_summed(rollout.queries[rollout.firings[0].queries if rollout.firings else 0 :]),
         )
 
     def to_dict(self) -> Json:
-        """JSON types only; without ``notes`` where there are none."""
+        """JSON types only; without ``notes`` and ``probes`` where there are none."""
         values = asdict(self)
+        if not values["probes"]:
+            del values["probes"]
         if values["notes"] is None:
             del values["notes"]
         for name in ("schedule", "firings", "contacts"):
@@ -157,7 +165,7 @@ class ArmRecord:
         Raises:
             ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one.
         """
-        values = {"notes": None, **values} if type(values) is dict else values
+        values = {"notes": None, "probes": {}, **values} if type(values) is dict else values
         check_fields(values, ARM_FIELDS, "arm")
         firings = tuple(
             FiringRecord(**check_fields(firing, FIRING_FIELDS, "firing")) for firing in values["firings"]

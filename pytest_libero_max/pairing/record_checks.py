@@ -74,6 +74,7 @@ ARM_FIELDS = {
     "proof": PROOF.or_null,
     "shares": TEXT.or_null,
     "notes": COUNTS.or_null,
+    "probes": OBJECT,
 }
 FIRING_FIELDS = {
     "step": COUNT,

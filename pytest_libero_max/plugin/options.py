@@ -14,6 +14,7 @@ import pytest
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
 from pytest_libero_max.runs.media import FILM_SELECTIONS
@@ -207,6 +208,15 @@ OPTIONS = (
         "the policy's own cadence is always played",
         read.cadence,
     ),
+    Option(
+        "probe",
+        "NAME",
+        "Read this in every arm as well, and keep its columns in the records; may be repeated "
+        "(contact_timeline, or a probe of another package)",
+        read.known_in(PROBES),
+        default=(),
+        many=True,
+    ),
     Option("horizon", "ACTIONS", "Override H, the most actions a query returns", read.positive),
     Option(
         "query-interval", "ACTIONS", "Override Q, the actions executed before the next query", read.positive
@@ -375,6 +385,7 @@ class Settings:
     prefix: Literal["fork", "replay"]
     strength: float
     study: Study | None
+    probe: tuple[str, ...]
     horizon: int | None
     query_interval: int | None
     restore: Literal["native", "always", "gated"]

@@ -102,6 +102,7 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
 def _measure(
     request: pytest.FixtureRequest, case: Case, process: PairProcess, policy: Policy
 ) -> tuple[Pair, World]:
+    from pytest_libero_max.pairing.probes.registry import probes_called
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
     from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
     from pytest_libero_max.policies.adapter_digest import adapter_digest
@@ -130,7 +131,7 @@ def _measure(
         case,
         world,
         policy,
-        PairSettings(settings.prefix, fingerprints, process.watchdog),
+        PairSettings(settings.prefix, fingerprints, process.watchdog, probes_called(settings.probe)),
         process.enter,
         _arms(case, policy, settings, repeat_base=case.item_id in noise_cases_of(request.config)),
     )

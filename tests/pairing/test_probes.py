@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes, View, check_probe
 from pytest_libero_max.pairing.probes.registry import ENTRY_POINT_GROUP, PROBES, probes_called
 from pytest_libero_max.pairing.probes.standard import STANDARD
+from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.pairing.stage import Stage
@@ -163,6 +165,15 @@ def test_contacts_over_time_end_with_the_contacts_at_the_end(world: TinyWorld) -
         assert steps[0] == 0
         assert (np.diff(np.array(steps, dtype=int)) > 0).all()
         assert str(touching[-1]).split() == rollout.probes["contacts"]["contacts"]
+
+
+def test_a_record_keeps_the_columns_of_the_probes_that_were_asked_for(world: TinyWorld) -> None:
+    record = played(world, ALL).record
+    for name, arm in record.arms.items():
+        assert list(arm.probes) == ["counting", "queries", "contact_timeline"]
+        assert arm.probes["counting"]["number"] == arm.steps, name
+    assert PairRecord.from_dict(json.loads(json.dumps(record.to_dict()))) == record
+    assert "probes" not in played(world, STANDARD).record.to_dict()["arms"]["base"]
 
 
 # What a probe may not do.

@@ -54,6 +54,29 @@ def installed(
     return pytester
 
 
+def test_its_probe_is_read_in_every_arm_and_changes_nothing_else(
+    installed: pytest.Pytester, results: Results
+) -> None:
+    how = (*RUN, "-m", "push")
+    installed.runpytest_subprocess(*how).assert_outcomes(passed=2)
+    plain, _ = results()
+    probes = ("--libero-max-probe=fastest_move", "--libero-max-probe=contact_timeline")
+    installed.runpytest_subprocess(*how, *probes, "--libero-max-output=probed").assert_outcomes(passed=2)
+    lines = (installed.path / "probed" / "pairs.jsonl").read_text().splitlines()
+    probed = [json.loads(line) for line in lines[1:]]
+    for one, other in zip(plain, probed, strict=True):
+        for name, arm in other["arms"].items():
+            seen = arm.pop("probes")
+            assert 0.0 < seen["fastest_move"]["way_m"] < 0.2
+            assert seen["contact_timeline"]["step"][0] == 0
+            assert arm == one["arms"][name]
+    wrong = installed.runpytest_subprocess(*how, "--libero-max-probe=fastest")
+    assert wrong.ret == pytest.ExitCode.USAGE_ERROR
+    wrong.stderr.fnmatch_lines(
+        ["*--libero-max-probe='fastest': unknown value. Did you mean 'fastest_move'?*"]
+    )
+
+
 @pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["plain", "two workers"])
 def test_a_new_event_is_played_and_reported(
     installed: pytest.Pytester, results: Results, workers: tuple[str, ...]

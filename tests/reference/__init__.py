@@ -21,6 +21,7 @@ PAGES: Mapping[str, str] = {
     "cli/README.md": "commands",
     "events/README.md": "events",
     "pairing/README.md": "records",
+    "pairing/probes/README.md": "probes",
     "plugin/README.md": "options",
     "report/README.md": "reports",
     "worlds/README.md": "worlds",

@@ -18,7 +18,7 @@ class ContactTimeline(Probe[Contacts]):
 
     name = "contact_timeline"
     schema = (
-        Column("step", "int", "Policy steps executed when the contacts changed, 0 first", "steps", many=True),
+        Column("step", "int", "Policy steps executed at each change, 0 first", "steps", many=True),
         Column(
             "touching",
             "str",

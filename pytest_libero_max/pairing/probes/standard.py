@@ -57,7 +57,7 @@ class Contacts(Probe[None]):
     """Contacts of the trigger entity at the end."""
 
     name = "contacts"
-    schema = (Column("contacts", "str", "Names of what touches the trigger entity at the end", many=True),)
+    schema = (Column("contacts", "str", "Names of what touches the trigger entity then", many=True),)
     cost = "one look at the contacts, 0.05 ms an arm"
     every = "end"
 

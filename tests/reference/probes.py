@@ -1,0 +1,84 @@
+"""The page of the probes: their columns, and what each costs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pytest_libero_max.pairing import probes
+from pytest_libero_max.pairing.probes.probe import Probe
+from pytest_libero_max.pairing.probes.registry import ENTRY_POINT_GROUP, PROBES
+from pytest_libero_max.pairing.probes.standard import STANDARD
+from tests.reference.docstrings import description
+from tests.reference.markdown import code, one_line, prose, table
+
+OWN = "pytest_libero_max."
+"""Begins the names of this package's modules; other packages may have added probes."""
+
+
+def page() -> str:
+    """The text."""
+    others = [probe for probe in PROBES.values() if type(probe).__module__.startswith(OWN)]
+    return f"""# Probes
+
+{prose(description(probes))}
+
+{prose(description(Probe))}
+
+A probe of your own is a subclass of `Probe` under its name in the entry-point group
+`{ENTRY_POINT_GROUP}`:
+
+```python
+from pytest_libero_max import Probe
+from pytest_libero_max.probes import Column, View
+
+
+class Lowest(Probe[float]):
+    \"\"\"Lowest height of the hand.\"\"\"
+
+    name = "lowest"
+    schema = (Column("height_m", "float", "Lowest height of the end effector", "m"),)
+    cost = "nothing to speak of"
+
+    def start(self, view: View) -> float:
+        return float(view.world.end_effector()[2])
+
+    def step(self, state: float, view: View) -> float:
+        return min(state, float(view.world.end_effector()[2]))
+
+    def columns(self, state: float, view: View) -> dict[str, float]:
+        return {{"height_m": state}}
+```
+
+## Those of every pair
+
+Their columns are fields of [an arm's record](../README.md#armrecord).
+
+{_table(STANDARD.standard)}
+
+## Those that are asked for
+
+`--libero-max-probe=NAME` reads one more in every arm. Its columns are in the record's `probes`, by its name.
+For each that is asked after every step the world's digest is compared, 0.02 ms on the embedded substrate.
+
+{_table(others)}
+"""
+
+
+def _table(those: tuple[Probe[Any], ...] | list[Probe[Any]]) -> str:
+    rows = (
+        (
+            code(probe.name),
+            code(column.name),
+            f"list of {column.type}"
+            if column.many
+            else f"{column.type} or null"
+            if column.optional
+            else column.type,
+            column.unit or "",
+            one_line(column.meaning),
+            one_line(probe.cost),
+        )
+        for probe in those
+        for column in probe.schema
+    )
+    return table(("Probe", "Column", "Type", "Unit", "Meaning", "Cost"), rows)
