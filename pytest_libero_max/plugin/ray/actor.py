@@ -1,4 +1,4 @@
-"""What Ray places on a node: it starts a process that plays pairs, and says how that process died."""
+"""Actor that Ray places on a node: starts a process that plays pairs, and reads its crash log if it dies."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.plugin.processes.crash_log import read_death
 from pytest_libero_max.plugin.processes.pair_process import CRASH_LOG_INPUT
-from pytest_libero_max.plugin.ray.capacity import seats_of
+from pytest_libero_max.plugin.ray.connection import actors_on
 
 _POLL_S = 0.5
 _KEPT_CHUNKS = 16
 _PATIENCE_S = 8.0
-"""So long the process has to end its session in order."""
+"""Time for the process to end its session in order, s."""
 
 
-class Player:
-    """Plays pairs in a process of its own, whose crash leaves a crash log.
+class PairActor:
+    """Plays pairs in a process of its own, whose crash the actor survives.
 
     Its methods take and return text: JSON that no process has to trust.
 
@@ -45,7 +45,7 @@ class Player:
         self._unread = b""
 
     def start(self) -> str:
-        """Start the process. Returns what it collected from, how it died, or why it refused to start."""
+        """Start the process. Returns the identity of what it collected, its death, or why it cannot play."""
         plan = self._plan
         folder = plan["folder"] or os.getcwd()
         where = self._where()
@@ -72,12 +72,12 @@ class Player:
         return json.dumps({**answer, "where": where})
 
     def play(self, name: str) -> str:
-        """Play a pair. Returns its reports, or how the process died."""
+        """Play a pair. Returns its reports, or the death of the process."""
         self._send({"play": name})
         return json.dumps(self._answer())
 
     def finish(self) -> None:
-        """Let the session end, and the process with it."""
+        """End the session, and the process with it."""
         if self._process is not None:
             assert self._process.stdin is not None
             with suppress(OSError):
@@ -94,7 +94,7 @@ class Player:
             self._process.stdin.flush()
 
     def _answer(self) -> Json:
-        """The next answer of the process, or how it died."""
+        """Return the next answer of the process, or its death."""
         line = self._line()
         if line is not None:
             answer: Json = json.loads(line)
@@ -108,7 +108,7 @@ class Player:
         }
 
     def _line(self) -> bytes | None:
-        """The next line that the process writes; None when it has died.
+        """Return the next line that the process writes; None when it has died.
 
         Its end is not waited for by the pipe alone, which a helper of the adapter may hold open.
         """
@@ -128,14 +128,14 @@ class Player:
         return line
 
     def _listen(self, stderr: Any) -> None:
-        """Pass on what the process says beside its pairs, and keep the end of it."""
+        """Pass on what the process writes to stderr, and keep the end of it."""
         while chunk := os.read(stderr.fileno(), 4096):
             self._said.append(chunk)
             with suppress(OSError):
                 os.write(2, chunk)
 
     def _end_all(self, process: subprocess.Popen[bytes]) -> None:
-        """End the process, and what the adapter has started in it."""
+        """Kill the process, and those that the adapter has started in it."""
         with suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)
 
@@ -145,9 +145,11 @@ class Player:
         return f"node {ray.util.get_node_ip_address()}"
 
     def _neighbours(self) -> int:
-        """How many actors like this one may share the memory of the node."""
+        """Number of actors like this one that may share the memory of the node."""
         import ray
 
         here = ray.get_runtime_context().get_node_id()
         nodes = [node["Resources"] for node in ray.nodes() if node["NodeID"] == here]
-        return max([seats_of(node, self._plan["cpus"], self._plan["gpus"]) for node in nodes], default=0) or 1
+        return (
+            max([actors_on(node, self._plan["cpus"], self._plan["gpus"]) for node in nodes], default=0) or 1
+        )

@@ -1,4 +1,4 @@
-"""The connection of a session to a Ray cluster.
+"""Connection to a Ray cluster, and the number of actors that it has room for.
 
 Ray is imported when a session asks for it, and never before.
 """
@@ -8,22 +8,26 @@ from __future__ import annotations
 import importlib.util
 import logging
 import socket
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
 from pytest_libero_max.errors import CrashError, OptionError
 from pytest_libero_max.plugin.processes.crash_log import Death
-from pytest_libero_max.plugin.ray.capacity import seats
+
+_ROUNDING = 1e-9
+"""0.3 / 0.1 is a little less than 3."""
 
 _EXTRA = "pip install 'pytest-libero-max[ray]'"
 _REACH_S = 20.0
+"""Time for the head of the cluster to accept a connection, s."""
+
 _FINISH_S = 12.0
-"""So long the actors have to end their sessions in order."""
+"""Time for the actors to end their sessions in order, s."""
 
 
-class Link:
-    """A connection to a cluster, which ends with the session.
+class Cluster:
+    """Connection of a session to a Ray cluster. It ends with the session.
 
     Args:
         address: ``auto``, ``HOST:PORT`` or ``ray://HOST:PORT``.
@@ -57,28 +61,28 @@ class Link:
                 f"same as here: Ray {ray.__version__}."
             ) from None
 
-    def seats(self) -> int:
-        """How many actors have room in the cluster as it is now."""
-        return seats(self._ray.nodes(), self._cpus, self._gpus)
+    def capacity(self) -> int:
+        """Return the number of actors that the cluster has room for now."""
+        return actor_capacity(self._ray.nodes(), self._cpus, self._gpus)
 
     def resources(self) -> str:
-        """What the cluster has, for people."""
+        """Return a line about nodes, CPUs and GPUs of the cluster."""
         there = self._ray.cluster_resources()
         nodes = sum(node["Alive"] for node in self._ray.nodes())
         return f"{nodes} nodes, {there.get('CPU', 0):g} CPUs, {there.get('GPU', 0):g} GPUs"
 
     def new_actor(self, plan: str) -> Any:
-        """Ask for an actor, which Ray places where there is room, now or later."""
-        from pytest_libero_max.plugin.ray.actor import Player
+        """Request an actor, which Ray places on a node with room, now or later."""
+        from pytest_libero_max.plugin.ray.actor import PairActor
 
-        return self._ray.remote(Player).options(**self._options).remote(plan)
+        return self._ray.remote(PairActor).options(**self._options).remote(plan)
 
     def wait(self, answers: Sequence[Any], timeout_s: float) -> list[Any]:
-        """Those of the answers that have arrived, after at most so long."""
+        """Return the answers that have arrived, after a wait of at most ``timeout_s``."""
         return list(self._ray.wait(list(answers), num_returns=1, timeout=timeout_s)[0])
 
     def get(self, answer: Any) -> str | Death:
-        """An answer that has arrived, or how its actor died.
+        """Return an answer that has arrived, or the death of its actor.
 
         Raises:
             OptionError: No actor like this one can start.
@@ -98,26 +102,49 @@ class Link:
             return Death(CrashError(f"Its actor or node was lost: {text}"), "", "")
 
     def end(self, actor: Any) -> None:
-        """End an actor, whatever it does."""
+        """Kill an actor."""
         with suppress(Exception):  # it is gone already, or the whole cluster is
             self._ray.kill(actor, no_restart=True)
 
     def finish(self, actors: Sequence[Any]) -> None:
-        """Let actors that play nothing end in order."""
+        """Let idle actors end their sessions."""
         answers = [actor.finish.remote() for actor in actors]
         if answers:
             self._ray.wait(answers, num_returns=len(answers), timeout=_FINISH_S)
 
     def close(self) -> None:
-        """Leave the cluster, which goes on."""
+        """Disconnect; the cluster keeps running."""
         self._ray.shutdown()
 
 
+def actor_capacity(nodes: Iterable[Mapping[str, Any]], cpus: float, gpus: float) -> int:
+    """Number of actors that the living nodes have room for, whatever else runs there.
+
+    Args:
+        nodes: As ``ray.nodes()`` lists them.
+        cpus: Of an actor.
+        gpus: Of an actor. A fraction lies on one GPU.
+    """
+    return sum(actors_on(node.get("Resources", {}), cpus, gpus) for node in nodes if node.get("Alive"))
+
+
+def actors_on(resources: Mapping[str, float], cpus: float, gpus: float) -> int:
+    """Number of actors that one node with these resources has room for."""
+    limits = []
+    if cpus:
+        limits.append(int(resources.get("CPU", 0) / cpus + _ROUNDING))
+    if gpus:
+        there = resources.get("GPU", 0)
+        on_each = int(1 / gpus + _ROUNDING)
+        limits.append(int(there) * on_each if gpus < 1 else int(there / gpus + _ROUNDING))
+    return min(limits, default=0)
+
+
 def _require_answer(address: str) -> None:
-    """Find at once that nothing listens, for which Ray itself takes minutes.
+    """Connect to the address, because Ray itself takes minutes to find that nothing listens.
 
     Raises:
-        OSError: Nothing does.
+        OSError: Nothing listens there.
     """
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and port.isdigit():

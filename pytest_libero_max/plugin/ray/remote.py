@@ -1,4 +1,4 @@
-"""Plays pairs for an actor, in a process of its own: a pytest session that plays what it is told to.
+"""Process of an actor: a pytest session that plays the pairs it is sent.
 
 It reads one line of JSON for each command from its stdin, and writes one line for each answer to what is its
 stdout when it starts.
@@ -31,12 +31,12 @@ _PARENT_DEATH_SIGNAL = 1
 
 
 class RemoteSession:
-    """A plugin of the session: it makes it a worker, and plays what arrives.
+    """A plugin that makes the session a worker, which plays the pairs that arrive.
 
     Args:
         workerinput: What the controller tells its workers, as xdist's does.
-        commands: Where they are read from.
-        answers: Where they are written to.
+        commands: Stream of commands, a line of JSON each.
+        answers: Stream of answers, a line of JSON each.
     """
 
     def __init__(self, workerinput: Json, commands: BinaryIO, answers: BinaryIO) -> None:
@@ -49,7 +49,7 @@ class RemoteSession:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_cmdline_main(self, config: pytest.Config) -> None:
-        """Be a worker: what the controller's session does for all of them is not done here."""
+        """Make the session a worker: what the controller's session does for all of them is not done here."""
         self._config = config
         config.workerinput = self._workerinput  # type: ignore[attr-defined]
         config.workeroutput = {}  # type: ignore[attr-defined]
@@ -111,7 +111,7 @@ class RemoteSession:
 
 
 def identity(config: pytest.Config) -> Json:
-    """What has to be the same wherever pairs of a run are played."""
+    """Digests that have to be the same wherever pairs of a run are played, by name."""
     settings = settings_of(config)
     try:
         adapter = adapter_digest(settings.reference, settings.profile)
@@ -141,7 +141,7 @@ def _end_with_parent() -> None:
 
 
 def _own_pipes() -> tuple[BinaryIO, BinaryIO]:
-    """The connection to the actor, which nothing else in this process reads from or writes to."""
+    """Connection to the actor, which nothing else in this process reads from or writes to."""
     commands, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDWR)
     os.dup2(nowhere, 0)

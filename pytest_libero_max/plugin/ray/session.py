@@ -1,4 +1,4 @@
-"""The controller of a run on a Ray cluster: it hands the pairs out, and reports them as if played here."""
+"""Controller of a run on a Ray cluster: hands out the pairs, and reports them as if they were played here."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.crash_log import Death
 from pytest_libero_max.plugin.processes.retries import Retries
 from pytest_libero_max.plugin.progress import RunProgress
-from pytest_libero_max.plugin.ray.connection import Link
+from pytest_libero_max.plugin.ray.connection import Cluster
 from pytest_libero_max.plugin.ray.remote import identity
-from pytest_libero_max.plugin.ray.work_stealing import Shares
+from pytest_libero_max.plugin.ray.work_stealing import WorkQueue
 from pytest_libero_max.plugin.stopping import RunStop
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 
@@ -38,33 +38,34 @@ CARRIED = (
     "PYTHONPATH",
     TOKEN_VARIABLE,
 )
-"""Variables of the environment that the players get from here; the others are those of their node."""
+"""Variables of the environment that the actors get from here; the others are those of their node."""
 
 _LOOK_S = 2.0
-"""So often the cluster is asked how many actors have room."""
+"""Time between two looks at the capacity of the cluster, s."""
 
 _ALONE_S = 30.0
-"""So long no actor may play before it is said that the run waits for one."""
+"""Time without an actor that plays, after which a line says that the run waits for one, s."""
 
 
 @dataclass(eq=False)
-class _Player:
-    """An actor, seen from here.
+class _Actor:
+    """An actor, seen from the controller.
 
     Attributes:
         name: For people: ``ray1``.
+        handle: Ray's handle of it.
         where: Its node, once it has started.
-        playing: The pair that it plays; None while it starts.
+        pair: The pair that it plays; None while it starts and while it is idle.
     """
 
     name: str
-    actor: Any
+    handle: Any
     where: str = ""
-    playing: PairItem | None = None
+    pair: PairItem | None = None
 
 
 class RayRun:
-    """Registered beside the controller of a run that plays on a Ray cluster.
+    """A plugin beside the controller of a run that plays on a Ray cluster.
 
     Args:
         config: Of the session.
@@ -88,18 +89,18 @@ class RayRun:
         _require_alone(config)
         self._config, self._settings, self._cases, self._progress = config, settings, cases, progress
         self._stop = stop
-        self._link: Link | None = None
+        self._cluster: Cluster | None = None
         self._retries = Retries(settings, settings.ray_actors or 1, "actors", stop)
         config.pluginmanager.register(self._retries)
-        self._players: dict[Any, _Player] = {}  # by what they answer next
-        self._idle: list[_Player] = []
+        self._pending: dict[Any, _Actor] = {}  # by the answer that is awaited of them
+        self._idle: list[_Actor] = []
         self._count = 0
         self._wanted = 0
-        self._looked = -_LOOK_S
+        self._looked_at = -_LOOK_S
         self._played_at = time.monotonic()
         self._run_id = uuid.uuid4().hex
         self._items: dict[str, PairItem] = {}
-        self._shares = Shares(())
+        self._queue = WorkQueue(())
         self._identity: Json = {}
 
     @pytest.hookimpl(tryfirst=True)
@@ -111,17 +112,17 @@ class RayRun:
         output = settings.output
         inside = [str(output.relative_to(here))] if output.is_relative_to(here) else []
         try:
-            self._link = Link(
+            self._cluster = Cluster(
                 settings.ray or "",
                 settings.ray_cpus,
                 settings.ray_gpus,
                 here if settings.ray_ship else None,
                 [".git", ".venv", *inside],
             )
-            if settings.ray_actors is None and not self._link.seats():
+            if settings.ray_actors is None and not self._cluster.capacity():
                 raise OptionError(
                     f"--libero-max-ray={settings.ray}: no actor has room in the cluster "
-                    f"({self._link.resources()}), which takes {settings.ray_cpus:g} CPUs and "
+                    f"({self._cluster.resources()}), which takes {settings.ray_cpus:g} CPUs and "
                     f"{settings.ray_gpus:g} GPUs. Lower --libero-max-ray-cpus or --libero-max-ray-gpus, or "
                     "name a number of actors with --libero-max-ray-actors, which waits for room."
                 )
@@ -129,26 +130,26 @@ class RayRun:
             raise pytest.UsageError(str(error)) from None
 
     def pytest_report_header(self) -> str | None:
-        if self._link is None:
+        if self._cluster is None:
             return None
         asked = self._settings.ray_actors
-        actors = f"as many as have room, now {self._link.seats()}" if asked is None else asked
-        return f"libero-max: Ray at {self._settings.ray} ({self._link.resources()}), actors: {actors}"
+        actors = f"as many as have room, now {self._cluster.capacity()}" if asked is None else asked
+        return f"libero-max: Ray at {self._settings.ray} ({self._cluster.resources()}), actors: {actors}"
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
         """Play the pairs on the cluster, and then here what else was collected."""
         failed = session.testsfailed and not self._config.option.continue_on_collection_errors
         pairs = [item for item in session.items if isinstance(item, PairItem)]
-        if failed or not pairs or self._link is None:
+        if failed or not pairs or self._cluster is None:
             return None
         self._items = {item.nodeid: item for item in pairs}
-        self._shares = Shares(self._items, steal=not self._settings.in_order)
+        self._queue = WorkQueue(self._items, steal=not self._settings.in_order)
         self._identity = identity(self._config)
         try:
-            self._play_all(session, self._link)
+            self._play_all(session, self._cluster)
         finally:
-            for player in (*self._players.values(), *self._idle):
-                self._link.end(player.actor)
+            for actor in (*self._pending.values(), *self._idle):
+                self._cluster.end(actor.handle)
         self._require_going_on(session)
         others = [item for item in session.items if not isinstance(item, PairItem)]
         for item, after in zip_longest(others, others[1:]):
@@ -162,42 +163,42 @@ class RayRun:
         if session.shouldstop:
             raise session.Interrupted(session.shouldstop)
 
-    def _play_all(self, session: pytest.Session, link: Link) -> None:
+    def _play_all(self, session: pytest.Session, cluster: Cluster) -> None:
         while True:
             stops = self._stop.stopped is not None
             if stops:
-                self._end_those_that_start(link)
+                self._end_starting(cluster)
             else:
-                self._hire(link)
-                self._hand_out()
-            plays = any(player.playing for player in self._players.values())
-            if not plays and (stops or not self._shares):
+                self._request_actors(cluster)
+                self._assign()
+            plays = any(actor.pair for actor in self._pending.values())
+            if not plays and (stops or not self._queue):
                 break
-            if not self._players:
+            if not self._pending:
                 time.sleep(_LOOK_S)  # no node has room: wait until one has
             else:
-                for answer in link.wait(list(self._players), _LOOK_S):
-                    self._receive(session, link, answer)
-            self._say_that_it_waits()
-        link.finish([player.actor for player in self._idle])
+                for answer in cluster.wait(list(self._pending), _LOOK_S):
+                    self._receive(session, cluster, answer)
+            self._report_waiting()
+        cluster.finish([actor.handle for actor in self._idle])
 
-    # The players.
+    # The actors.
 
-    def _hire(self, link: Link) -> None:
-        """Ask for as many actors as there is work and room for."""
-        if time.monotonic() - self._looked >= _LOOK_S:
-            self._looked = time.monotonic()
-            self._wanted = self._settings.ray_actors or link.seats()
+    def _request_actors(self, cluster: Cluster) -> None:
+        """Request as many actors as there are pairs left and slots in the cluster."""
+        if time.monotonic() - self._looked_at >= _LOOK_S:
+            self._looked_at = time.monotonic()
+            self._wanted = self._settings.ray_actors or cluster.capacity()
             self._retries.processes = max(self._wanted, 1)
-        busy = sum(player.playing is not None for player in self._players.values())
-        there = len(self._players) + len(self._idle)
-        for _ in range(min(self._wanted, len(self._shares) + busy) - there):
+        busy = sum(actor.pair is not None for actor in self._pending.values())
+        there = len(self._pending) + len(self._idle)
+        for _ in range(min(self._wanted, len(self._queue) + busy) - there):
             self._count += 1
-            player = _Player(f"ray{self._count}", link.new_actor(self._plan(f"ray{self._count}")))
-            self._players[player.actor.start.remote()] = player
+            actor = _Actor(f"ray{self._count}", cluster.new_actor(self._plan(f"ray{self._count}")))
+            self._pending[actor.handle.start.remote()] = actor
 
     def _plan(self, name: str) -> str:
-        """What an actor is told."""
+        """Return what an actor needs to start a session like this one."""
         config, settings = self._config, self._settings
         here = str(config.invocation_params.dir)
         node = SimpleNamespace(workerinput={}, config=config, gateway=SimpleNamespace(id=name))
@@ -218,24 +219,24 @@ class RayRun:
         }
         return json.dumps(plan, default=repr)
 
-    def _hand_out(self) -> None:
-        for player in tuple(self._idle):
-            name = self._shares.take(player)
+    def _assign(self) -> None:
+        for actor in tuple(self._idle):
+            name = self._queue.take(actor)
             if name is None:
                 return
             item = self._items[name]
-            self._idle.remove(player)
-            player.playing, self._played_at = item, time.monotonic()
-            self._progress.began(item.case.item_id, player.name)
+            self._idle.remove(actor)
+            actor.pair, self._played_at = item, time.monotonic()
+            self._progress.began(item.case.item_id, actor.name)
             self._config.hook.pytest_runtest_logstart(nodeid=name, location=item.location)
-            self._players[player.actor.play.remote(name)] = player
+            self._pending[actor.handle.play.remote(name)] = actor
 
-    def _end_those_that_start(self, link: Link) -> None:
-        for answer in [answer for answer, player in self._players.items() if player.playing is None]:
-            link.end(self._players.pop(answer).actor)
+    def _end_starting(self, cluster: Cluster) -> None:
+        for answer in [answer for answer, actor in self._pending.items() if actor.pair is None]:
+            cluster.end(self._pending.pop(answer).handle)
 
-    def _say_that_it_waits(self) -> None:
-        if any(player.playing for player in self._players.values()):
+    def _report_waiting(self) -> None:
+        if any(actor.pair for actor in self._pending.values()):
             self._played_at = time.monotonic()
         elif time.monotonic() - self._played_at > _ALONE_S:
             self._played_at = time.monotonic()
@@ -245,62 +246,62 @@ class RayRun:
 
     # What arrives.
 
-    def _receive(self, session: pytest.Session, link: Link, answer: Any) -> None:
-        player = self._players.pop(answer)
+    def _receive(self, session: pytest.Session, cluster: Cluster, answer: Any) -> None:
+        actor = self._pending.pop(answer)
         try:
-            told = link.get(answer)
+            told = cluster.get(answer)
         except OptionError as error:
             self._stop.stop(str(error))
             return
         content: Json = {"died": told} if isinstance(told, Death) else json.loads(told)
         if "died" in content:
-            self._lost(link, player, content["died"])
+            self._lost(cluster, actor, content["died"])
             return
         for warning in content.get("warnings", ()):
             self._warn(warning)
-        if player.playing is None:
-            self._started(link, player, content)
+        if actor.pair is None:
+            self._started(cluster, actor, content)
             return
-        item, player.playing = player.playing, None
+        item, actor.pair = actor.pair, None
         if "unknown" in content:
             self._stop.stop(
-                f"{player.where} collects no {item.nodeid}. Its options, ini file or plugins are others than "
+                f"{actor.where} collects no {item.nodeid}. Its options, ini file or plugins are others than "
                 "those here."
             )
-            link.end(player.actor)
+            cluster.end(actor.handle)
             return
         for data in content["reports"]:
             report = self._config.hook.pytest_report_from_serializable(config=self._config, data=data)
-            self._log(report, player)
+            self._log(report, actor)
         self._config.hook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
         if content["stop"] and not session.shouldfail:
             session.shouldfail = content["stop"]
-        self._idle.append(player)
+        self._idle.append(actor)
 
-    def _started(self, link: Link, player: _Player, hello: Json) -> None:
-        """An actor has collected; it may play if it has what the controller has."""
-        player.where = hello["where"]
+    def _started(self, cluster: Cluster, actor: _Actor, hello: Json) -> None:
+        """Let an actor play that has collected the same as the controller; stop the run for any other."""
+        actor.where = hello["where"]
         if "refused" in hello:
             self._stop.stop(f"{hello['refused']} {_CURE}")
         elif hello["errors"]:
-            self._stop.stop(f"{player.where} cannot collect the tests: {hello['errors'][0][-2000:]} {_CURE}")
+            self._stop.stop(f"{actor.where} cannot collect the tests: {hello['errors'][0][-2000:]} {_CURE}")
         else:
             other = [what for what, value in self._identity.items() if hello["identity"].get(what) != value]
             if not other:
-                self._idle.append(player)
+                self._idle.append(actor)
                 return
-            self._stop.stop(f"{player.where} differs from this machine: {', '.join(other)}. {_CURE}")
-        link.end(player.actor)
+            self._stop.stop(f"{actor.where} differs from this machine: {', '.join(other)}. {_CURE}")
+        cluster.end(actor.handle)
 
-    def _lost(self, link: Link, player: _Player, death: Any) -> None:
-        """An actor is gone, or the process that it had: its pair is played by another one."""
+    def _lost(self, cluster: Cluster, actor: _Actor, death: Any) -> None:
+        """Retry the pair of an actor that is lost, or whose process died, on another actor."""
         if not isinstance(death, Death):
             death = Death.from_dict(death)
-        link.end(player.actor)
-        self._shares.leave(player)
-        self._looked -= _LOOK_S  # its node may be gone too
+        cluster.end(actor.handle)
+        self._queue.leave(actor)
+        self._looked_at -= _LOOK_S  # its node may be gone too
         self._retries.died(death)
-        item = player.playing
+        item = actor.pair
         if item is None:
             return
         report = pytest.TestReport(
@@ -313,17 +314,17 @@ class RayRun:
         )
 
         def play_again() -> bool:
-            self._shares.give_back(item.nodeid)
+            self._queue.give_back(item.nodeid)
             return True
 
         self._retries.report_death(report, self._cases[item.case.item_id], death, play_again)
-        self._log(report, player)
+        self._log(report, actor)
 
-    def _log(self, report: Any, player: _Player) -> None:
+    def _log(self, report: Any, actor: _Actor) -> None:
         # As xdist does, for the terminal and for the heading of a failure.
-        info = {"id": player.name, "sysplatform": sys.platform, "version_info": sys.version_info}
-        info["executable"] = player.where
-        report.node = SimpleNamespace(gateway=SimpleNamespace(id=player.name), workerinfo=info)
+        info = {"id": actor.name, "sysplatform": sys.platform, "version_info": sys.version_info}
+        info["executable"] = actor.where
+        report.node = SimpleNamespace(gateway=SimpleNamespace(id=actor.name), workerinfo=info)
         self._config.hook.pytest_runtest_logreport(report=report)
 
     def _warn(self, warning: Json) -> None:
@@ -334,9 +335,9 @@ class RayRun:
         self._config.hook.pytest_warning_recorded.call_historic(kwargs=told)
 
     def pytest_unconfigure(self) -> None:
-        """Leave the cluster."""
-        if self._link is not None:
-            self._link.close()
+        """Disconnect from the cluster."""
+        if self._cluster is not None:
+            self._cluster.close()
 
 
 _CURE = (

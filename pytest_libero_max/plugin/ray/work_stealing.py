@@ -1,4 +1,4 @@
-"""Hands out pairs so that each player goes through neighbours, which share a scene that is built once."""
+"""Queue of pairs for actors: each plays neighbours, which share a scene, and an idle one steals work."""
 
 from __future__ import annotations
 
@@ -6,49 +6,51 @@ from collections import deque
 from collections.abc import Hashable, Iterable
 
 
-class Shares:
-    """The pairs that nobody has begun, as a few runs of neighbours.
+class WorkQueue:
+    """Pairs that no actor has begun, in parts of neighbours.
 
-    A player without a share takes half of the longest one: its second half, which the owner would reach last.
+    An idle actor takes the part that nobody owns, or steals the second half of the longest part, which its
+    owner would reach last.
 
     Args:
         names: All pairs, in the order of play.
-        steal: False: nobody owns a part, and each actor takes the first pair that is left.
+        steal: False: nobody owns a part, and each actor takes the first pair of all that are left.
     """
 
     def __init__(self, names: Iterable[str], *, steal: bool = True) -> None:
         self._steal = steal
-        self._shares: list[tuple[Hashable | None, deque[str]]] = [(None, deque(names))]
+        self._parts: list[tuple[Hashable | None, deque[str]]] = [(None, deque(names))]
 
     def __len__(self) -> int:
-        return sum(len(share) for _, share in self._shares)
+        return sum(len(part) for _, part in self._parts)
 
-    def take(self, player: Hashable) -> str | None:
-        """The next pair of a player; None if all are begun."""
-        if not self._steal:
-            return self._first()
-        own = next((share for owner, share in self._shares if owner == player), None)
-        if own is None:
-            own = self._part()
-            self._shares.append((player, own))
+    def take(self, actor: Hashable) -> str | None:
+        """Remove and return the next pair of an actor; None if every pair is begun."""
+        own = self._first() if not self._steal else self._owned(actor)
         name = own.popleft() if own else None
-        self._shares = [(owner, share) for owner, share in self._shares if share]
+        self._parts = [(owner, part) for owner, part in self._parts if part]
         return name
 
     def give_back(self, name: str) -> None:
-        """A pair that was begun is to be played by whoever is free."""
-        self._shares.insert(0, (None, deque([name])))
+        """Put a pair that was begun in front, for any actor."""
+        self._parts.insert(0, (None, deque([name])))
 
-    def leave(self, player: Hashable) -> None:
-        """A player is gone: its share is anybody's."""
-        self._shares = [(None if owner == player else owner, share) for owner, share in self._shares]
+    def leave(self, actor: Hashable) -> None:
+        """Let the part of an actor that is lost be anybody's."""
+        self._parts = [(None if owner == actor else owner, part) for owner, part in self._parts]
 
-    def _first(self) -> str | None:
-        self._shares = [(owner, share) for owner, share in self._shares if share]
-        return self._shares[0][1].popleft() if self._shares else None
+    def _first(self) -> deque[str] | None:
+        return self._parts[0][1] if self._parts else None
 
-    def _part(self) -> deque[str]:
-        """A part of the longest share: all of it where nobody owns it, otherwise its second half."""
-        owner, longest = max(self._shares, key=lambda share: len(share[1]), default=(None, deque[str]()))
+    def _owned(self, actor: Hashable) -> deque[str]:
+        part = next((part for owner, part in self._parts if owner == actor), None)
+        if part is None:
+            part = self._stolen()
+            self._parts.append((actor, part))
+        return part
+
+    def _stolen(self) -> deque[str]:
+        """Cut off a part for an idle actor: all of the longest where nobody owns it, else its second half."""
+        owner, longest = max(self._parts, key=lambda part: len(part[1]), default=(None, deque[str]()))
         count = len(longest) if owner is None else (len(longest) + 1) // 2
         return deque(reversed([longest.pop() for _ in range(count)]))

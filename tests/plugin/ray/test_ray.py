@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.plugin.ray.capacity import seats
-from pytest_libero_max.plugin.ray.work_stealing import Shares
+from pytest_libero_max.plugin.ray.connection import actor_capacity
+from pytest_libero_max.plugin.ray.work_stealing import WorkQueue
 from tests.plugin.test_run import Results, Run
 
 needs_ray = pytest.mark.skipif(
@@ -65,6 +65,21 @@ class Killing(Reacher):
 
 
 policy = Killing
+"""
+
+
+BREAKING = """
+import os
+from adapter import Reacher
+
+
+class Breaking(Reacher):
+    def reset(self, episode):
+        if "-v1]" in os.environ["PYTEST_CURRENT_TEST"]:
+            raise RuntimeError("no")
+
+
+policy = Breaking
 """
 
 
@@ -180,17 +195,43 @@ def test_room_is_counted_node_by_node(cpus: float, gpus: float, expected: int) -
         {"Alive": True, "Resources": {}},
         {"Alive": False, "Resources": {"CPU": 64.0, "GPU": 8.0}},
     ]
-    assert seats(nodes, cpus, gpus) == expected
+    assert actor_capacity(nodes, cpus, gpus) == expected
 
 
-def test_a_player_goes_through_neighbours_and_takes_half_of_the_longest_share() -> None:
-    shares = Shares("abcdefgh")
-    assert [shares.take("one") for _ in range(2)] == ["a", "b"]
-    assert [shares.take("two") for _ in range(2)] == ["f", "g"]
-    assert [shares.take("three"), shares.take("one")] == ["d", "c"]
-    shares.leave("two")  # it was to play h next
-    shares.give_back("g")
-    assert len(shares) == 3
-    assert sorted(str(shares.take("one")) for _ in range(3)) == ["e", "g", "h"]
-    assert shares.take("one") is None
-    assert shares.take("three") is None
+def test_an_actor_plays_neighbours_and_an_idle_one_steals_half_of_the_longest_part() -> None:
+    queue = WorkQueue("abcdefgh")
+    assert [queue.take("one") for _ in range(2)] == ["a", "b"]
+    assert [queue.take("two") for _ in range(2)] == ["f", "g"]
+    assert [queue.take("three"), queue.take("one")] == ["d", "c"]
+    queue.leave("two")  # it was to play h next
+    queue.give_back("g")
+    assert len(queue) == 3
+    assert sorted(str(queue.take("one")) for _ in range(3)) == ["e", "g", "h"]
+    assert queue.take("one") is None
+    assert queue.take("three") is None
+
+
+def test_pairs_are_handed_out_in_order_where_the_order_counts() -> None:
+    queue = WorkQueue("abcdef", steal=False)
+    assert [queue.take(actor) for actor in ("one", "two", "one", "three")] == ["a", "b", "c", "d"]
+    queue.give_back("b")
+    queue.leave("two")
+    assert [queue.take("three") for _ in range(4)] == ["b", "e", "f", None]
+    assert len(queue) == 0
+
+
+@needs_ray
+def test_a_rule_stops_a_run_on_a_cluster_and_the_order_holds(
+    run: Run, results: Results, address: str, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(breaking=BREAKING)
+    arguments = ("--libero-max-stop=errors:2", "--libero-max-order=blocks:7")
+    plain = run(*arguments, policy="breaking.py", subprocess=True)
+    assert plain.ret == 11
+    (*_, expected), _ = results()
+    assert (expected["line"], expected["rule"]) == ("stopped", "errors:2")
+    on_ray = run(*arguments, f"--libero-max-ray={address}", policy="breaking.py", subprocess=True)
+    assert on_ray.ret == 11, on_ray.stdout.str()
+    lines, report = results()
+    assert lines[-1] == expected
+    assert expected["at"] <= report["pairs"]["played"] + report["pairs"]["invalid"] <= expected["at"] + 2
