@@ -127,28 +127,41 @@ def test_a_manifest_with_an_event_that_is_not_installed_is_refused(
     done.stderr.fnmatch_lines(["ERROR: *change_type='push' is not an event.*"])
 
 
-PROBE = """
-from pathlib import Path
-
-from pytest_libero_max import PairSettings, load_manifest, load_policy, measure_pair, open_substrate
-from pytest_libero_max.probes import probes_called
-
-case = load_manifest(Path("tiny.json")).cases[0]
-world, policy = open_substrate("tiny").world(case), load_policy("adapter.py")
-proofs = {}
-for names in ((), ("fastest_move",)):
-    pair = measure_pair(case, world, policy, PairSettings(probes=probes_called(names)))
-    proofs[names] = [(arm.proof, arm.success) for arm in pair.record.arms.values()]
-assert len(set(map(tuple, proofs.values()))) == 1, "a probe altered what was played"
-print([rollout.probes["fastest_move"]["way_m"] > 0 for rollout in pair.rollouts.values()])
-"""
+PROGRAM = {
+    "name": "early",
+    "arms": [
+        {
+            "name": "dynamic",
+            "schedule": [{"trigger": {"type": "hand_below", "height_m": 10.0}, "change": "event"}],
+        }
+    ],
+}
 
 
-def test_its_probe_reads_every_arm_and_alters_none(installed: pytest.Pytester) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", PROBE], cwd=installed.path, capture_output=True, text=True, check=False
-    )
-    assert done.stdout == "[True, True]\n", done.stdout + done.stderr
+def test_its_trigger_probe_and_stopping_rule_are_asked_for_by_name(
+    installed: pytest.Pytester, results: Results
+) -> None:
+    (installed.path / "program.json").write_text(json.dumps(PROGRAM))
+    proofs = []
+    for probes in ((), ("--libero-max-probe=fastest_move",)):
+        done = installed.runpytest_subprocess(
+            *RUN,
+            "-k",
+            "push",
+            "--libero-max-program=program.json",
+            "--libero-max-stop=regressions:1",
+            *probes,
+        )
+        done.assert_outcomes(passed=2)
+        lines, report = results()
+        assert report["provenance"]["stopping_rule"] == "regressions:1"
+        proofs.append([[arm["proof"] for arm in line["arms"].values()] for line in lines])
+        for line in lines:
+            (firing,) = line["arms"]["dynamic"]["firings"]
+            assert firing["step"] == 1
+    assert proofs[0] == proofs[1]  # a probe alters nothing
+    for line in lines:
+        assert all(arm["probes"]["fastest_move"]["way_m"] > 0 for arm in line["arms"].values())
 
 
 STRATEGY = """

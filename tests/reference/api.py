@@ -42,7 +42,7 @@ def page() -> str:
 ## Entry points
 
 Another package adds these without a change of this one. This [example](../tests/plugin/example_package)
-adds an event and a change.
+adds an event, a change, a trigger, a probe and a stopping rule.
 
 {groups}
 

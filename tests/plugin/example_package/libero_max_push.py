@@ -1,4 +1,7 @@
-"""An event, somebody bumps into the target before it is grasped, and a probe, in a package of its own."""
+"""An event, somebody bumps into the target before it is grasped, in a package of its own.
+
+Beside it a trigger, a probe and a stopping rule.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
-from pytest_libero_max import Change, EventKind, Evidence, Probe, Scenario
+from pytest_libero_max import (
+    Change,
+    EventKind,
+    Evidence,
+    Moment,
+    PairError,
+    PairRecord,
+    Probe,
+    Scenario,
+    StoppingRule,
+    Trigger,
+)
 from pytest_libero_max.changes import Factor, ManifestFields, Vector3, strength_of, text, vector3
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.probes import Column, View
@@ -90,6 +104,35 @@ class Push(EventKind):
         component = st.floats(-0.5, 0.5)
         pushes = st.builds(PushObject, st.just(trigger), st.tuples(component, component, st.just(0.0)))
         return pushes.map(lambda push: Scenario(push.to_dict()))
+
+
+@dataclass(frozen=True)
+class HandBelow(Trigger):
+    """The first step that leaves the hand below a height.
+
+    Attributes:
+        height_m: In m, world frame.
+    """
+
+    type = "hand_below"
+
+    height_m: float
+
+    def fires(self, moment: Moment) -> bool:
+        return moment.step > 0 and float(moment.world.end_effector()[2]) < self.height_m
+
+
+class Regressions(StoppingRule):
+    """Stops a run at the N-th regression: ``regressions:N``."""
+
+    def __init__(self, arguments: str) -> None:
+        if not arguments.isdigit():
+            raise ValueError("give a number of regressions, for example regressions:3")
+        self.left = int(arguments)
+
+    def after(self, pair: PairRecord | PairError) -> str | None:
+        self.left -= isinstance(pair, PairRecord) and pair.outcome == "regression"
+        return None if self.left > 0 else "there are enough regressions"
 
 
 HandState = tuple[float, tuple[float, ...]]
