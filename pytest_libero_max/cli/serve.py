@@ -46,7 +46,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _serve(options: argparse.Namespace) -> None:
-    from pytest_libero_max.policies.adapter_digest import adapter_digest
+    from pytest_libero_max.policies.adapter_digest import adapter_digest, shown_identity
     from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE, is_address, server_token
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.policies.server.batching import Batching
@@ -60,7 +60,7 @@ def _serve(options: argparse.Namespace) -> None:
         )
     batching = Batching(options.max_batch, options.max_wait_ms / 1000.0, options.pad_batch)
     policy = load_policy(options.adapter, horizon=options.horizon, query_interval=options.query_interval)
-    revision, metrics = f"adapter {adapter_digest(options.adapter)[:12]}", None
+    revision, metrics = f"adapter {shown_identity(adapter_digest(options.adapter))}", None
     with suppress(AdapterError):  # the library may be missing, which /metrics says
         metrics = Metrics()
     host, token = Host(policy, revision, batching, metrics), server_token()

@@ -22,7 +22,7 @@ from pytest_libero_max.errors import AdapterError, ReportError
 from pytest_libero_max.films.replay import Look, View, opening_m
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
-from pytest_libero_max.policies.adapter_digest import adapter_digest
+from pytest_libero_max.policies.adapter_digest import adapter_digest, shown_identity
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
@@ -250,6 +250,6 @@ def _profile_of(ran: Json, asked: str | None) -> Profile | None:
 def _require_same(ran: Json, digest: str, what: str) -> None:
     if ran.get("code") not in (None, digest):
         raise AdapterError(
-            f"{what} (digest {digest[:12]}) is not what the run was played with (digest "
-            f"{str(ran['code'])[:12]}), so what it shows would not be what the policy saw."
+            f"{what} ({shown_identity(digest)}) is not what the run was played with "
+            f"({shown_identity(str(ran['code']))}), so what it shows would not be what the policy saw."
         )

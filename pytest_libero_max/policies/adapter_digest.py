@@ -1,4 +1,7 @@
-"""Digest of an adapter's code, by which a later run finds that it plays another policy."""
+"""Identity of a policy, by which a later run finds that it plays another one.
+
+A policy that ships with the package has a version that people raise, an adapter the digest of its own code.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,15 @@ import ast
 import hashlib
 import sysconfig
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
-from pytest_libero_max.benchmark.source_digest import code_digest
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.references import (
+    BUILT_IN,
+    DEFAULT_NAME,
     Reference,
     file_of,
     find_spec,
@@ -19,15 +25,17 @@ from pytest_libero_max.policies.references import (
     submodule_file,
 )
 
-_OWN_PACKAGE = __name__.partition(".")[0]
+_SHIPPED = f"{__name__.partition('.')[0]}.experts"
 
 
 def adapter_digest(text: str, profile: str | None = None) -> str:
-    """SHA-256 of the code that a reference leads to, hexadecimal. Nothing is imported.
+    """Identity of the policy that a reference leads to. Nothing is imported.
 
-    For the address of a server it is that of the profile: what is asked, not where.
+    For a policy that ships with the package it is a name and a version, for example ``expert version 1``
+    (:data:`~.references.BUILT_IN`). For the address of a server it is the digest of the profile: what is
+    asked, not where. For an adapter it is the SHA-256 of its code, hexadecimal.
 
-    It covers the adapter's file, the name taken from it, and every module that the code imports (anywhere,
+    That covers the adapter's file, the name taken from it, and every module that the code imports (anywhere,
     also inside a function) from the adapter's own folder or package. Comments, docstrings and layout do not
     count; neither does where the folder lies. It does not cover installed packages, whose versions are
     recorded elsewhere, nor weights and other data, for which an adapter declares ``PolicySpec.revision``, nor
@@ -45,6 +53,10 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
 
         return require_profile(text, profile).digest
     reference = parse_reference(text)
+    package, _, module = reference.target.rpartition(".")
+    if package == _SHIPPED and module in BUILT_IN:
+        name = module if reference.name == DEFAULT_NAME else f"{module}:{reference.name}"
+        return f"{name} version {BUILT_IN[module]}"
     try:
         code = code_digest(adapter_files(reference))
     except OSError as error:
@@ -52,6 +64,11 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
             "policy", text, f" cannot be read ({error}). Check the file's permissions."
         ) from None
     return hashlib.sha256(f"{reference.name}|{code}".encode()).hexdigest()
+
+
+def shown_identity(identity: str) -> str:
+    """A policy's identity as messages show it: a version in full, of a digest the beginning."""
+    return identity if " " in identity else identity[:12]
 
 
 def adapter_files(reference: Reference) -> tuple[Path, ...]:
@@ -81,8 +98,7 @@ def _scope(reference: Reference, first: Path) -> tuple[Path | None, tuple[str, .
         installed = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
         return (None if first.parent in installed else first.parent), ()
     folder = first.parents[len(rest) + (first.stem == "__init__")]
-    # Of this package only the room of the scripted policies: the rest is the instrument, and has a version.
-    return folder, (top, "experts") if top == _OWN_PACKAGE else (top,)
+    return folder, (top,)
 
 
 def _imported(file: Path, folder: Path | None) -> Iterator[tuple[str, ...]]:
@@ -121,3 +137,56 @@ def _files(name: tuple[str, ...], folder: Path | None, inside: tuple[str, ...]) 
         file = None if folder is None else submodule_file([str(folder)], name[:length])
         if file is not None:
             yield file.resolve()
+
+
+def code_digest(paths: Iterable[Path]) -> str:
+    """SHA-256 of the code in some files, hexadecimal.
+
+    A Python file counts as its syntax tree: comments, docstrings, layout and the version of Python make no
+    difference. Any other file (an extension module, or one that does not parse) counts as its bytes. Where a
+    file lies and the order of the files make no difference either; its name does.
+
+    Args:
+        paths: The files.
+
+    Raises:
+        OSError: A file cannot be read.
+    """
+    digests = sorted((path.name, _digest_of(path)) for path in paths)
+    return hashlib.sha256(repr(digests).encode()).hexdigest()
+
+
+def _digest_of(path: Path) -> str:
+    content = path.read_bytes()
+    if path.suffix == ".py":
+        with suppress(SyntaxError, ValueError):
+            content = repr(_plain(ast.parse(content))).encode()
+    return hashlib.sha256(content).hexdigest()
+
+
+def _plain(node: Any) -> Any:
+    """A syntax tree as nested tuples; empty fields are left out, because their number grows with Python.
+
+    Every worker does it for some 50,000 nodes before its first pair is measured.
+    """
+    if isinstance(node, list):
+        return tuple([_plain(entry) for entry in node if not _is_text(entry)])
+    if not isinstance(node, ast.AST):
+        return node
+    if isinstance(node, ast.Constant):
+        return "Constant", type(node.value).__name__, repr(node.value)
+    fields: list[Any] = [type(node).__name__]
+    for name in node._fields:
+        value = _plain(getattr(node, name, None))
+        if value is not None and value != ():
+            fields.append((name, value))
+    return tuple(fields)
+
+
+def _is_text(node: Any) -> bool:
+    """True if a statement is nothing but a string: a docstring, or a note below a constant."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
