@@ -1,28 +1,44 @@
 """The pair record: the only thing that leaves the simulator. JSON with a schema version.
 
-Version 2 holds one entry an arm. Version 1 held one pair as flat fields and is still read.
+Version 3 holds one entry an arm, and in it the columns of probes. Version 2 had no probes, version 1 held one
+pair as flat fields; both are still read.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+
+from msgspec import Meta, field
+from msgspec.structs import force_setattr, replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.structs import (
+    LARGEST,
+    AnyText,
+    Count,
+    Counts,
+    Difficulty,
+    Distance,
+    Document,
+    Flag,
+    NamedTexts,
+    Object,
+    Proof,
+    Sha256,
+    SourceName,
+    Text,
+    Texts,
+    Variant,
+    convert,
+    decode,
+    shown,
+    to_builtins,
+)
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
-from pytest_libero_max.pairing.fields import check_fields
-from pytest_libero_max.pairing.record_checks import (
-    ARM_FIELDS,
-    ERROR_FIELDS,
-    FIRING_FIELDS,
-    PAIR_FIELDS,
-    require_consistent_arm,
-    require_consistent_pair,
-)
 from pytest_libero_max.pairing.version_1 import from_version_1
 
 if TYPE_CHECKING:
@@ -30,8 +46,10 @@ if TYPE_CHECKING:
     from pytest_libero_max.pairing.trajectory import QueryResult
     from pytest_libero_max.policies.contract import MemoryKind, PolicySpec
 
-RECORD_VERSION = 2
-READABLE_VERSIONS = (1, 2)
+RECORD_VERSION = 3
+READABLE_VERSIONS = (1, 2, 3)
+Version = Annotated[int, Meta(ge=2, le=3)]
+"""Versions of the fields below; one that is read is a record of :data:`RECORD_VERSION` from then on."""
 
 ACTION_DIM = 7
 """Components of an action; spelled here because records are read where no simulator is."""
@@ -39,11 +57,13 @@ ACTION_DIM = 7
 _OWN_FIELDS = ("approach", "clipping", "contacts", "response")
 """The probes of every pair, whose columns are fields of an arm's record."""
 
+ArmName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
+"""Name of an arm."""
+
 OUTCOMES = ("preserved_success", "change_associated_success", "regression", "persistent_failure")
 
 
-@dataclass(frozen=True)
-class FiringRecord:
+class FiringRecord(Document, frozen=True, kw_only=True):
     """An entry of an arm's schedule that happened.
 
     Attributes:
@@ -55,15 +75,16 @@ class FiringRecord:
         evidence: What the change found and left, and the mean absolute pixel change per camera (0 to 255).
     """
 
-    step: int
-    queries: int
-    distance_m: float
-    prefix_proof: str
-    evidence: Json
+    NOUN: ClassVar[str] = "firing"
+
+    step: Count
+    queries: Count
+    distance_m: Distance
+    prefix_proof: Proof
+    evidence: Object
 
 
-@dataclass(frozen=True)
-class ArmRecord:
+class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     """One arm of a measured case. A value that version 1 of the record did not hold is None.
 
     Attributes:
@@ -90,21 +111,23 @@ class ArmRecord:
         probes: Columns of each probe that was asked for, by its name. Absent without any.
     """
 
+    NOUN: ClassVar[str] = "arm"
+
     schedule: tuple[Json, ...] | None
-    repetition: int
-    success: bool
-    steps: int | None
-    queries: int | None
+    repetition: Count
+    success: Flag
+    steps: Count | None
+    queries: Count | None
     firings: tuple[FiringRecord, ...]
-    response_step: int | None
-    stale_actions: int | None
-    min_distance_m: float | None
-    clipped_components: int | None
-    contacts: tuple[str, ...] | None
-    proof: str | None
-    shares: str | None
-    notes: Mapping[str, int] | None = None
-    probes: Mapping[str, Json] = field(default_factory=dict)
+    response_step: Count | None
+    stale_actions: Count | None
+    min_distance_m: Distance | None
+    clipped_components: Count | None
+    contacts: Texts | None
+    proof: Proof | None
+    shares: Text | None
+    notes: Counts | None = None
+    probes: dict[str, Object] = field(default_factory=dict)
 
     @property
     def clipped_share(self) -> float | None:
@@ -132,7 +155,11 @@ class ArmRecord:
             queries=len(rollout.queries),
             firings=tuple(
                 FiringRecord(
-                    firing.step, firing.queries, firing.distance_m, firing.proof, firing.applied.to_dict()
+                    step=firing.step,
+                    queries=firing.queries,
+                    distance_m=firing.distance_m,
+                    prefix_proof=firing.proof,
+                    evidence=firing.applied.to_dict(),
                 )
                 for firing in rollout.firings
             ),
@@ -143,20 +170,13 @@ class ArmRecord:
             contacts=tuple(seen["contacts"]["contacts"]),
             proof=rollout.proof,
             shares=None if first == arm.name else first,
-            probes={name: dict(columns) for name, columns in seen.items() if name not in _OWN_FIELDS},
             notes=_summed(rollout.queries[rollout.firings[0].queries if rollout.firings else 0 :]),
+            probes={name: dict(columns) for name, columns in seen.items() if name not in _OWN_FIELDS},
         )
 
     def to_dict(self) -> Json:
-        """JSON types only; without ``notes`` and ``probes`` where there are none."""
-        values = asdict(self)
-        if not values["probes"]:
-            del values["probes"]
-        if values["notes"] is None:
-            del values["notes"]
-        for name in ("schedule", "firings", "contacts"):
-            values[name] = None if values[name] is None else list(values[name])
-        return values
+        """Return JSON types only; without ``notes`` and ``probes`` where there are none."""
+        return to_builtins(self)
 
     @classmethod
     def from_dict(cls, values: Json) -> ArmRecord:
@@ -165,16 +185,8 @@ class ArmRecord:
         Raises:
             ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one.
         """
-        values = {"notes": None, "probes": {}, **values} if type(values) is dict else values
-        check_fields(values, ARM_FIELDS, "arm")
-        firings = tuple(
-            FiringRecord(**check_fields(firing, FIRING_FIELDS, "firing")) for firing in values["firings"]
-        )
-        lists = {
-            name: None if values[name] is None else tuple(values[name]) for name in ("schedule", "contacts")
-        }
-        arm = cls(**{**values, **lists, "firings": firings})
-        require_consistent_arm(arm)
+        arm = convert(values, cls)
+        _require_consistent_arm(arm)
         return arm
 
 
@@ -185,8 +197,7 @@ def _summed(queries: Sequence[QueryResult]) -> dict[str, int] | None:
     return {name: sum(notes.get(name, 0) for notes in noted) for name in names} if noted else None
 
 
-@dataclass(frozen=True)
-class PairRecord:
+class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pair"):
     """One measured case, arm by arm.
 
     Everything but ``timings`` is a function of the case, the policy and the versions in ``fingerprints``:
@@ -224,28 +235,33 @@ class PairRecord:
             ``observe_s`` (images), ``policy_s`` and ``event_s`` are again parts of these.
     """
 
-    case_id: str
-    item_id: str
-    case_digest: str
-    source: str
-    source_category: str
-    difficulty: int | None
-    suite: str
-    task_index: int
-    init_state_index: int
-    policy_seed: int
-    instruction: str
-    event: str
-    family: str
-    variant: int
-    severity: str
-    trigger_entity: str
-    max_steps: int
-    arms: Mapping[str, ArmRecord]
-    policy: Json
-    fingerprints: Json
-    timings: Json = field(default_factory=dict)
-    schema_version: int = RECORD_VERSION
+    NOUN: ClassVar[str] = "pair record"
+
+    schema_version: Version = RECORD_VERSION
+    case_id: Text
+    item_id: Text
+    case_digest: Sha256
+    source: SourceName
+    source_category: Text
+    difficulty: Difficulty | None
+    suite: Text
+    task_index: Count
+    init_state_index: Count
+    policy_seed: Count
+    instruction: Text
+    event: Text
+    family: Text
+    variant: Variant
+    severity: Text
+    trigger_entity: Text
+    max_steps: Count
+    arms: Annotated[dict[ArmName, ArmRecord], Meta(min_length=1)]
+    policy: Object
+    fingerprints: NamedTexts
+    timings: Object = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        force_setattr(self, "schema_version", RECORD_VERSION)
 
     @classmethod
     def of(
@@ -415,13 +431,13 @@ class PairRecord:
         ]
 
     def to_dict(self) -> Json:
-        """JSON types only, ``schema_version`` first."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        values["arms"] = {name: arm.to_dict() for name, arm in self.arms.items()}
-        return {"schema_version": values.pop("schema_version"), **values}
+        """Return JSON types only, ``schema_version`` first."""
+        values = to_builtins(self)
+        del values["line"]
+        return values
 
     def identity(self) -> Json:
-        """Everything but the timings."""
+        """Return everything but the timings."""
         values = self.to_dict()
         del values["timings"]
         return values
@@ -437,19 +453,30 @@ class PairRecord:
         require_version(values, "pair record")
         if values["schema_version"] == 1:
             values = {**from_version_1(values), "schema_version": RECORD_VERSION}
-        check_fields(values, PAIR_FIELDS, "pair record")
-        arms: dict[str, ArmRecord] = {}
-        for name, arm in values["arms"].items():
-            try:
-                arms[name] = ArmRecord.from_dict(arm)
-            except ReportError as error:
-                raise ReportError(f"arm {name!r} of {values['item_id']!r}: {error}") from None
-        record = cls(**{**values, "arms": arms})
+        return _consistent(convert(values, cls))
+
+    @classmethod
+    def from_json(cls, line: bytes) -> PairRecord:
+        """Read a line of ``pairs.jsonl``, version 2 or later; the errors are those of :meth:`from_dict`."""
+        return _consistent(decode(line, cls))
+
+
+def _consistent(record: PairRecord) -> PairRecord:
+    """Return a record whose fields agree.
+
+    Raises:
+        ReportError: They do not.
+    """
+    for name, arm in record.arms.items():
         try:
-            require_consistent_pair(record)
+            _require_consistent_arm(arm)
         except ReportError as error:
-            raise ReportError(f"{record.item_id!r}: {error}") from None
-        return record
+            raise ReportError(f"arm {name!r} of {record.item_id!r}: {error}") from None
+    try:
+        _require_consistent_pair(record)
+    except ReportError as error:
+        raise ReportError(f"{record.item_id!r}: {error}") from None
+    return record
 
 
 def require_version(values: Json, what: str) -> None:
@@ -462,8 +489,8 @@ def require_version(values: Json, what: str) -> None:
     if type(version) is not int or version not in READABLE_VERSIONS:
         raise ReportError(
             f"schema_version={version!r} of a {what}, but this version reads "
-            f"{' and '.join(map(str, READABLE_VERSIONS))}. Read it with the version of pytest-libero-max "
-            "that wrote it."
+            f"{', '.join(map(str, READABLE_VERSIONS[:-1]))} and {READABLE_VERSIONS[-1]}. Read it with the "
+            "version of pytest-libero-max that wrote it."
         )
 
 
@@ -476,8 +503,7 @@ def _held(value: _Value | None) -> _Value:
     return value
 
 
-@dataclass(frozen=True)
-class PairError:
+class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="error"):
     """A pair that could not be measured: an error of the machinery, never a failure of the policy.
 
     Attributes:
@@ -485,26 +511,42 @@ class PairError:
         item_id: Name of the test item.
         case_digest: SHA-256 of the case.
         kind: Name of the exception class.
-        message: What the exception said.
+        message: Message of the exception.
         phase: ``setup``, the name of the arm that was being played, ``crash``, ``record`` where what was
             played makes no valid record, or ``policy`` where no pair at all can be played with the policy.
     """
 
-    case_id: str
-    item_id: str
-    case_digest: str
-    kind: str
-    message: str
-    phase: str
-    schema_version: int = RECORD_VERSION
+    NOUN: ClassVar[str] = "pair error"
+
+    schema_version: Version = RECORD_VERSION
+    case_id: Text
+    item_id: Text
+    case_digest: Sha256
+    kind: Text
+    message: AnyText
+    phase: Text
+
+    def __post_init__(self) -> None:
+        force_setattr(self, "schema_version", RECORD_VERSION)
 
     def to_dict(self) -> Json:
-        values: dict[str, Any] = asdict(self)
-        return {"schema_version": values.pop("schema_version"), **values}
+        """Return JSON types only, ``schema_version`` first."""
+        values = to_builtins(self)
+        del values["line"]
+        return values
 
     @classmethod
     def of(cls, case: Case, error: BaseException, phase: str) -> PairError:
-        return cls(case.case_id, case.item_id, case.digest, type(error).__name__, str(error), phase)
+        """The error of a case; what UTF-8 cannot hold of its message is replaced."""
+        message = str(error).encode("utf-8", "replace").decode()
+        return cls(
+            case_id=case.case_id,
+            item_id=case.item_id,
+            case_digest=case.digest,
+            kind=type(error).__name__,
+            message=message,
+            phase=phase,
+        )
 
     @classmethod
     def from_dict(cls, values: Json) -> PairError:
@@ -514,11 +556,11 @@ class PairError:
             ReportError: It has other fields or another schema version, or a value that cannot be.
         """
         require_version(values, "pair error")
-        return cls(**{**check_fields(values, ERROR_FIELDS, "pair error"), "schema_version": RECORD_VERSION})
+        return convert({**values, "schema_version": RECORD_VERSION}, cls)
 
 
 def is_error(values: Json) -> bool:
-    """Whether a stored result is a :class:`PairError`; otherwise it is a :class:`PairRecord`."""
+    """True if a stored result is a :class:`PairError`; otherwise it is a :class:`PairRecord`."""
     return "kind" in values
 
 
@@ -529,3 +571,124 @@ def result_from_dict(values: Json) -> PairRecord | PairError:
         ReportError: See the two ``from_dict``.
     """
     return PairError.from_dict(values) if is_error(values) else PairRecord.from_dict(values)
+
+
+# Values that contradict each other.
+
+
+def _require_consistent_arm(arm: ArmRecord) -> None:
+    """Check that what an arm says of its event agrees.
+
+    Raises:
+        ReportError: It does not.
+    """
+    if arm.schedule is not None and not all(map(_is_entry, arm.schedule)):
+        raise ReportError(
+            f"schedule={shown(list(arm.schedule))} of the arm, but must be a list of entries with a trigger, "
+            "and a change or a reversal, or null."
+        )
+    if arm.schedule is not None and len(arm.firings) > len(arm.schedule):
+        raise ReportError(
+            f"{len(arm.firings)} firings of an arm whose schedule has {len(arm.schedule)} entries."
+        )
+    if not arm.firings:
+        if arm.response_step is not None or arm.stale_actions is not None:
+            raise ReportError(
+                f"response_step={arm.response_step} and stale_actions={arm.stale_actions} of an arm in which "
+                "nothing happened, but must be null."
+            )
+        return
+    steps = LARGEST if arm.steps is None else arm.steps
+    moments = [firing.step for firing in arm.firings]
+    if moments != sorted(moments) or moments[-1] > steps:
+        raise ReportError(f"Firings at the steps {moments} of an arm of {steps} steps, in this order.")
+    event = moments[0]
+    if arm.response_step is not None and not event <= arm.response_step <= steps:
+        raise ReportError(
+            f"response_step={arm.response_step}, but the event was at step {event} and the arm took {steps} "
+            "steps: a response comes after the event."
+        )
+    stale = (steps if arm.response_step is None else arm.response_step) - event
+    if arm.stale_actions != stale:
+        raise ReportError(
+            f"stale_actions={arm.stale_actions}, but {stale} actions were executed between the event (step "
+            f"{event}) and the next query (response_step={arm.response_step}, steps={steps})."
+        )
+
+
+def _require_consistent_pair(record: PairRecord) -> None:
+    """Check that what the arms of a record say agrees.
+
+    Raises:
+        ReportError: It does not.
+    """
+    if not _is_policy(record.policy):
+        raise ReportError(
+            f"policy={shown(record.policy)} of a pair record, but must be a policy's spec with name, "
+            "horizon, query_interval (Q <= H) and privileged."
+        )
+    for name, arm in record.arms.items():
+        if arm.steps is not None and arm.steps > record.max_steps:
+            raise ReportError(f"steps={arm.steps} of arm {name!r}, but max_steps={record.max_steps}.")
+        if arm.shares is not None:
+            _require_shared(record, name, arm)
+    if BASE not in record.arms or DYNAMIC not in record.arms:
+        return
+    base, dynamic = record.arms[BASE], record.arms[DYNAMIC]
+    for name, arm in ((BASE, base), (DYNAMIC, dynamic)):
+        for held in ("steps", "queries", "contacts", "proof"):
+            if getattr(arm, held) is None:
+                raise ReportError(f"{held}=None of arm {name!r}, which every record holds.")
+    if base.min_distance_m is None:
+        raise ReportError(f"min_distance_m=None of arm {BASE!r}, which every record holds.")
+    if base.schedule or base.firings:
+        raise ReportError(f"arm {BASE!r} has an event, but nothing happens in Base.")
+    event = record.trigger
+    if event is None:
+        if (base.success, base.proof) != (dynamic.success, dynamic.proof):
+            raise ReportError("the event never came, but Base and Dynamic differ.")
+    elif event.step > record.base_steps or event.queries > (dynamic.queries or 0):
+        raise ReportError(
+            f"the event came after {event.step} steps and {event.queries} queries, but Base took "
+            f"{record.base_steps} steps and Dynamic {dynamic.queries} queries."
+        )
+
+
+def _require_shared(record: PairRecord, name: str, arm: ArmRecord) -> None:
+    """Check that an arm that was not played is the earlier arm that it names."""
+    names = list(record.arms)
+    earlier = names[: names.index(name)]
+    if arm.shares not in earlier:
+        raise ReportError(f"shares={arm.shares!r} of arm {name!r}, but the arms before it are {earlier}.")
+    if arm != replace(record.arms[arm.shares], schedule=arm.schedule, shares=arm.shares):
+        raise ReportError(f"arm {name!r} differs from {arm.shares!r}, which it says it shares.")
+
+
+def _is_entry(value: Json) -> bool:
+    """True if this is an entry of a schedule, as ``Entry.to_dict`` writes it."""
+    if not _named(value.get("trigger"), "type"):
+        return False
+    if value.keys() == {"trigger", "change"}:
+        return _named(value["change"], "operation")
+    return value.keys() == {"trigger", "reverts"} and _is_count(value["reverts"])
+
+
+def _named(value: Any, key: str) -> bool:
+    return type(value) is dict and type(value.get(key)) is str
+
+
+def _is_count(value: Any, least: int = 0) -> bool:
+    return type(value) is int and least <= value <= LARGEST
+
+
+def _is_policy(policy: Json) -> bool:
+    horizon: Any = policy.get("horizon")
+    query_interval: Any = policy.get("query_interval")
+    return (
+        type(policy.get("name")) is str
+        and policy["name"] != ""
+        and _is_count(horizon, 1)
+        and _is_count(query_interval, 1)
+        and query_interval <= horizon
+        and type(policy.get("privileged")) is bool
+    )

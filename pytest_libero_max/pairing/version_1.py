@@ -2,57 +2,62 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, ClassVar
+
+from msgspec import Struct
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import ReportError
-from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
-from pytest_libero_max.pairing.fields import (
-    COUNT,
-    DISTANCE,
-    FLAG,
-    OBJECT,
-    POLICY,
-    PROOF,
-    TEXTS,
-    Rule,
-    check_fields,
+from pytest_libero_max.benchmark.structs import (
+    Count,
+    Distance,
+    Document,
+    Flag,
+    Object,
+    Proof,
+    Texts,
+    convert,
+    rule,
     shown,
 )
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 
 
-def _is_repeat(value: Any) -> bool:
-    return _has(value, {"success", "identical"}, FLAG)
+class _Repeat(Struct, frozen=True, forbid_unknown_fields=True):
+    success: Flag
+    identical: Flag
 
 
-def _is_contacts(value: Any) -> bool:
-    return _has(value, {BASE, DYNAMIC}, TEXTS)
+class _Contacts(Struct, frozen=True, forbid_unknown_fields=True):
+    base: Texts
+    dynamic: Texts
 
 
-def _has(value: Any, names: set[str], rule: Rule) -> bool:
-    return type(value) is dict and value.keys() == names and all(map(rule.holds, value.values()))
+class _Flat(Document, frozen=True, kw_only=True):
+    """The fields of version 1 that version 2 keeps in its arms."""
+
+    NOUN: ClassVar[str] = "pair record of version 1"
+
+    base_success: Flag
+    dynamic_success: Flag
+    base_steps: Count
+    dynamic_steps: Count
+    trigger_step: Count | None
+    trigger_distance_m: Distance | None
+    min_distance_m: Distance
+    response_step: Count | None
+    stale_actions: Count | None
+    base_queries: Count
+    dynamic_queries: Count
+    prefix_digest: Proof | None
+    base_digest: Proof
+    dynamic_digest: Proof | None
+    evidence: Object | None
+    base_repeat: Annotated[_Repeat | None, rule("an object with success and identical, or null")]
+    contacts: Annotated[_Contacts, rule("an object with the texts of base and dynamic")]
 
 
-_FIELDS = {
-    "base_success": FLAG,
-    "dynamic_success": FLAG,
-    "base_steps": COUNT,
-    "dynamic_steps": COUNT,
-    "trigger_step": COUNT.or_null,
-    "trigger_distance_m": DISTANCE.or_null,
-    "min_distance_m": DISTANCE,
-    "response_step": COUNT.or_null,
-    "stale_actions": COUNT.or_null,
-    "base_queries": COUNT,
-    "dynamic_queries": COUNT,
-    "prefix_digest": PROOF.or_null,
-    "base_digest": PROOF,
-    "dynamic_digest": PROOF.or_null,
-    "evidence": OBJECT.or_null,
-    "base_repeat": Rule("an object with success and identical", _is_repeat).or_null,
-    "contacts": Rule("an object with the texts of base and dynamic", _is_contacts),
-}
-"""The fields of version 1 that version 2 keeps in its arms."""
+_FIELDS = _Flat.__struct_fields__
 
 
 def from_version_1(values: Json) -> Json:
@@ -62,9 +67,13 @@ def from_version_1(values: Json) -> Json:
         ReportError: It lacks a field, or fields contradict each other.
     """
     flat = {name: value for name, value in values.items() if name in _FIELDS}
-    check_fields(flat, _FIELDS, f"pair record of version 1, case {shown(values.get('case_id'))},")
-    if not POLICY.holds(values.get("policy")):
-        raise ReportError(f"policy={values.get('policy')!r} of a pair record, but must be {POLICY.words}.")
+    convert(flat, _Flat)
+    interval = values["policy"].get("query_interval") if isinstance(values.get("policy"), dict) else None
+    if type(interval) is not int or interval < 1:
+        raise ReportError(
+            f"policy={shown(values.get('policy'))} of a pair record, but must be a policy's spec with a "
+            "query_interval of at least 1."
+        )
     rest = {name: value for name, value in values.items() if name not in _FIELDS}
     base: Json = {
         "schedule": [],
@@ -87,11 +96,11 @@ def from_version_1(values: Json) -> Json:
         if flat["dynamic_success"] != flat["base_success"] or any(flat[name] is not None for name in untold):
             raise ReportError(
                 f"{shown(values.get('case_id'))}: trigger_step=None, so the event never came, but the record "
-                "says what came of it."
+                "says what it did."
             )
     else:
         # Of every answer Q actions are executed, so the steps tell how many queries there were.
-        before = -(-values["trigger_step"] // values["policy"]["query_interval"])
+        before = -(-values["trigger_step"] // interval)
         firing = {
             "step": values["trigger_step"],
             "queries": before,

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, NoReturn
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.costs.model import PAIR, WORLD
@@ -143,7 +144,7 @@ def _measure(
 def _timed(pair: Pair, seconds: Mapping[str, float]) -> Pair:
     """The pair with more timings in its record."""
     timings = pair.record.timings | {name: round(value, 6) for name, value in seconds.items()}
-    return replace(pair, record=replace(pair.record, timings=dict(sorted(timings.items()))))
+    return replace(pair, record=structs.replace(pair.record, timings=dict(sorted(timings.items()))))
 
 
 def _arms(case: Case, policy: Policy, settings: Settings, repeat_base: bool) -> tuple[Arm, ...]:

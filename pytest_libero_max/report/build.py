@@ -23,7 +23,7 @@ from pytest_libero_max.report.statistics_json import (
     split_json,
 )
 from pytest_libero_max.report.studies.study import study_json
-from pytest_libero_max.runs.outcomes_file import columns_of
+from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.stats.breakdown import (

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OtherRunError, ReportError
-from pytest_libero_max.pairing.fields import shown
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.pairing.record_checks import IDENTITY
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
-from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.plan import PlannedPair, Run
+
+_IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in PairRecord.__struct_fields__)
+"""Fields that a record has in common with the pair as it was planned."""
 
 MACHINE = ("gl", "gl_device", "blas")
 """Fingerprints in which pairs of one measurement may differ: what draws, and the kind of processor."""
@@ -56,7 +59,7 @@ class Agreement:
                 f"case_id={shown(pair.case_id)} was played but not planned; a report keeps the planned "
                 "denominator. Use the manifest of the run."
             )
-        names = IDENTITY if isinstance(pair, PairRecord) else ("item_id", "case_digest")
+        names = _IDENTITY if isinstance(pair, PairRecord) else ("item_id", "case_digest")
         for name in names:
             if getattr(pair, name) != getattr(planned, name):
                 raise ReportError(
@@ -75,6 +78,19 @@ class Agreement:
             self._measured[pair.case_id] = where
 
 
+class Played(Protocol):
+    """The part of a record that says with what a pair was played."""
+
+    @property
+    def item_id(self) -> str: ...
+
+    @property
+    def policy(self) -> Json: ...
+
+    @property
+    def fingerprints(self) -> dict[str, str]: ...
+
+
 class SamePlay:
     """Checks that pairs were played by one policy with the same instruments, and each scene as it was before.
 
@@ -88,10 +104,10 @@ class SamePlay:
     """
 
     def __init__(self) -> None:
-        self._first: PairRecord | None = None
+        self._first: Played | None = None
         self._scenes: dict[tuple[str, str | None], tuple[str, str]] = {}
 
-    def add(self, pair: PairRecord) -> None:
+    def add(self, pair: Played) -> None:
         """Take in the next pair.
 
         Raises:
@@ -113,7 +129,7 @@ class SamePlay:
         self._require_same_scene(pair)
         self._first = first
 
-    def _require_same_scene(self, pair: PairRecord) -> None:
+    def _require_same_scene(self, pair: Played) -> None:
         name, _, digest = pair.fingerprints.get(SCENE, "").rpartition(" ")
         if not name:
             return
@@ -128,7 +144,7 @@ class SamePlay:
             )
 
 
-def _other_kind(first: PairRecord, other: PairRecord) -> list[str]:
+def _other_kind(first: Played, other: Played) -> list[str]:
     """Name the two pairs of which one knows its scene by source code and the other by what was played."""
     by_code = [pair for pair in (first, other) if _OF_SOURCE in pair.fingerprints]
     by_play = [pair for pair in (first, other) if SCENE in pair.fingerprints]
@@ -141,7 +157,7 @@ def _other_kind(first: PairRecord, other: PairRecord) -> list[str]:
     ]
 
 
-def _require_header(run: Run, record: PairRecord) -> None:
+def _require_header(run: Run, record: Played) -> None:
     """Check that a record was played with what the header of its run names."""
     asked, versions = run.provenance["policy"], run.provenance["versions"]
     strength = run.provenance["protocol"].get("strength")

@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterable
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
+from msgspec.structs import force_setattr
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json, slug
 from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.benchmark.structs import (
+    AnyText,
+    Difficulty,
+    Document,
+    Flag,
+    Object,
+    Positive,
+    Sha256,
+    Share,
+    SourceName,
+    Text,
+    Texts,
+    Variant,
+    convert,
+    to_builtins,
+)
 from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.fields import (
-    ANY_TEXT,
-    COUNT,
-    OBJECT,
-    POSITIVE,
-    SHARE,
-    TEXT,
-    TEXTS,
-    Rule,
-    check_fields,
-    listed,
-    shown,
-)
 from pytest_libero_max.pairing.record import RECORD_VERSION, require_version
-from pytest_libero_max.pairing.record_checks import IDENTITY
 
 _UNKNOWN = "?"
 """The number of a task that is not known."""
 
 
-@dataclass(frozen=True)
-class PlannedPair:
+class PlannedPair(Document, frozen=True, kw_only=True):
     """The identity of a case, and every label by which results are grouped.
 
     Attributes:
@@ -52,18 +55,24 @@ class PlannedPair:
             ``libero_goal/?`` where that is not known.
     """
 
-    case_id: str
-    item_id: str
-    case_digest: str
-    source: str
-    source_category: str
-    difficulty: int | None
-    suite: str
-    event: str
-    family: str
-    variant: int
-    severity: str
-    task: str
+    NOUN: ClassVar[str] = "planned pair"
+
+    case_id: Text
+    item_id: Text
+    case_digest: Sha256
+    source: SourceName
+    source_category: Text
+    difficulty: Difficulty | None
+    suite: Text
+    event: Text
+    family: Text
+    variant: Variant
+    severity: Text
+    task: Text = _UNKNOWN  # not always written
+
+    def __post_init__(self) -> None:
+        if self.task == _UNKNOWN:
+            force_setattr(self, "task", f"{self.suite}/{_UNKNOWN}")
 
     @property
     def category(self) -> str:
@@ -109,8 +118,85 @@ def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> li
     return [] if suites is None else [pair for pair in planned if pair.suite not in suites]
 
 
-@dataclass(frozen=True)
-class Run:
+class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """The substrate of a run, as far as every run says it."""
+
+    NOUN: ClassVar[str] = "provenance.substrate"
+
+    name: Text
+
+
+class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """The case set of a run, as far as every run says it."""
+
+    NOUN: ClassVar[str] = "provenance.case_set"
+
+    name: Text
+    digest: Text
+
+
+class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """The policy of a run as the user asked for it; None is the policy's own."""
+
+    NOUN: ClassVar[str] = "provenance.policy"
+
+    reference: Text
+    horizon: Positive | None = None
+    query_interval: Positive | None = None
+    restore: Text | None = None
+    adaptive: Text | None = None
+
+
+class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """Options of a run that decide what is measured."""
+
+    NOUN: ClassVar[str] = "provenance.protocol"
+
+    noise_floor: Positive | None = None
+    strength: Share | None = None
+    study: Object | None = None
+    program: Object | None = None
+
+
+class Scores(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """Standing of a run's scores; older runs know their substrate by its name alone."""
+
+    NOUN: ClassVar[str] = "provenance.scores"
+
+    comparable_with_published: Flag | None = None
+    note: Text | None = None
+
+
+class Git(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """State of the repository that a run was started in."""
+
+    NOUN: ClassVar[str] = "provenance.git"
+
+    commit: Text
+    dirty: Flag
+
+
+class Provenance(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
+    """Fields of the provenance that reports read; a run may hold more, see :mod:`.provenance`."""
+
+    NOUN: ClassVar[str] = "provenance"
+
+    versions: Object
+    platform: Object
+    substrate: Substrate
+    case_set: CaseSet
+    policy: AskedPolicy
+    protocol: Protocol
+    command: Texts
+    started: Text | None = None
+    git: Git | None = None
+    gl_backend: AnyText | None = None
+    order: Text | None = None
+    stopping_rule: Text | None = None
+    scores: Scores | None = None
+
+
+class Run(Document, frozen=True, tag_field="line", tag="run"):
     """A run before its first pair.
 
     Attributes:
@@ -118,10 +204,14 @@ class Run:
         provenance: Where and how it is played; see :func:`~pytest_libero_max.runs.provenance.collect`.
     """
 
+    NOUN: ClassVar[str] = "run"
+
     planned: tuple[PlannedPair, ...]
-    provenance: Json
+    provenance: Object
+    schema_version: Annotated[int, Meta(ge=1, le=RECORD_VERSION)] = RECORD_VERSION
 
     def __post_init__(self) -> None:
+        force_setattr(self, "schema_version", RECORD_VERSION)
         seen: set[str] = set()
         for pair in self.planned:
             if pair.case_id in seen:
@@ -133,11 +223,9 @@ class Run:
         return cls(tuple(PlannedPair.of(case) for case in cases), provenance)
 
     def to_dict(self) -> Json:
-        return {
-            "schema_version": RECORD_VERSION,
-            "provenance": self.provenance,
-            "planned": [asdict(pair) for pair in self.planned],
-        }
+        """Return JSON types only, the plan last."""
+        values = to_builtins(self)
+        return {name: values[name] for name in ("schema_version", "provenance", "planned")}
 
     @classmethod
     def from_dict(cls, values: Json) -> Run:
@@ -147,16 +235,11 @@ class Run:
             ReportError: It has another form or another schema version, or lacks what reports read of it.
         """
         require_version(values, "run")
-        check_fields(values, _RUN, "run")
-        for name, part in _PROVENANCE.items():
-            _check_part(values["provenance"], name, part)
-        for name, rule in _SESSION.items():
-            _require(f"provenance.{name}", values["provenance"].get(name), rule)
-        if "scores" in values["provenance"]:  # older runs know their substrate by its name alone
-            _check_part(values["provenance"], "scores", _SCORES)
-        if "selection" in values["provenance"]:
-            Selection.from_dict(values["provenance"]["selection"])
-        return cls(tuple(map(planned_pair, values["planned"])), values["provenance"])
+        run = convert(values, cls)
+        convert(run.provenance, Provenance)
+        if "selection" in run.provenance:
+            Selection.from_dict(run.provenance["selection"])
+        return run
 
 
 def _task_number(case: Case) -> str:
@@ -169,71 +252,3 @@ def _task_number(case: Case) -> str:
     suite = tasks(case.suite) if case.suite in SUITES else ()
     known = [index for index, task in enumerate(suite) if name.startswith(f"{task.name}_")]
     return str(known[0]) if len(known) == 1 else _UNKNOWN
-
-
-def planned_pair(values: Json) -> PlannedPair:
-    """A planned pair as stored. Its task was not always written.
-
-    Raises:
-        ReportError: Another field is missing or unknown, or a value is none that it can hold.
-    """
-    values = {"task": f"{values.get('suite')}/{_UNKNOWN}", **values}
-    return PlannedPair(**check_fields(values, _PLANNED, "planned pair"))
-
-
-def _check_part(provenance: Json, name: str, rules: Mapping[str, Rule]) -> None:
-    """Check the fields of a part of the provenance that reports read; it may have more."""
-    part: Any = provenance.get(name)
-    _require(f"provenance.{name}", part, OBJECT)
-    for key, rule in rules.items():
-        _require(f"provenance.{name}.{key}", part.get(key), rule)
-
-
-def _require(name: str, value: object, rule: Rule) -> None:
-    if not rule.holds(value):
-        raise ReportError(f"{name}={shown(value)} of a run, but must be {rule.words}.")
-
-
-_PLANNED = {**IDENTITY, "task": TEXT}
-_RUN = {"schema_version": COUNT, "provenance": OBJECT, "planned": listed("objects", OBJECT.holds)}
-_PROVENANCE: Mapping[str, Mapping[str, Rule]] = {
-    "versions": {},
-    "platform": {},
-    "substrate": {"name": TEXT},
-    "case_set": {"name": TEXT, "digest": TEXT},
-    "policy": {
-        "reference": TEXT,
-        "horizon": POSITIVE.or_null,
-        "query_interval": POSITIVE.or_null,
-        "restore": TEXT.or_null,
-        "adaptive": TEXT.or_null,
-    },
-    "protocol": {
-        "noise_floor": POSITIVE.or_null,
-        "strength": SHARE.or_null,
-        "study": OBJECT.or_null,
-        "program": OBJECT.or_null,
-    },
-}
-
-
-_SCORES = {
-    "comparable_with_published": Rule("true, false or null", lambda value: value in (True, False, None)),
-    "note": TEXT.or_null,
-}
-
-
-def _is_git(value: Any) -> bool:
-    return type(value) is dict and TEXT.holds(value.get("commit")) and type(value.get("dirty")) is bool
-
-
-_GIT = Rule("an object with a commit, and whether files differ from it", _is_git)
-_SESSION = {
-    "started": TEXT.or_null,
-    "git": _GIT.or_null,
-    "gl_backend": ANY_TEXT.or_null,
-    "command": TEXTS,
-    "order": TEXT.or_null,
-    "stopping_rule": TEXT.or_null,
-}
-"""What reports read of the provenance: its parts, and what pytest was started with."""

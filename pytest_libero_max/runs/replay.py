@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.benchmark.documents import Json
 
 if TYPE_CHECKING:
-    from pytest_libero_max.runs.outcomes_file import RunOutcomes
+    from pytest_libero_max.runs.outcomes import RunOutcomes
     from pytest_libero_max.runs.store import StoredRun
 
 OUTPUT = "libero-max-replay"

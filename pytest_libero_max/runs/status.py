@@ -10,7 +10,6 @@ from typing import Literal
 
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.runs.lock import SeenMark, read_mark
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.progress import (
@@ -233,15 +232,13 @@ class Follower:
         for line in whole.splitlines():
             self._lines += 1
             try:
-                kind, values = decode_line(line)
-                self._stopped = Stopped.from_dict(values) if kind == "stopped" else None
-                if kind == "run":
-                    self._run = Run.from_dict(values)
-                    self._counts.planned = self._run.planned
-                elif kind == "pair":
-                    self._counts.add(PairRecord.from_dict(values))
-                elif kind == "error":
-                    self._counts.add(PairError.from_dict(values))
+                value = decode_line(line)
+                self._stopped = value if isinstance(value, Stopped) else None
+                if isinstance(value, Run):
+                    self._run = value
+                    self._counts.planned = value.planned
+                elif not isinstance(value, Stopped):
+                    self._counts.add(value)
             except ReportError as error:
                 raise ReportError(f"{self._folder / PAIRS_NAME}, line {self._lines}: {error}") from error
         self._read += len(whole)

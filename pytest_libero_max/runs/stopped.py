@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from typing import ClassVar
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.pairing.fields import COUNT, POSITIVE, TEXT, check_fields
+from pytest_libero_max.benchmark.structs import Count, Document, Positive, Text, convert, to_builtins
 
 
-@dataclass(frozen=True)
-class Stopped:
+class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
     """Why a run was stopped.
 
     Attributes:
@@ -21,10 +20,12 @@ class Stopped:
             played ahead of it or were in flight are stored as well. None without a rule.
     """
 
-    reason: str
-    of: int
-    rule: str | None = None
-    at: int | None = None
+    NOUN: ClassVar[str] = "stop of a run"
+
+    reason: Text
+    of: Positive
+    rule: Text | None = None
+    at: Count | None = None
 
     @property
     def text(self) -> str:
@@ -34,7 +35,10 @@ class Stopped:
         return f"stopped by rule {self.rule} at {self.at} of {self.of}: {self.reason}"
 
     def to_dict(self) -> Json:
-        return asdict(self)
+        """Return JSON types only."""
+        values = to_builtins(self)
+        del values["line"]
+        return values
 
     @classmethod
     def from_dict(cls, values: Json) -> Stopped:
@@ -43,7 +47,4 @@ class Stopped:
         Raises:
             ReportError: A field is missing or unknown, or holds what it cannot.
         """
-        return cls(**check_fields(values, _FIELDS, "stop of a run"))
-
-
-_FIELDS = {"reason": TEXT, "of": POSITIVE, "rule": TEXT.or_null, "at": COUNT.or_null}
+        return convert(values, cls)

@@ -13,19 +13,22 @@ import os
 from dataclasses import dataclass, replace
 from io import FileIO
 from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct
 
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.benchmark.order import SORTED_NAME
+from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
-from pytest_libero_max.pairing.fields import shown
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
 from pytest_libero_max.runs.agreement import Agreement, run_differences
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
-from pytest_libero_max.runs.strict_json import decode_json
 
 PAIRS_NAME = "pairs.jsonl"
 PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
@@ -151,7 +154,7 @@ class PairStore:
             raise DiskError(
                 f"Cannot write {self.path}: {error}. Make room, or give a folder you can write to."
             ) from error
-        self._write_line(_line("run", self._run.to_dict()))
+        self._write_line(_line("run", self._run))
 
     def _repair(self) -> None:
         """Take damaged lines out of the file, which nobody else can have altered behind the lock."""
@@ -175,7 +178,7 @@ class PairStore:
             ReportError: The pair is not one of the run's, was measured before, or holds what JSON does not
                 know.
         """
-        line = _line("pair" if isinstance(pair, PairRecord) else "error", pair.to_dict())
+        line = _line("pair" if isinstance(pair, PairRecord) else "error", pair)
         self._agreement.add(pair, "now")
         self._write_line(line)
 
@@ -199,7 +202,7 @@ class PairStore:
             elif self._is_gone():
                 self._write_again()
             if stopped is not None:
-                self._write_line(_line("stopped", stopped.to_dict()))
+                self._write_line(_line("stopped", stopped))
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}.") from error
         finally:
@@ -248,13 +251,13 @@ class PairStore:
         self._file = again
 
 
-def _line(kind: str, values: Json) -> bytes:
+def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:
     try:
-        text = json.dumps({"line": kind, **values}, separators=(",", ":"), allow_nan=False)
+        text = json.dumps({"line": kind, **value.to_dict()}, separators=(",", ":"), allow_nan=False)
     except (TypeError, ValueError, RecursionError) as error:
         raise ReportError(
-            f"case_id={values.get('case_id')!r} holds a value JSON does not know ({error}); what leaves "
-            "a worker are finite numbers, text, lists and objects."
+            f"case_id={getattr(value, 'case_id', None)!r} holds a value JSON does not know ({error}); what "
+            "leaves a worker are finite numbers, text, lists and objects."
         ) from error
     return text.encode() + b"\n"
 
@@ -337,18 +340,18 @@ def _read(path: Path) -> StoredRun:
     stopped: Stopped | None = None
     for number, line in enumerate(lines, start=1):
         try:
-            kind, values = decode_line(line)
-            if (kind == "run") != (number == 1):
-                raise ReportError(f"line={kind!r}, but the run is the first line and the first line only.")
-            if kind == "run":
-                run = Run.from_dict(values)
-                agreement = Agreement(run)
+            value = decode_line(line)
+            if isinstance(value, Run) != (number == 1):
+                raise ReportError(
+                    f"line={_kind_of(line)!r}, but the run is the first line and the first line only."
+                )
+            if isinstance(value, Run):
+                run, agreement = value, Agreement(value)
                 continue
-            if kind == "stopped":
-                stopped = Stopped.from_dict(values)
+            if isinstance(value, Stopped):
+                stopped = value
                 continue
-            pair = PairRecord.from_dict(values) if kind == "pair" else PairError.from_dict(values)
-            agreement.add(pair, f"line {number}")
+            agreement.add(value, f"line {number}")
         except OtherRunError as error:
             raise OtherRunError(f"{path}, line {number}: {error}") from error
         except ReportError as error:
@@ -360,10 +363,10 @@ def _read(path: Path) -> StoredRun:
             damaged.append(DamagedLine(number, str(error)))
             continue
         stopped = None
-        if isinstance(pair, PairRecord):
-            records.append(pair)
+        if isinstance(value, PairRecord):
+            records.append(value)
         else:
-            errors.append(pair)
+            errors.append(value)
     return StoredRun(
         run, tuple(records), tuple(errors), torn=bool(rest), damaged=tuple(damaged), stopped=stopped
     )
@@ -384,17 +387,42 @@ def read_to_resume(folder: Path) -> StoredRun | None:
     return replace(_read(path), state=state) if begun else None
 
 
-def decode_line(line: bytes) -> tuple[str, Json]:
-    """Kind of a line (``run``, ``pair``, ``error`` or ``stopped``), and what it holds.
+class _Head(Struct):
+    """The fields that say how to read a line."""
+
+    line: Any = None
+    schema_version: Any = None
+
+
+_HEAD = msgspec.json.Decoder(_Head)
+
+
+def decode_line(line: bytes) -> Run | PairRecord | PairError | Stopped:
+    """Decode a line.
 
     Raises:
-        ReportError: It is none of them.
+        ReportError: It is no line of a run.
     """
+    try:
+        head = _HEAD.decode(line)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        values = decode_json(line, "The line is damaged.")
+        raise ReportError(f"The line must be an object, but this is {shown(values)}.") from None
+    if head.line not in ("run", "pair", "error", "stopped"):
+        raise ReportError(f"line={shown(head.line)}, but must be 'run', 'pair', 'error' or 'stopped'.")
+    if head.line == "pair" and head.schema_version in (2, RECORD_VERSION):
+        return PairRecord.from_json(line)
     values = decode_json(line, "The line is damaged.")
-    kind = values.pop("line", None) if isinstance(values, dict) else None
-    if kind not in ("run", "pair", "error", "stopped"):
-        raise ReportError(f"line={shown(kind)}, but must be 'run', 'pair', 'error' or 'stopped'.")
-    return kind, values
+    del values["line"]
+    if head.line == "run":
+        return Run.from_dict(values)
+    if head.line == "stopped":
+        return Stopped.from_dict(values)
+    return PairRecord.from_dict(values) if head.line == "pair" else PairError.from_dict(values)
+
+
+def _kind_of(line: bytes) -> object:
+    return _HEAD.decode(line).line
 
 
 def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:

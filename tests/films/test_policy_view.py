@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import AdapterError, ReportError
@@ -131,7 +132,7 @@ def test_restored_images_are_those_that_the_policy_was_shown(short: None, tmp_pa
             assert (tick.step, _image(tick, "dynamic").tobytes()) in given
     shown = shown_by(ADAPTER)
     assert caption(played.record, shown).endswith("is not known; after restore=always")
-    other = replace(played.record, policy={**played.record.policy, "wrappers": ["blur=2"]})
+    other = structs.replace(played.record, policy={**played.record.policy, "wrappers": ["blur=2"]})
     assert caption(other, shown).endswith("; what blur=2 does to them is not known")
 
 
@@ -202,6 +203,6 @@ def test_a_policy_that_was_shown_every_step_is_followed_step_by_step(
         "step 4",
     ]
     assert not np.array_equal(_image(ticks[1], "base"), _image(ticks[2], "base"))
-    frames = replace(played.record, policy=played.record.policy | {"memory": "frames"})
+    frames = structs.replace(played.record, policy=played.record.policy | {"memory": "frames"})
     delivered = _ticks(replace(played, pair=replace(played.pair, record=frames)), ADAPTER)
     assert delivered[1].views["base"].words == ("step 1",)

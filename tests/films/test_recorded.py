@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import OptionError
@@ -133,12 +134,12 @@ def test_the_substrate_is_opened_as_the_run_opened_it(
 def test_a_replay_that_reaches_another_state_is_refused_with_what_differs(
     played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arms = {name: replace(arm, proof="0" * 64) for name, arm in played.record.arms.items()}
-    pair = replace(played.pair, record=replace(played.record, arms=arms))
+    arms = {name: structs.replace(arm, proof="0" * 64) for name, arm in played.record.arms.items()}
+    pair = replace(played.pair, record=structs.replace(played.record, arms=arms))
     versions = {**played.record.fingerprints, "mujoco": "3.3.6"}
     for record, words in (
         (pair.record, "The versions are the same"),
-        (replace(pair.record, fingerprints=versions), "Different from then: mujoco 3.3.6 then, "),
+        (structs.replace(pair.record, fingerprints=versions), "Different from then: mujoco 3.3.6 then, "),
     ):
         other = replace(played, pair=replace(pair, record=record))
         run = store(other, tmp_path / words[:3], tmp_path / "tiny.json")
@@ -153,8 +154,11 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
     base, dynamic = record.arms["base"], record.arms["dynamic"]
     expected = {(True, False): FILM_SELECTIONS, (False, True): ("changed", "all"), (False, False): ("all",)}
     for (one, other), names in expected.items():
-        arms = {"base": replace(base, success=one), "dynamic": replace(dynamic, success=other)}
-        pair = replace(record, arms=arms)
+        arms = {
+            "base": structs.replace(base, success=one),
+            "dynamic": structs.replace(dynamic, success=other),
+        }
+        pair = structs.replace(record, arms=arms)
         assert tuple(which for which in FILM_SELECTIONS if selected(pair, which)) == names
     assert _film(run) == 0
     assert "No pair of this run is selected" in capsys.readouterr().out

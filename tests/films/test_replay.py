@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError, ReportError
@@ -113,7 +114,7 @@ def test_recorded_poses_are_played_as_poses(tmp_path: Path) -> None:
     played = play(tmp_path, policy=Posing(5, 3))
     assert played.record.trigger_step is not None
     assert [tick.step for tick in _ticks(played, every=4)] == [0, 4, 8]
-    movements = replace(played.record, policy={**played.record.policy, "control": "delta"})
+    movements = structs.replace(played.record, policy={**played.record.policy, "control": "delta"})
     with pytest.raises(ProtocolError, match="is not what was recorded"):
         list(play_again(played.case, played.world, movements, played.traces, through_cameras(SIZE)))
 

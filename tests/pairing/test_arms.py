@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from pytest_libero_max import strategies
 from pytest_libero_max.changes import Evidence, Factor, Nothing, SetInstruction, change_from_dict
@@ -125,7 +126,7 @@ def test_every_arm_equals_the_same_arm_played_alone_and_shared_parts_are_execute
     records = together.record.arms
     for arm in arms:
         alone = measure_pair(case, world, policy, how, arms=(arm,))
-        assert replace(records[arm.name], shares=None) == alone.record.arms[arm.name]
+        assert structs.replace(records[arm.name], shares=None) == alone.record.arms[arm.name]
         one, other = together.rollouts[arm.name], alone.rollouts[arm.name]
         assert one.actions.tobytes() == other.actions.tobytes()
         assert one.end_effector.tobytes() == other.end_effector.tobytes()
@@ -257,7 +258,7 @@ def test_two_arms_of_one_schedule_are_one(world: Counting) -> None:
     world.played = 0
     record = play_pair(make_case(), world, Approaching(), arms=arms)
     base, control, nothing = record.arms.values()
-    assert control == replace(base, shares="base")
+    assert control == structs.replace(base, shares="base")
     assert nothing.shares is None
     assert nothing.proof == base.proof
     assert world.played == 10 + 2 * BUDGET

@@ -10,7 +10,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -29,7 +29,7 @@ def stored() -> list[Json]:
 def test_a_run_of_version_1_is_still_read() -> None:
     run = read_pairs(VERSION_1)
     assert (len(run.records), len(run.errors), len(run.run.planned)) == (4, 1, 5)
-    assert run.errors[0].schema_version == 2
+    assert run.errors[0].schema_version == RECORD_VERSION
     assert [record.triggered for record in run.records] == [True, True, True, False]
 
 
@@ -38,7 +38,7 @@ def test_the_pair_of_a_record_of_version_1_is_what_it_was(number: int) -> None:
     old = stored()[number]
     record = PairRecord.from_dict(old)
     new = record.to_dict()
-    assert new["schema_version"] == 2
+    assert new["schema_version"] == RECORD_VERSION
     for name, value in old.items():
         if name != "schema_version":
             assert (new[name] if name in new else getattr(record, name)) == value, name
@@ -84,8 +84,8 @@ def without_proof(values: Json) -> None:
         (in_arm, "arm has the unknown field 'sucess'. Did you mean 'success'"),
         (without_proof, "Firing None lacks prefix_proof"),
         (
-            lambda values: values.update(schema_version=3),
-            "schema_version=3 of a pair record, .* reads 1 and 2",
+            lambda values: values.update(schema_version=4),
+            "schema_version=4 of a pair record, .* reads 1, 2 and 3",
         ),
         (lambda values: values.update(schema_version=True), "schema_version=True"),
     ],

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.runner import measure_pair

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import random
 from collections.abc import Sequence
-from dataclasses import asdict
 from itertools import product
 from typing import Any
+
+from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
@@ -64,7 +65,7 @@ def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[
 
 def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> PairRecord:
     """A record of a planned pair with the outcomes given."""
-    labels = asdict(pair)
+    labels = structs.asdict(pair)
     del labels["task"]
     values: dict[str, Any] = {
         **labels,

@@ -3,6 +3,8 @@ from __future__ import annotations
 import csv
 import io
 
+from msgspec import structs
+
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.writers.tables import csv_text
@@ -10,7 +12,7 @@ from pytest_libero_max.runs.plan import PlannedPair
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 PAIRS = [
-    PlannedPair(**{**vars(pair), "source_category": f"Part {number % 2}"})
+    PlannedPair(**{**structs.asdict(pair), "source_category": f"Part {number % 2}"})
     for number, pair in enumerate(plan())
 ]
 

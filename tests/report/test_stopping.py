@@ -13,13 +13,13 @@ from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.stopped import Stopped
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, error_of, plan, record_of
 
 Pair = PairRecord | PairError
 
 
 def broken(pair: PlannedPair) -> PairError:
-    return PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "it fell", "base")
+    return error_of(pair)
 
 
 def decision(rule: str, planned: list[PlannedPair], arrivals: list[Pair]) -> Stopped | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
@@ -91,7 +92,7 @@ def test_a_pair_measured_in_two_runs_is_refused() -> None:
 
 
 def test_other_cases_of_one_name_and_single_runs_are_refused() -> None:
-    others = [PlannedPair(**{**vars(pair), "case_digest": "0" * 64}) for pair in PAIRS]
+    others = [PlannedPair(**{**structs.asdict(pair), "case_digest": "0" * 64}) for pair in PAIRS]
     with pytest.raises(ReportError, match="another case"):
         merge_runs({"a": _piece(PAIRS[:5]), "b": _piece([], planned=others)})
     with pytest.raises(ReportError, match="two or more"):

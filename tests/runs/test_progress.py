@@ -15,14 +15,14 @@ from pytest_libero_max.runs.progress import (
     playing_lines,
     progress_text,
 )
-from tests.report.made_up import NEVER_TRIGGERED, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, error_of, plan, record_of
 
 PLAN = plan()
 
 
 def _error(number: int) -> PairError:
     pair = PLAN[number]
-    return PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "broken", "setup")
+    return error_of(pair)
 
 
 def _counts() -> PairCounts:

@@ -11,12 +11,11 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.pairing.record import PairError
 from pytest_libero_max.runs.lock import MARK_NAME
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.status import Follower, note_of
 from pytest_libero_max.runs.store import PairStore
-from tests.report.made_up import POLICY, PROVENANCE, kill, plan, record_of
+from tests.report.made_up import POLICY, PROVENANCE, error_of, kill, plan, record_of
 
 RUN = Run(tuple(plan()[:4]), PROVENANCE)
 
@@ -43,7 +42,7 @@ def test_a_run_is_followed_from_its_first_line_to_its_end(tmp_path: Path) -> Non
     assert lines[1:3] == ["2 of 4 pairs, 2.0/min, 40 s left", "P 0 R 2 N 0 E 0"]
     assert lines[3].startswith("gw0 playing for 10 s: plus-")
     pair = RUN.planned[2]
-    store.append(PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "broken", "setup"))
+    store.append(error_of(pair))
     assert follower.look().lines()[2] == "P 0 R 2 N 0 E 1"
     store.append(record_of(RUN.planned[3], True, True))
     store.close()

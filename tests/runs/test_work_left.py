@@ -1,12 +1,10 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
-from pytest_libero_max.pairing.record import PairError
 from pytest_libero_max.runs.progress import PairCounts, Progress, progress_text
-from tests.report.made_up import POLICY, plan, record_of
+from tests.report.made_up import POLICY, error_of, plan, record_of
 
 PLAN = plan()
 
@@ -45,7 +43,7 @@ def test_the_longest_of_the_last_pairs_decides() -> None:
 def test_an_error_is_not_played_again() -> None:
     counts = _counts()
     pair = PLAN[8]
-    counts.add(PairError(pair.case_id, pair.item_id, pair.case_digest, "SimulatorError", "broken", "setup"))
+    counts.add(error_of(pair))
     assert Progress(32, counts, seconds=20.0).seconds_left == pytest.approx(23 * 5.0 / 2)
 
 

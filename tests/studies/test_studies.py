@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, ProtocolError, ReportError
@@ -147,13 +148,13 @@ def test_a_study_finds_a_wrong_log_and_a_camera_that_somebody_moved(world: TinyW
     study.check(pair)
     arms = dict(pair.record.arms)
     (firing,) = arms["dynamic"].firings
-    later = replace(arms["dynamic"], firings=(replace(firing, step=firing.step + 1),))
+    later = structs.replace(arms["dynamic"], firings=(structs.replace(firing, step=firing.step + 1),))
     with pytest.raises(ProtocolError, match="logged at step"):
-        study.check(replace(pair, record=replace(pair.record, arms={**arms, "dynamic": later})))
-    moved = replace(firing, evidence={**firing.evidence, "after": {"camera_fovy_deg": 1.0}})
-    elsewhere = replace(arms["dynamic"], firings=(moved,))
+        study.check(replace(pair, record=structs.replace(pair.record, arms={**arms, "dynamic": later})))
+    moved = structs.replace(firing, evidence={**firing.evidence, "after": {"camera_fovy_deg": 1.0}})
+    elsewhere = structs.replace(arms["dynamic"], firings=(moved,))
     with pytest.raises(ProtocolError, match="the camera is"):
-        study.check(replace(pair, record=replace(pair.record, arms={**arms, "dynamic": elsewhere})))
+        study.check(replace(pair, record=structs.replace(pair.record, arms={**arms, "dynamic": elsewhere})))
 
 
 def test_a_camera_study_refuses_other_events() -> None:

@@ -114,7 +114,14 @@ def pair_error(case: Case, death: Death, plays: int) -> PairError:
     if death.text:
         message += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
     phase = POLICY_PHASE if death.phase == POLICY_PHASE else CRASH_PHASE
-    return PairError(case.case_id, case.item_id, case.digest, type(death.error).__name__, message, phase)
+    return PairError(
+        case_id=case.case_id,
+        item_id=case.item_id,
+        case_digest=case.digest,
+        kind=type(death.error).__name__,
+        message=message,
+        phase=phase,
+    )
 
 
 def set_aside_lines(invalid: Sequence[Json]) -> list[str]:

@@ -27,7 +27,7 @@ from pytest_libero_max.report.statistics_json import (
     task_json,
 )
 from pytest_libero_max.runs.agreement import PLACES
-from pytest_libero_max.runs.outcomes_file import RunOutcomes, read_outcomes
+from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay import replay_command
 from pytest_libero_max.runs.store import StoredRun

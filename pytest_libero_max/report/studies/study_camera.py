@@ -11,7 +11,6 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.pairing.fields import DISTANCE
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.statistics_json import interval_json, number
 from pytest_libero_max.stats.conditions import (
@@ -133,7 +132,7 @@ def _entered(record: PairRecord, arm: ArmRecord) -> bool:
     """Whether the hand came as near the trigger entity in an arm as the case's event waits for."""
     schedule = record.arm(DYNAMIC).schedule
     within_m: Any = schedule[0]["trigger"].get("distance_m") if schedule else None
-    if arm.min_distance_m is None or not DISTANCE.holds(within_m):
+    if arm.min_distance_m is None or not _is_distance(within_m):
         raise ReportError(
             f"{record.item_id} does not say how near the hand came, or what its event waits for, so it is of "
             "no camera study. Play it again."
@@ -186,3 +185,7 @@ def _group_json(interval: GroupInterval) -> Json:
         "replicates": interval.replicates,
         **interval_json(interval.interval),
     }
+
+
+def _is_distance(value: object) -> bool:
+    return type(value) in (int, float) and 0 <= value < float("inf")  # type: ignore[operator]

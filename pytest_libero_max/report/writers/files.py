@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.structs import decode_json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import REPORT_VERSION, build_report
 from pytest_libero_max.report.page.case_table import run_cases
@@ -18,10 +19,8 @@ from pytest_libero_max.report.writers.figures import FIGURES
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.media import TRACES_NAME, VIEWS, films_in, kept_beside, pictures_in
-from pytest_libero_max.runs.outcomes_file import OUTCOMES_NAME, RunOutcomes, file_digest, outcomes_json
 from pytest_libero_max.runs.replay import replay_command
-from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, pairs_file, read_pairs
-from pytest_libero_max.runs.strict_json import decode_json
+from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 
 REPORT_NAME = "report.json"
 MARKDOWN_NAME = "report.md"
@@ -53,13 +52,10 @@ def write_reports(
 
     Returns:
         The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.
-        ``outcomes.json``, which makes comparisons fast, is written as well.
 
     Raises:
         ReportError: The pairs cannot be read, or the files not be written.
     """
-    pairs_path = folder / PAIRS_NAME
-    digest = file_digest(pairs_path) if pairs_path.is_file() else ""  # before reading: it may still grow
     stored = read_pairs(folder)
     report = report_of(stored)
     if amend is not None:
@@ -68,7 +64,6 @@ def write_reports(
         REPORT_NAME: lambda: report_json(report),
         MARKDOWN_NAME: lambda: markdown(report),
         HTML_NAME: lambda: run_page(report, stored, folder),
-        OUTCOMES_NAME: lambda: outcomes_json(RunOutcomes.of(stored), digest),
     }
     written = [pairs_file(folder)]
     for name, text in files.items():
@@ -80,7 +75,7 @@ def write_reports(
             on_problem(str(error) if isinstance(error, ReportError) else f"No {name}: {error!r}")
         else:
             written.append(folder / name)
-    return report, [path for path in written if path.name != OUTCOMES_NAME]
+    return report, written
 
 
 def run_page(report: Json, stored: StoredRun, folder: Path) -> str:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
@@ -134,7 +135,7 @@ def test_what_cannot_be_compared_says_why() -> None:
         common_cases({"old": _run(ALWAYS), "new": _run(ALWAYS, substrate={"name": "libero"})})
     with pytest.raises(ReportError, match="no measured case in common"):
         common_cases({"old": _run(ALWAYS, PAIRS[:4]), "new": _run(ALWAYS, PAIRS[4:])}, restrict=True)
-    other = [PlannedPair(**{**vars(pair), "case_digest": "0" * 64}) for pair in PAIRS]
+    other = [PlannedPair(**{**structs.asdict(pair), "case_digest": "0" * 64}) for pair in PAIRS]
     with pytest.raises(ReportError, match="manifests differ"):
         common_cases({"old": _run(ALWAYS), "new": _run(ALWAYS, other)})
 

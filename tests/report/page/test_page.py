@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
@@ -25,7 +25,7 @@ from pytest_libero_max.runs.store import StoredRun, read_pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
 
 PAIRS = plan()
-UNSUPPORTED = replace(PAIRS[9], suite="libero_goal")
+UNSUPPORTED = structs.replace(PAIRS[9], suite="libero_goal")
 PUBLISHED = Path(__file__).parents[3] / "reports" / "smoke" / "stale_expert" / "pairs.jsonl.gz"
 MOST_BYTES_A_CASE = 600
 """8,000 cases then take 4.8 MB; a whole page is to stay below 5 MB."""

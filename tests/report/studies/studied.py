@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
+
+from msgspec.structs import replace
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairRecord

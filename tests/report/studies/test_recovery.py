@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.cli import main
@@ -32,10 +33,10 @@ def run_of(mode: str, base: Flags, dynamic: Flags, **policy: Any) -> StoredRun:
         if mode != "native":
             counts = ((10, 1, 20, 2, 2, 1), (20, 20, 40, 40, 39, 38))
             arms = {
-                name: replace(record.arm(name), notes=dict(zip(COUNTS, values, strict=True)))
+                name: structs.replace(record.arm(name), notes=dict(zip(COUNTS, values, strict=True)))
                 for name, values in zip(("base", "dynamic"), counts, strict=True)
             }
-            record = replace(record, arms=arms)
+            record = structs.replace(record, arms=arms)
         records.append(record)
     return StoredRun(Run(tuple(PLANNED), PROVENANCE), tuple(records), (), torn=False)
 
@@ -124,9 +125,9 @@ def test_runs_that_are_no_recovery_are_refused(runs: list[StoredRun], message: s
 
 def test_another_event_is_refused() -> None:
     def moved(run: StoredRun) -> StoredRun:
-        pair = replace(PLANNED[0], event="camera_shift", family="observation")
+        pair = structs.replace(PLANNED[0], event="camera_shift", family="observation")
         planned: tuple[PlannedPair, ...] = (pair, *PLANNED[1:])
-        record = replace(run.records[0], event="camera_shift")
+        record = structs.replace(run.records[0], event="camera_shift")
         return replace(run, run=Run(planned, PROVENANCE), records=(record, *run.records[1:]))
 
     with pytest.raises(ReportError, match="hold pairs of camera_shift"):
@@ -160,9 +161,11 @@ def test_the_whole_frozen_track_is_compared() -> None:
             record = record_of(pair, True, number % every == 0, policy=spec, **labels)
             if mode != "native":
                 notes = dict.fromkeys(COUNTS, 2)
-                record = replace(
+                record = structs.replace(
                     record,
-                    arms={name: replace(record.arm(name), notes=notes) for name in ("base", "dynamic")},
+                    arms={
+                        name: structs.replace(record.arm(name), notes=notes) for name in ("base", "dynamic")
+                    },
                 )
             records.append(record)
         return StoredRun(Run(planned, PROVENANCE), tuple(records), (), torn=False)

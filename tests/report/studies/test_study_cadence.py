@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from importlib import resources
 
 import jsonschema
 import pytest
+from msgspec.structs import replace
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report

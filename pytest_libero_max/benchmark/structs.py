@@ -1,0 +1,200 @@
+"""Typed JSON: structs are decoded and checked in one step, and a mistake is named with field, value and rule.
+
+A stored document is declared once as :class:`msgspec.Struct`; what may be in a field is its type. The types
+below have a rule in words, which messages and generated schemas use.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping, Sequence
+from datetime import date, datetime, time, timedelta
+from decimal import Decimal
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
+from uuid import UUID
+
+import msgspec
+from msgspec import Meta, Struct
+
+from pytest_libero_max.errors import ReportError, did_you_mean
+
+LARGEST = 2**63 - 1
+"""Largest count or seed, so that all of them fit into NumPy's integers."""
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 120
+
+_NOT_JSON = (bytes, bytearray, datetime, date, time, timedelta, Decimal, UUID)
+"""Types that msgspec would write as text."""
+
+AnyStruct = TypeVar("AnyStruct", bound="Document")
+
+
+def rule(words: str, **limits: Any) -> Meta:
+    """Limits of a value, and the words that follow "must be" in a message."""
+    return Meta(extra={"rule": words}, **limits)
+
+
+Text = Annotated[str, rule("text that is not empty", min_length=1)]
+AnyText = Annotated[str, rule("text")]
+Flag = Annotated[bool, rule("true or false")]
+Count = Annotated[int, rule("an integer of at least 0", ge=0, le=LARGEST)]
+Positive = Annotated[int, rule("an integer of at least 1", ge=1, le=LARGEST)]
+Distance = Annotated[float, rule("a number of at least 0", ge=0, le=LARGEST)]
+Share = Annotated[float, rule("a number from 0 to 1", ge=0, le=1)]
+Sha256 = Annotated[str, rule("64 hexadecimal digits", pattern="^[0-9a-f]{64}$")]
+Proof = Annotated[str, rule("hexadecimal digits", pattern="^[0-9a-f]+$")]
+SourceName = Annotated[str, rule("'libero' or 'plus' or 'pro'", pattern="^(libero|plus|pro)$")]
+Difficulty = Annotated[int, rule("1 or 2 or 3 or 4 or 5", ge=1, le=5)]
+Variant = Annotated[int, rule("0 or 1", ge=0, le=1)]
+Object = Annotated[dict[str, Any], rule("an object")]
+Texts = Annotated[tuple[str, ...], rule("a list of texts")]
+NamedTexts = Annotated[dict[str, str], rule("an object of texts")]
+Counts = Annotated[dict[str, Count], rule("an object of integers of at least 0")]
+
+
+class Document(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A stored JSON object: exactly these fields, each of its type.
+
+    Attributes:
+        NOUN: Its name in messages.
+    """
+
+    NOUN: ClassVar[str] = "object"
+
+
+def decode_json(content: bytes | str, cure: str) -> Any:
+    """Decode JSON to plain values: finite numbers, no constant that JSON does not know.
+
+    Args:
+        content: UTF-8.
+        cure: What to do where it is not JSON; ends the message.
+
+    Raises:
+        ReportError: It is something else.
+    """
+    try:
+        return msgspec.json.decode(content)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ReportError(f"not JSON ({error}). {cure}") from error
+
+
+def decode(content: bytes, kind: type[AnyStruct]) -> AnyStruct:
+    """Decode a struct from JSON.
+
+    Raises:
+        ReportError: It is not JSON, a field is missing or unknown, or holds a value that it cannot hold.
+    """
+    try:
+        found: AnyStruct = _decoder(kind).decode(content)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return convert(decode_json(content, "The line is damaged."), kind)
+    return found
+
+
+def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
+    """Return plain JSON values as a struct.
+
+    Raises:
+        ReportError: A field is missing or unknown, or holds a value that it cannot hold.
+    """
+    try:
+        return msgspec.convert(values, kind)
+    except (msgspec.ValidationError, RecursionError) as error:
+        _explain(values, kind)
+        raise ReportError(f"The {kind.NOUN} cannot be read: {error}.") from None
+
+
+def to_builtins(value: Struct) -> dict[str, Any]:
+    """Return a struct as plain values, fields in their order; what JSON does not know stays what it is."""
+    plain: dict[str, Any] = msgspec.to_builtins(value, builtin_types=_NOT_JSON)
+    return plain
+
+
+def shown(value: object) -> str:
+    """Return a value as text for a message, shortened."""
+    return _SHORT.repr(value)
+
+
+@cache
+def _decoder(kind: type[AnyStruct]) -> msgspec.json.Decoder[AnyStruct]:
+    return msgspec.json.Decoder(kind)
+
+
+def _explain(values: Any, kind: type[Document]) -> None:
+    """Raise an error that names the first mistake in the values of a struct.
+
+    Raises:
+        ReportError: Always where ``values`` are no such struct.
+    """
+    if not isinstance(values, dict):
+        raise ReportError(f"The {kind.NOUN} must be an object, but this is {shown(values)}.")
+    names = {name.encode_name: name for name in msgspec.structs.fields(kind)}
+    tag = kind.__struct_config__.tag_field
+    if kind.__struct_config__.forbid_unknown_fields:
+        for key in values:
+            if key not in names and key != tag:
+                raise ReportError(
+                    f"The {kind.NOUN} has the unknown field {shown(key)}. {did_you_mean(str(key), names)}"
+                )
+    missing = ", ".join(
+        sorted(name for name, field in names.items() if field.required and name not in values)
+    )
+    if missing:
+        raise ReportError(f"{kind.NOUN.capitalize()} {shown(values.get('case_id'))} lacks {missing}.")
+    hints = get_type_hints(kind, include_extras=True)
+    for name, field in names.items():
+        if name in values:
+            _explain_value(name, values[name], hints[field.name], kind)
+
+
+def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> None:
+    try:
+        msgspec.convert(value, hint)
+        return
+    except (msgspec.ValidationError, RecursionError):
+        pass
+    inner = _document_in(hint)
+    plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if inner is not None and isinstance(value, dict) and get_origin(plain) is dict:
+        for key, item in value.items():
+            try:
+                convert(item, inner)
+            except ReportError as error:
+                raise ReportError(f"{inner.NOUN} {key!r}: {error}") from None
+    elif inner is not None and isinstance(value, list | tuple):
+        for item in value:
+            convert(item, inner)
+    elif inner is not None and isinstance(value, dict):
+        convert(value, inner)
+    raise ReportError(f"{name}={shown(value)} of the {kind.NOUN}, but must be {_words(hint)}.")
+
+
+def _document_in(hint: Any) -> type[Document] | None:
+    """The struct that a type is, or holds as the values of an object or the items of a list."""
+    if isinstance(hint, type) and issubclass(hint, Document):
+        return hint
+    found = (_document_in(part) for part in get_args(hint) if part is not Ellipsis)
+    return next((kind for kind in found if kind is not None), None)
+
+
+def _words(hint: Any) -> str:
+    """The rule of a type in words."""
+    if get_origin(hint) is Annotated:
+        for meta in hint.__metadata__:
+            if isinstance(meta, Meta) and meta.extra and "rule" in meta.extra:
+                return str(meta.extra["rule"])
+    if get_origin(hint) in (Union, UnionType):
+        parts = [part for part in get_args(hint) if part is not NoneType]
+        words = " or ".join(_words(part) for part in parts)
+        return f"{words}, or null" if NoneType in get_args(hint) else words
+    if str(get_origin(hint)) == "typing.Literal":
+        return " or ".join("null" if value is None else repr(value) for value in get_args(hint))
+    origin = get_origin(hint) or hint
+    if isinstance(origin, type) and issubclass(origin, Mapping | Document):
+        return "an object"
+    if isinstance(origin, type) and issubclass(origin, Sequence) and origin is not str:
+        return "a list"
+    return {bool: "true or false", int: "an integer", float: "a number", str: "text"}.get(origin, "a value")

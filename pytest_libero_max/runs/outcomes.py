@@ -1,0 +1,186 @@
+"""Outcomes of a run: the part of its records that comparisons need, read without decoding the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+from msgspec import Raw, Struct
+
+from pytest_libero_max.benchmark.documents import Json, read_content
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.record import RECORD_VERSION, PairRecord
+from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
+from pytest_libero_max.runs.agreement import Agreement, SamePlay
+from pytest_libero_max.runs.lock import require_ended
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, decode_line, pairs_file, read_pairs
+from pytest_libero_max.stats.paired import Pairs
+
+
+@dataclass(frozen=True, eq=False)
+class RunOutcomes:
+    """A run reduced to what a comparison needs.
+
+    Attributes:
+        run: The plan and provenance.
+        case_ids: Ids of the measured cases, in the order of the records.
+        pairs: Their outcomes in the same order.
+        policy: The spec of the first record; None without a record.
+        scenes: Fingerprints of scene and start of each case, in the same order; empty where a record of an
+            earlier version has none.
+    """
+
+    run: Run
+    case_ids: tuple[str, ...]
+    pairs: Pairs
+    policy: Json | None
+    scenes: tuple[str, ...]
+
+    @classmethod
+    def of(cls, stored: StoredRun) -> RunOutcomes:
+        """Return the outcomes of a run that has been read."""
+        records = stored.records
+        tasks = {pair.case_id: pair.task for pair in stored.run.planned}
+        return cls(
+            run=stored.run,
+            case_ids=tuple(record.case_id for record in records),
+            pairs=columns_of(records, [tasks.get(record.case_id, "?") for record in records]),
+            policy=records[0].policy if records else None,
+            scenes=tuple(_scene_of(record.fingerprints) for record in records),
+        )
+
+
+def _scene_of(fingerprints: Mapping[str, str]) -> str:
+    return " ".join(fingerprints.get(name, "") for name in (SCENE, START)).strip()
+
+
+def columns_of(records: Sequence[PairRecord], tasks: Sequence[str]) -> Pairs:
+    """Return the columns of the statistics, one row a record.
+
+    Args:
+        records: Measured pairs.
+        tasks: The task of each, see :class:`~pytest_libero_max.runs.plan.PlannedPair`.
+    """
+    return Pairs.of(
+        base=[record.base_success for record in records],
+        dynamic=[record.dynamic_success for record in records],
+        triggered=[record.triggered for record in records],
+        responded=[record.responded for record in records],
+        stale=[-1 if record.stale_actions is None else record.stale_actions for record in records],
+        source=[record.source for record in records],
+        task=tasks,
+    )
+
+
+class _Arm(Struct):
+    success: bool
+    firings: list[Raw]
+    response_step: int | None
+    stale_actions: int | None
+
+
+class _Line(Struct):
+    """The fields of a line of ``pairs.jsonl`` that a comparison needs."""
+
+    line: str
+    schema_version: int
+    case_id: str
+    item_id: str = ""
+    case_digest: str = ""
+    arms: dict[str, _Arm] = msgspec.field(default_factory=dict)
+    policy: Raw = msgspec.field(default_factory=Raw)
+    fingerprints: dict[str, str] = msgspec.field(default_factory=dict)
+
+
+class _Played(NamedTuple):
+    """The fields of a record that say with what it was played."""
+
+    item_id: str
+    policy: Json
+    fingerprints: dict[str, str]
+
+
+_DECODER = msgspec.json.Decoder(_Line)
+
+
+def read_outcomes(path: Path) -> RunOutcomes:
+    """Read the outcomes of a run.
+
+    Where every line says what a comparison expects of it, nothing else of the lines is read. Everything else
+    (an older version, damage, pairs of another run) is left to :func:`.store.read_pairs`, which checks all of
+    a line and names what is wrong.
+
+    Args:
+        path: Its folder, or its ``pairs.jsonl``.
+
+    Raises:
+        ReportError: See :func:`.store.read_pairs`.
+    """
+    pairs_path = pairs_file(path)
+    if pairs_path.name == PAIRS_NAME:
+        require_ended(pairs_path.parent)
+    try:
+        found = _fast(pairs_path)
+    except (OSError, ValueError, RecursionError, ReportError):
+        found = None
+    return RunOutcomes.of(read_pairs(pairs_path)) if found is None else found
+
+
+def _fast(path: Path) -> RunOutcomes | None:
+    """Read the outcomes from lines of one version and one policy that were planned; None of other lines.
+
+    Raises:
+        ValueError: A line is damaged.
+        OSError: The file cannot be read.
+    """
+    head, _, rest = read_content(path).partition(b"\n")
+    run = decode_line(head)
+    if not isinstance(run, Run):
+        return None
+    planned = {pair.case_id: pair for pair in run.planned}
+    first: _Line | None = None
+    policy: Json = {}
+    same_play = SamePlay()
+    measured: dict[str, _Line] = {}
+    for text in rest.split(b"\n")[:-1]:
+        line = _DECODER.decode(text)
+        pair = planned.get(line.case_id)
+        if (
+            pair is None
+            or pair.case_digest != line.case_digest
+            or line.schema_version not in (2, RECORD_VERSION)
+        ):
+            return None
+        if line.line == "error":
+            continue
+        if line.line != "pair" or line.case_id in measured or not {BASE, DYNAMIC} <= {*line.arms}:
+            return None
+        if first is None:  # all that one record says, and that it agrees with the header of the run
+            first, policy = line, msgspec.json.decode(line.policy)
+            Agreement(run).add(PairRecord.from_json(text), "first")
+        if line.policy != first.policy:
+            return None
+        same_play.add(_Played(line.item_id, policy, line.fingerprints))
+        measured[line.case_id] = line
+    lines = measured.values()
+    dynamic = [line.arms[DYNAMIC] for line in lines]
+    return RunOutcomes(
+        run=run,
+        case_ids=tuple(measured),
+        pairs=Pairs.of(
+            base=[line.arms[BASE].success for line in lines],
+            dynamic=[arm.success for arm in dynamic],
+            triggered=[bool(arm.firings) for arm in dynamic],
+            responded=[arm.response_step is not None for arm in dynamic],
+            stale=[-1 if arm.stale_actions is None else arm.stale_actions for arm in dynamic],
+            source=[planned[case_id].source for case_id in measured],
+            task=[planned[case_id].task for case_id in measured],
+        ),
+        policy=None if first is None else policy,
+        scenes=tuple(_scene_of(line.fingerprints) for line in lines),
+    )
