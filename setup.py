@@ -68,7 +68,7 @@ class BuildWithTracks(build_py):
             check_tracks()
             target = Path(self.build_lib, "pytest_libero_max", "tracks")
             shutil.rmtree(target, ignore_errors=True)
-            shutil.copytree(CASES, target)
+            shutil.copytree(CASES, target, ignore=shutil.ignore_patterns("*.md"))
 
 
 class CheckedSource(sdist):

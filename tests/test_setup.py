@@ -67,6 +67,9 @@ def test_a_wheel_has_every_track_and_every_room(checkout: Path) -> None:
     ]
     assert len(pages) > 16
     assert all((package / path.relative_to(source)).is_file() for path in pages)
+    data = [path for kind in ("json", "toml", "typed") for path in source.rglob(f"*.{kind}")]
+    assert all((package / path.relative_to(source)).is_file() for path in data if "tracks" not in path.parts)
+    assert not [*package.rglob("*.md"), *package.rglob("test_*"), *package.rglob("*.nbc")]
     assert {path.name for path in (checkout / "installed").iterdir()} == {
         "pytest_libero_max",
         f"{wheel.name.removesuffix('-py3-none-any.whl')}.dist-info",
