@@ -325,7 +325,9 @@ def _with_scenes(*scenes: str) -> StoredRun:
     prints = [{"scene": scene, "start": "1"} if scene else {"assets": "1"} for scene in scenes]
     prints += prints[-1:] * (len(run.records) - len(prints))
     records = zip(run.records, prints, strict=True)
-    return replace(run, records=tuple(replace(record, fingerprints=known) for record, known in records))
+    return replace(
+        run, records=tuple(structs.replace(record, fingerprints=known) for record, known in records)
+    )
 
 
 def test_cases_that_were_played_in_other_scenes_are_counted_and_named() -> None:
