@@ -22,9 +22,9 @@ def begin_world(case: Case, world: World, control: Control = "delta") -> None:
     """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
 
     Args:
-        case: What is played.
+        case: The case.
         world: A world of its scene.
-        control: What the actions after the settle steps are taken for.
+        control: Meaning of the actions after the settle steps.
 
     Raises:
         SubstrateError: The scene has no such initial state.
@@ -45,7 +45,7 @@ class Applied:
 
     Attributes:
         change: The change.
-        evidence: What it found and left.
+        evidence: State of what it touches, before and after.
         pixel_change: For each camera that was looked through, the mean absolute difference of its images
             before and after, 0 to 255.
     """
@@ -63,8 +63,8 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
     """Apply a change to the world now, once, and measure what it did.
 
     Args:
-        change: What to do.
-        world: To what.
+        change: The change.
+        world: The world.
         spec: Whose cameras to measure the change of pixels in. None: nothing is rendered.
         item_id: The case, for messages.
 

@@ -16,8 +16,8 @@ from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import WorldState
 
 SAMPLE_INTERVAL = 4
-"""Where no branch point can be taken any more, every fourth query is kept, and the last of these is asked
-again when the arm has ended."""
+"""Queries of which one is kept where arms cannot part any more; the last kept one is asked again when the arm
+has ended."""
 
 
 @dataclass(frozen=True)

@@ -50,13 +50,13 @@ class ArmEnv:
     and Dynamic one after the other: with the same actions, ``info["proof"]`` is equal up to the event.
 
     Args:
-        case: What is played.
+        case: The case.
         world: A world of its scene; what it was doing before leaves no trace.
-        arm: What happens in it; Base unless given.
+        arm: The arm; Base unless given.
         cameras: Images of the observation.
         image_size: Their side, or height and width, pixels.
-        control: What the actions are.
-        probes: What is read in the arm.
+        control: Meaning of the actions.
+        probes: The probes that read it.
     """
 
     metadata: Mapping[str, Any] = {"render_modes": []}

@@ -19,7 +19,7 @@ from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import WorldState, alterable
 
 PrefixMode = Literal["fork", "replay"]
-"""How an arm gets to the branch point: ``fork`` restores the snapshot taken there, ``replay`` plays the
+"""Way of an arm to the branch point: ``fork`` restores the snapshot taken there, ``replay`` plays the
 recorded actions from reset."""
 
 
@@ -28,9 +28,9 @@ class BranchPoint:
     """A rollout between two steps: all that is needed to go on from there.
 
     Attributes:
-        trajectory: What has happened.
+        trajectory: All that has happened.
         state: The world.
-        memory: What the policy remembers; None at step 0, where it has not begun.
+        memory: The policy's memory; None at step 0, where it has not begun.
         recorded: The last query, to be asked again; None where there is none, or the policy does not repeat
             itself.
     """
@@ -78,8 +78,8 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
     right there without ``snapshot``. One that declares such a memory is brought back like that in any mode.
 
     Args:
-        branch: Where to go.
-        stage: With what: of the branch's case, scene and policy. Whatever they were doing is given up.
+        branch: The branch point.
+        stage: A stage of the branch's case, scene and policy. Whatever they were doing is given up.
         mode: The way there.
 
     Raises:

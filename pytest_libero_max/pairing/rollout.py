@@ -35,8 +35,8 @@ class RolloutResult:
     """A rollout that has ended. Everything in it counts from the first policy step, prefix included.
 
     Attributes:
-        trajectory: What has happened.
-        probes: What the probes saw: for each, by name, the value of each column.
+        trajectory: All that has happened.
+        probes: Columns of each probe, by its name.
     """
 
     trajectory: Trajectory
@@ -103,7 +103,7 @@ class Rollout:
     here, and the others are left in :attr:`parted`.
 
     Attributes:
-        trajectory: What has happened so far.
+        trajectory: All that has happened so far.
         arms: The arms that are being played.
         parted: The arms that parted from them.
         recorded: A late query, to be asked again: the last one as long as arms may part, one of the last four
@@ -128,8 +128,8 @@ class Rollout:
         the start.
 
         Args:
-            stage: With what it is played.
-            arms: What happens in it. One arm after another cadence than the stage's cannot be among them.
+            stage: Case, world and policy.
+            arms: The arms, of one cadence.
         """
         stage.begin_world()
         world = stage.world
@@ -182,7 +182,7 @@ class Rollout:
         return self._due
 
     def observed(self) -> Observation:
-        """What a policy is shown of the world as it is now: the cameras and size of the stage's spec."""
+        """Return the observation of the world as it is now, in the cameras and size of the stage's spec."""
         return self._stage.observed()
 
     def item(self) -> BatchItem:
@@ -194,7 +194,7 @@ class Rollout:
 
         Args:
             actions: (n, 7), Q <= n <= H (chunk size), of which the first Q will be executed.
-            notes: What is to be counted of the query, by name.
+            notes: Counts of the query, by name, for the record.
 
         Raises:
             ActionError: The actions cannot be played.
@@ -236,7 +236,7 @@ class Rollout:
             self.ask()
         return self.result()
 
-    # What it has come to.
+    # What happens between steps, and what is kept.
 
     def let_happen(self) -> None:
         """Let the entries of the schedules happen whose moment is now; arms may part.
@@ -268,7 +268,7 @@ class Rollout:
         )
 
     def result(self) -> RolloutResult:
-        """What has been played, of a rollout that is not running any more; the world is still at its end.
+        """Return the result of a rollout that is not running any more; the world is still at its end.
 
         Raises:
             ProbeError: A probe raised, wrote to the world, or yields something else than it declares.

@@ -39,13 +39,13 @@ from pytest_libero_max.worlds.contract import World
 
 @dataclass(frozen=True)
 class PairSettings:
-    """How pairs are played. Nothing here may change what is measured.
+    """Settings of how pairs are played. Nothing here may change what is measured.
 
     Attributes:
-        prefix: How an arm gets to the branch point; see :func:`return_to`.
+        prefix: Way of an arm to the branch point; see :func:`return_to`.
         fingerprints: What could change a result, for the record: versions, substrate, scene.
         watch: Told what begins, so that it can end what takes too long.
-        probes: What is read in every arm; see
+        probes: The probes that read every arm; see
             :func:`~pytest_libero_max.pairing.probes.registry.probes_called`.
     """
 
@@ -104,12 +104,12 @@ def measure_pair(
     still shares everything with: its result is that of the other, and it is not played again.
 
     Args:
-        case: What to play.
+        case: The case.
         world: A world of the case's scene; what it was doing before leaves no trace.
         policy: A checked policy.
-        settings: How to play.
+        settings: The settings.
         on_phase: Told when ``setup`` begins, and then each arm by its name, so that an error can be placed.
-        arms: Which arms. None: those of :func:`~pytest_libero_max.events.schedules.arms_of`.
+        arms: The arms. None: those of :func:`~pytest_libero_max.events.schedules.arms_of`.
 
     Raises:
         AdapterError: The policy broke its contract.
@@ -132,9 +132,9 @@ def measure_in_step(
     is the one that :func:`measure_pair` plays, where a batch's answers are those of single queries.
 
     Args:
-        places: What to play, Base and Dynamic, each in a world of its own.
+        places: The cases, of which Base and Dynamic are played, each with a world of its own.
         policy: A checked policy with ``predict_batch``, without a memory, that reads no simulator.
-        settings: How to play.
+        settings: The settings.
 
     Returns:
         The pairs in the order of the places.
@@ -154,18 +154,22 @@ def measure_in_step(
         raise AdapterError("two pairs that are played in step have one world. Give each a world of its own.")
     playing = {number: _pair(*place, policy, settings) for number, place in enumerate(places)}
     pairs: dict[int, Pair] = {}
-    while playing:
-        due: list[Rollout] = []
-        for number, pair in tuple(playing.items()):
-            try:
-                due.append(next(pair))
-            except StopIteration as end:
-                pairs[number] = end.value
-                del playing[number]
-        if due:
-            answers = ask_together(policy, [rollout.item() for rollout in due])
-            for rollout, actions in zip(due, answers, strict=True):
-                rollout.answer(actions)
+    try:
+        while playing:
+            due: list[Rollout] = []
+            for number, pair in tuple(playing.items()):
+                try:
+                    due.append(next(pair))
+                except StopIteration as end:
+                    pairs[number] = end.value
+                    del playing[number]
+            if due:
+                answers = ask_together(policy, [rollout.item() for rollout in due])
+                for rollout, actions in zip(due, answers, strict=True):
+                    rollout.answer(actions)
+    finally:
+        for pair in playing.values():
+            pair.close()  # takes back what was written to its world
     return [pairs[number] for number in range(len(places))]
 
 
@@ -231,7 +235,7 @@ def _play(
     """Play all arms, each shared part once.
 
     Returns:
-        What the policy is told to do when an episode begins, and the results in the order of the arms.
+        The instruction when an episode begins, and the results in the order of the arms.
     """
     repetitions = dict.fromkeys(arm.repetition for arm in arms)
     tasks = [Parted(tuple(arm for arm in arms if arm.repetition == number)) for number in repetitions]

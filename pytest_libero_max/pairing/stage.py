@@ -29,15 +29,15 @@ BATCH = "server_batch"
 
 @dataclass(frozen=True)
 class Stage:
-    """What an arm is played with.
+    """Case, world, policy and clock of an arm.
 
     Attributes:
-        case: What is played.
+        case: The case.
         world: A world of the case's scene.
         policy: A checked policy.
         clock: Adds up wall-clock seconds.
         watch: Told what begins.
-        probes: What is read of the world in every arm.
+        probes: The probes that read every arm.
         spec: A copy of the policy's spec, which must stay what it is.
     """
 
@@ -59,7 +59,7 @@ class Stage:
 
     @property
     def instruction(self) -> str:
-        """What the policy is told to do: the manifest's prompt, or the task's where it fixes none."""
+        """Instruction of the policy: the manifest's prompt, or the task's where it fixes none."""
         return self.world.language if self.case.instruction is None else self.case.instruction
 
     def begin_world(self) -> None:
@@ -78,7 +78,7 @@ class Stage:
 
     @property
     def episode(self) -> Episode:
-        """What the policy is told when the episode begins; a privileged one gets the live world."""
+        """Return the episode as the policy is told of it; a privileged one gets the live world."""
         return Episode(
             suite=self.case.suite,
             task_index=self.case.task_index,
@@ -162,7 +162,7 @@ class Stage:
             show(self.policy, observation, step)
 
     def observed(self) -> Observation:
-        """What the policy is shown of the world as it is now."""
+        """Return the observation of the world as it is now."""
         self.watch.step()
         with self.clock("observe_s"):
             return self.world.observe(self.spec.cameras, self.spec.image_size)
@@ -172,7 +172,7 @@ class Stage:
         """The block calls the policy, which must leave the world and its own spec as they are.
 
         Args:
-            where: What it is called for, for a message.
+            where: Name of the call, for a message.
         """
         before = self._seen_by_policy()
         self.watch.query()
@@ -183,11 +183,11 @@ class Stage:
         self._require_unaltered(before, where)
 
     def _waited_s(self) -> float:
-        """How long a policy behind a server has waited for it to come back, s; 0 for every other policy."""
+        """Seconds that a policy behind a server has waited for it to come back; 0 for every other policy."""
         return float(getattr(self.policy, "waited_s", 0.0))
 
     def _seen_by_policy(self) -> WorldState | None:
-        """The world before a privileged policy sees it; None for the others, which never do."""
+        """State of the world before a privileged policy sees it; None for the others, which never do."""
         return self.world.snapshot() if self.spec.privileged else None
 
     def _require_unaltered(self, before: WorldState | None, where: str) -> None:

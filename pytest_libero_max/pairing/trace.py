@@ -19,7 +19,7 @@ from pytest_libero_max.pairing.runner import Pair
 
 @dataclass(frozen=True, eq=False)
 class ArmTrace:
-    """What was done in an arm that was played, shared steps included.
+    """Steps of an arm that was played, shared ones included.
 
     With the record and the case this is enough to play the arm again.
 
@@ -55,7 +55,7 @@ def write_trace(folder: Path, pair: Pair) -> Path:
 
     Args:
         folder: Made if missing.
-        pair: What to keep.
+        pair: The pair.
 
     Returns:
         The path of the file.

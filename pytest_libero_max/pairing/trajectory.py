@@ -65,7 +65,7 @@ class QueryResult:
         index: Number of the query in the episode, from 0.
         step: Policy steps executed before it.
         actions: (n, 7), Q <= n <= H.
-        notes: What a wrapper around the policy counted at the query, by name; None where it counts nothing.
+        notes: Counts of a wrapper around the policy at the query, by name; None where it counts nothing.
     """
 
     index: int
@@ -89,7 +89,7 @@ class Firing:
         queries: Policy queries before it.
         distance_m: Distance of the end effector to the case's trigger entity then.
         proof: Last link of the hash chain before it, hexadecimal.
-        applied: What it did; the change is the one that was made, also for a reversal.
+        applied: The change and its evidence; the change is the one that was made, also for a reversal.
         link: The last link after it. The same as before it where the world stayed as it was.
     """
 

@@ -39,7 +39,7 @@ def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
 
     Args:
         policy: A checked policy, between two episodes.
-        cadence: What to declare. None, or its own: nothing is done.
+        cadence: The cadence to declare. None, or its own: nothing is done.
 
     Raises:
         AdapterError: Q is larger than H, or the policy's spec cannot be assigned.

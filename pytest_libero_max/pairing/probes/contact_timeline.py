@@ -1,4 +1,4 @@
-"""What touched the trigger entity, and from which step on."""
+"""Contacts of the trigger entity over a whole arm."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from pytest_libero_max.worlds.contract import Control, World
 
 Scalar = bool | int | float | str | None
 Value = Scalar | list[Scalar]
-"""What a column holds: a JSON scalar or a list of them."""
+"""Value of a column: a JSON scalar or a list of them."""
 
 State = TypeVar("State")
 T = TypeVar("T")
@@ -86,7 +86,7 @@ class View:
         trajectory: All that has happened, with the actions that are queued (``trajectory.pending``).
         entity: Name of the case's trigger entity.
         budget: Policy steps that the episode may take.
-        control: What the actions are.
+        control: Meaning of the actions.
     """
 
     world: World
@@ -106,7 +106,7 @@ class Probe(ABC, Generic[State]):
     Attributes:
         name: What the record and the command line call it: lower-case letters, digits and underscores.
         schema: The columns that it yields.
-        cost: What it costs, in words, for the table of probes.
+        cost: Its cost in words, for the table of probes.
         every: When :meth:`step` is called: after every policy ``step``, after every ``query``, or never, for
             a probe that reads all that it needs at the ``end``.
     """
@@ -252,7 +252,7 @@ class Probes:
 
 
 def _asked(probe: Probe[Any], where: str, view: View, call: Callable[[], T]) -> T:
-    """What a probe answers.
+    """Return the answer of a probe.
 
     Raises:
         ProbeError: It raised, or altered the world.
