@@ -35,11 +35,6 @@ def combined(fields: Mapping[str, str]) -> str:
     return hashlib.sha256(json.dumps(sorted(fields.items())).encode()).hexdigest()
 
 
-def differing(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
-    """Return the names of the fields whose digests differ or that only one of the two has, sorted."""
-    return sorted(name for name in {*one, *other} if one.get(name) != other.get(name))
-
-
 def value_digest(value: Any) -> str:
     """SHA-256 of a value, hexadecimal.
 

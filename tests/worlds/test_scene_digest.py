@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import mujoco
@@ -9,7 +9,6 @@ import pytest
 
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.scene_digest import (
-    differing,
     model_fields,
     state_fields,
     value_digest,
@@ -23,6 +22,11 @@ def world() -> Iterator[TinyWorld]:
     world = TinyWorld()
     yield world
     world.close()
+
+
+def differing(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
+    """The fields whose digests differ or that only one of the two has, sorted."""
+    return sorted(name for name in {*one, *other} if one.get(name) != other.get(name))
 
 
 def test_dtype_shape_and_content_of_an_array_count() -> None:

@@ -298,7 +298,7 @@ def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) ->
         elif other:
             values[name] = f"{len(other)} of {len(cases)} cases differ from {first!r}: {named}"
         else:
-            values[name] = "the same"
+            values[name] = "recorded"
     if len(set(values.values())) > 1:
         yield {"field": "scenes", "values": values}
 

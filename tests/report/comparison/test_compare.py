@@ -341,8 +341,8 @@ def test_cases_that_were_played_in_other_scenes_are_counted_and_named() -> None:
     assert difference == {
         "field": "scenes",
         "values": {
-            "old": "the same",
-            "same": "the same",
+            "old": "recorded",
+            "same": "recorded",
             "new": "1 of 32 cases differ from 'old': embedded/a/0",
             "code": None,
         },
