@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         play_prefix,
         return_to,
     )
+    from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
     from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.report.build import build_report
@@ -65,6 +66,7 @@ __all__ = [
     "LiberoMaxError",
     "Manifest",
     "Moment",
+    "Opening",
     "PairError",
     "PairRecord",
     "PairSettings",
@@ -74,6 +76,7 @@ __all__ = [
     "Query",
     "Revert",
     "Scenario",
+    "ServerProtocol",
     "StoppingRule",
     "Study",
     "Substrate",
@@ -112,6 +115,7 @@ __all__ = [
 _HOMES = {
     "policies.contract": ("PolicySpec", "Policy", "Episode", "Query", "BatchItem"),
     "policies.loading": ("load_policy",),
+    "policies.clients.protocols": ("ServerProtocol", "Opening"),
     "benchmark.cases": ("Case",),
     "benchmark.manifests": ("Manifest", "load_manifest"),
     "benchmark.tracks": ("load_track",),

@@ -28,6 +28,8 @@ ENTRY_POINTS = {
     "pytest_libero_max.probes": "a subclass of `Probe`, under its name",
     "pytest_libero_max.stopping_rules": "a subclass of `StoppingRule`, under its name",
     "pytest_libero_max.substrates": "a `SubstrateKind`, under its name",
+    "pytest_libero_max.studies": "a subclass of `Study`, under its name",
+    "pytest_libero_max.protocols": "a `ServerProtocol`, under the scheme of its addresses",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
 }
 """The entry-point groups that other packages can add to, and what an entry of each is."""

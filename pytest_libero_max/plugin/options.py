@@ -18,6 +18,7 @@ from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
 from pytest_libero_max.runs.media import FILM_SELECTIONS
+from pytest_libero_max.studies.registry import STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
@@ -198,8 +199,8 @@ OPTIONS = (
         "study",
         "NAME",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
-        "track camera unless another one is named) or cadence (of the track lite)",
-        read.known_in(("camera-timing", "camera-strength", "cadence")),
+        "track camera unless another one is named), cadence (of the track lite), or one of another package",
+        read.known_in(STUDIES),
     ),
     Option(
         "cadence",

@@ -77,7 +77,7 @@ RULES = (
         "program",
         _programmed,
         "The arms are those of a program (its name ends the id): Dynamic is what the program makes of the "
-        "event. All numbers are of Base and Dynamic; further arms are in the records, arm by arm.",
+        "event. All numbers are of Base and Dynamic; further arms are counted apart.",
     ),
     Rule(
         "interrupted_server",

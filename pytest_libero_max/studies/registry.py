@@ -2,17 +2,62 @@
 
 from __future__ import annotations
 
-from typing import Any
+import importlib
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.events.schedules import Cadence
-from pytest_libero_max.studies.cadence import CadenceSweep, parse_cadence
-from pytest_libero_max.studies.camera import CameraStrength, CameraTiming
-from pytest_libero_max.studies.study import Study
+from pytest_libero_max.registry import Registry
 
-_WITHOUT_SETTINGS = {study.name: study for study in (CameraTiming, CameraStrength)}
-STUDIES: dict[str, type[Study]] = {**_WITHOUT_SETTINGS, CadenceSweep.name: CadenceSweep}
-"""Every study by its name."""
+if TYPE_CHECKING:
+    from pytest_libero_max.events.schedules import Cadence
+    from pytest_libero_max.studies.study import Study
+
+_CADENCE = "cadence"
+
+_OWN = {
+    "camera-timing": "camera:CameraTiming",
+    "camera-strength": "camera:CameraStrength",
+    _CADENCE: "cadence:CadenceSweep",
+}
+_NAME = re.compile(r"[a-z][a-z0-9-]*")
+
+
+def _load(name: str) -> type[Study]:
+    module, _, found = _OWN[name].partition(":")
+    return _accept(name, getattr(importlib.import_module(f"pytest_libero_max.studies.{module}"), found))
+
+
+def _accept(name: str, found: object) -> type[Study]:
+    """The study that was registered under a name.
+
+    Raises:
+        ValueError: It is none, or one of its attributes breaks a rule.
+    """
+    from pytest_libero_max.studies.study import Study
+
+    if not (isinstance(found, type) and issubclass(found, Study)) or inspect.isabstract(found):
+        raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.Study with arms()")
+    if getattr(found, "name", None) != name or not _NAME.fullmatch(name):
+        raise ValueError(
+            f"name={getattr(found, 'name', None)!r}, but it is registered as {name!r}; both must be the same "
+            "word of lower-case letters, digits and hyphens"
+        )
+    for attribute in ("title", "track"):
+        if not isinstance(getattr(found, attribute, None), str):
+            raise ValueError(f"{found.__name__} lacks {attribute}")
+    return found
+
+
+def _own() -> Mapping[str, Callable[[], type[Study]]]:
+    return {name: partial(_load, name) for name in _OWN}
+
+
+STUDIES: Registry[type[Study]] = Registry("study", "pytest_libero_max.studies", _own, _accept, OptionError)
+"""Every study by its name: this package's, then those that installed packages add."""
 
 
 def make_study(name: str, settings: tuple[Cadence, ...] | None = None) -> Study:
@@ -25,18 +70,20 @@ def make_study(name: str, settings: tuple[Cadence, ...] | None = None) -> Study:
     Raises:
         OptionError: The settings are missing, or given to another study.
     """
-    if name == CadenceSweep.name:
+    if name == _CADENCE:
         if settings is None:
             raise OptionError(
                 "The study cadence needs its settings. Add --libero-max-cadence=2,4,8 (Q), or "
                 "--libero-max-cadence=2/2,4/4,8/8 (H/Q)."
             )
+        from pytest_libero_max.studies.cadence import CadenceSweep
+
         return CadenceSweep(settings)
     if settings is not None:
         raise OptionError(
             f"--libero-max-cadence is for the study cadence, but the study is {name}. Take it away."
         )
-    return _WITHOUT_SETTINGS[name]()
+    return STUDIES[name]()
 
 
 def study_from_dict(values: Any) -> Study:
@@ -45,6 +92,8 @@ def study_from_dict(values: Any) -> Study:
     Raises:
         ReportError: It has another form, or is of a study that this version does not know.
     """
+    from pytest_libero_max.studies.cadence import parse_cadence
+
     try:
         name, settings = values["name"], values.get("settings")
         study = make_study(name, None if settings is None else parse_cadence(settings))
@@ -54,6 +103,7 @@ def study_from_dict(values: Any) -> Study:
         raise ReportError.seen(
             "study",
             values,
-            f" of a run is none that this version knows ({error}). Read it with the version that played it.",
+            f" of a run is none that this version knows ({error}). Read it with the version and the "
+            "packages that played it.",
         ) from error
     return study

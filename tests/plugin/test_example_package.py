@@ -1,4 +1,4 @@
-"""A package that adds an event: ids, markers, results, a strategy and the preflight know it."""
+"""A package that adds an event, a trigger, a study and a protocol: all that names them knows them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ def installed(
         for group, points in project["entry-points"].items()
     )
     (info / "entry_points.txt").write_text("\n".join(groups))
-    shutil.copy(PACKAGE / "libero_max_push.py", place)
+    for module in PACKAGE.glob("*.py"):
+        shutil.copy(module, place)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(place), str(REPOSITORY)]))
     pytester.makepyfile(adapter=REACHER)
     subprocess.run([sys.executable, "-c", MANIFEST], cwd=pytester.path, check=True)
@@ -198,3 +199,69 @@ def test_the_preflight_examines_it(installed: pytest.Pytester) -> None:
     done = subprocess.run(command, cwd=installed.path, capture_output=True, text=True, check=False)
     assert "3 of 4 cases pass" in done.stdout, done.stdout + done.stderr
     assert f"{fast['case_id']}: box_1 moves by" in done.stdout
+
+
+LOW = {
+    "name": "low",
+    "arms": [
+        {
+            "name": "dynamic",
+            "schedule": [{"trigger": {"type": "hand_below", "height_m": 0.6}, "change": "event"}],
+        }
+    ],
+}
+
+
+def test_its_trigger_is_played_from_a_file(installed: pytest.Pytester, results: Results) -> None:
+    installed.path.joinpath("low.json").write_text(json.dumps(LOW))
+    installed.runpytest_subprocess(*RUN, "--libero-max-program=low.json").assert_outcomes(passed=4)
+    lines, _ = results()
+    for line in lines:
+        (firing,) = line["arms"]["dynamic"]["firings"]
+        assert firing["step"] > 0
+        assert line["arms"]["dynamic"]["schedule"][0]["trigger"] == LOW["arms"][0]["schedule"][0]["trigger"]  # type: ignore[index]
+    installed.path.joinpath("low.json").write_text(json.dumps(LOW).replace("0.6", '"low"'))
+    done = installed.runpytest_subprocess(*RUN, "--libero-max-program=low.json")
+    done.stderr.fnmatch_lines(["*schedule[[]0].trigger: hand_below.height_m='low', but must be a height*"])
+
+
+def test_its_study_is_played_and_reported(installed: pytest.Pytester, results: Results) -> None:
+    done = installed.runpytest_subprocess(
+        *RUN, "--libero-max-study=push-early", "--libero-max-gate=played == 4"
+    )
+    done.stdout.fnmatch_lines(["Study: When it is pushed", "Arm *Success*", "early *0/4"])
+    lines, report = results()
+    assert [list(line["arms"]) for line in lines] == [["base", "dynamic", "early", "late"]] * 4
+    assert (report["study"]["name"], list(report["study"]["arms"])) == (
+        "push-early",
+        ["base", "dynamic", "early", "late"],
+    )
+    assert {line["arms"]["early"]["firings"][0]["step"] for line in lines} == {0}
+
+
+def test_its_protocol_is_spoken(installed: pytest.Pytester, results: Results) -> None:
+    installed.path.joinpath("still.toml").write_text(
+        'extends = "wrapped"\n[policy]\nname = "still"\nprotocol = "still"\nhorizon = 4\nquery_interval = 4\n'
+        '[request]\nprompt = "$instruction"\n'
+    )
+    flags = (*RUN[1:], "--libero-max-profile=still.toml", "-k", "push-v0")
+    installed.runpytest_subprocess("--libero-max-policy=still://anywhere", *flags).assert_outcomes(passed=1)
+    ((line,), _) = results()
+    assert (line["policy"]["name"], line["policy"]["horizon"]) == ("still", 4)
+    done = installed.runpytest_subprocess("--libero-max-policy=stil://anywhere", *flags)
+    done.stdout.no_fnmatch_line("*passed*")
+    assert "Did you mean 'still'" in str(done.stdout) + str(done.stderr)
+
+
+def test_what_is_missing_is_named(installed: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    installed.path.joinpath("low.json").write_text(json.dumps(LOW))
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
+    installed.makepyfile(manifest=MANIFEST.replace('"push"', '"illumination_switch"'))
+    subprocess.run([sys.executable, "manifest.py"], cwd=installed.path, check=True)
+    for flag, message in (
+        ("--libero-max-program=low.json", "*trigger.type='hand_below' is not a trigger.*"),
+        ("--libero-max-study=push-early", "*--libero-max-study='push-early': unknown value.*"),
+    ):
+        done = installed.runpytest_subprocess(*RUN, flag)
+        assert done.ret == pytest.ExitCode.USAGE_ERROR
+        done.stderr.fnmatch_lines([message])

@@ -5,21 +5,11 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
-
-PROTOCOLS: Mapping[str, int] = {
-    "openpi": 8000,
-    "vla-eval": 8000,
-    "http": 80,
-    "https": 443,
-    "starvla": 10093,
-    "gr00t": 5555,
-}
-"""The schemes of addresses, with the port where none is given."""
+from pytest_libero_max.policies.clients.protocols import PROTOCOLS
 
 TIMEOUT_S = 120.0
 """Longest time for one answer, s. A server that compiles on its first query needs more: ``?timeout=600``."""
@@ -64,8 +54,8 @@ class Address:
 
     @property
     def protocol(self) -> str:
-        """The protocol behind the scheme: ``https`` is ``http``."""
-        return "http" if self.scheme == "https" else self.scheme
+        """Name of the protocol in profiles: for ``https`` it is ``http``."""
+        return PROTOCOLS[self.scheme].profiles or self.scheme
 
     @property
     def where(self) -> str:
@@ -94,7 +84,7 @@ def parse_address(text: str) -> Address:
         AdapterError: It has no such form, or a scheme that is refused or unknown.
     """
     scheme = text.partition("://")[0].lower()
-    if scheme in _REFUSED:
+    if scheme in _REFUSED and scheme not in PROTOCOLS:
         raise AdapterError.seen(
             "policy",
             text,
@@ -129,7 +119,7 @@ def parse_address(text: str) -> Address:
         text,
         scheme,
         parts.hostname,
-        PROTOCOLS[scheme] if port is None else port,
+        PROTOCOLS[scheme].port if port is None else port,
         parts.path.rstrip("/"),
         seconds.get("timeout", TIMEOUT_S),
         seconds.get("patience", PATIENCE_S),

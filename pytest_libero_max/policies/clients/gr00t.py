@@ -21,6 +21,7 @@ from pytest_libero_max.policies.clients.codecs import (
     shortened,
     unpack,
 )
+from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.transport import Unreachable
 
 DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}
@@ -96,6 +97,16 @@ class Gr00tLink:
         if isinstance(reply, dict) and "error" in reply:
             raise ServerError(f"the server reports an error: {shortened(str(reply['error']))}")
         return reply
+
+
+class Gr00tProtocol(ServerProtocol):
+    """GR00T's protocol."""
+
+    scheme = "gr00t"
+    port = 5555
+
+    def link(self, opening: Opening) -> Gr00tLink:
+        return Gr00tLink(opening.address, opening.choice("dialect", DIALECTS))
 
 
 def _zmq() -> Any:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
-
-from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.address import Address, parse_address
+from pytest_libero_max.policies.clients.protocols import PROTOCOLS, Opening
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
-from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
-from pytest_libero_max.policies.clients.transport import Client, Link
+from pytest_libero_max.policies.clients.served import ServedPolicy
+from pytest_libero_max.policies.clients.transport import Client
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
 
@@ -48,24 +45,9 @@ def load_served(
         control=profile.get("actions", "control", "delta"),
         revision=profile.get("policy", "revision") or f"profile {profile.name} {profile.digest[:12]}",
     )
-    link, adapt = _link(address, profile, spec, request)
-    kinds = [ServedPolicy]
-    if address.protocol == "vla-eval":
-        from pytest_libero_max.policies.clients.vla_eval import OneByOnePolicy
-
-        kinds = [OneByOnePolicy]
-    elif address.protocol == "openpi":
-        from pytest_libero_max.policies.clients.declared import (
-            DeclaredPolicy,
-            RememberingPolicy,
-            SeeingPolicy,
-            as_declared,
-            as_prepared,
-        )
-
-        by_server = profile.get("policy", "declared_by_server", False)
-        adapt = as_declared(profile, request, horizon, query_interval) if by_server else as_prepared
-        kinds = [DeclaredPolicy, RememberingPolicy, SeeingPolicy]
+    protocol = PROTOCOLS[address.scheme]
+    opening = Opening(address, profile, spec, request, horizon, query_interval)
+    link, adapt = protocol.link(opening), protocol.adapt(opening)
 
     def connected(kind: type[ServedPolicy]) -> ServedPolicy:
         policy = kind(
@@ -78,10 +60,12 @@ def load_served(
         policy.client.connect()
         return policy
 
-    policy = connected(kinds[0])
-    if len(kinds) > 1 and policy.greeting.get("memory") is True:
+    first = protocol.policy({})
+    policy = connected(first)
+    kind = protocol.policy(policy.greeting)
+    if kind is not first:
         policy.client.close()
-        policy = connected(kinds[2] if policy.greeting.get("sees") is True else kinds[1])
+        policy = connected(kind)
     if profile.get("policy", "every_step", False) and not hasattr(policy, "see"):
         policy.client.close()
         raise AdapterError(
@@ -121,45 +105,3 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
 def _fitting(address: Address) -> str:
     """The profiles of this package for an address, for messages."""
     return ", ".join(name for name in profile_names() if load_profile(name).protocol == address.protocol)
-
-
-def _link(
-    address: Address, profile: Profile, spec: PolicySpec, request: Request
-) -> tuple[Link, Adapt | None]:
-    """The connection in the protocol of the address, and what the server's greeting changes."""
-    match address.protocol:
-        case "openpi":
-            from pytest_libero_max.policies.clients.openpi import OpenpiLink
-
-            return OpenpiLink(address), None
-        case "starvla":
-            from pytest_libero_max.policies.clients.starvla import StarvlaLink
-
-            return StarvlaLink(address), None
-        case "vla-eval":
-            from pytest_libero_max.policies.clients.vla_eval import VlaEvalLink, returns_poses, wanted
-
-            def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
-                layout = wanted(profile.tables.get("request", {}), greeting)
-                spec = replace(spec, cameras=request.cameras_of(layout))
-                return layout, replace(spec, control="absolute") if returns_poses(greeting) else spec
-
-            return VlaEvalLink(address), adapt
-        case "http":
-            from pytest_libero_max.policies.clients.http_act import CODECS, HttpLink
-
-            codec = _one_of(profile, "codec", CODECS)
-            return HttpLink(address, profile.get("policy", "path", "/act"), codec), None
-        case _:
-            from pytest_libero_max.policies.clients.gr00t import DIALECTS, Gr00tLink
-
-            return Gr00tLink(address, _one_of(profile, "dialect", DIALECTS)), None
-
-
-def _one_of(profile: Profile, field: str, known: Mapping[str, Any]) -> str:
-    value = profile.get("policy", field)
-    if value not in known:
-        raise AdapterError(
-            f"profile {profile.name!r}: policy.{field}={value!r}. {did_you_mean(str(value), known)}"
-        )
-    return str(value)

@@ -5,11 +5,22 @@ An error of the server comes as text, before it closes the connection. There is 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, shortened, unpack
+from pytest_libero_max.policies.clients.declared import (
+    DeclaredPolicy,
+    RememberingPolicy,
+    SeeingPolicy,
+    as_declared,
+    as_prepared,
+)
+from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.transport import Link
 from pytest_libero_max.policies.clients.websocket import Socket
 
 
@@ -51,6 +62,27 @@ class OpenpiLink:
         if not isinstance(reply, dict):
             raise ServerError(f"a message is a {type(reply).__name__}, but openpi's are maps")
         return reply
+
+
+class OpenpiProtocol(ServerProtocol):
+    """openpi's protocol. A server of `libero-max serve` declares its policy and its memory in it."""
+
+    scheme = "openpi"
+    port = 8000
+
+    def link(self, opening: Opening) -> Link:
+        return OpenpiLink(opening.address)
+
+    def adapt(self, opening: Opening) -> Adapt:
+        profile = opening.profile
+        if not profile.get("policy", "declared_by_server", False):
+            return as_prepared
+        return as_declared(profile, opening.request, opening.horizon, opening.query_interval)
+
+    def policy(self, greeting: Mapping[str, Any]) -> type[ServedPolicy]:
+        if greeting.get("memory") is not True:
+            return DeclaredPolicy
+        return SeeingPolicy if greeting.get("sees") is True else RememberingPolicy
 
 
 def _require_libero(metadata: dict[Any, Any]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.codecs import shortened
 from pytest_libero_max.policies.clients.openpi import OpenpiLink
+from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
 
 
 class StarvlaLink(OpenpiLink):
@@ -28,3 +29,13 @@ class StarvlaLink(OpenpiLink):
                 f"the reply has the keys {sorted(map(str, reply))}, but must have a map as 'data'"
             )
         return data
+
+
+class StarvlaProtocol(ServerProtocol):
+    """The protocol of the starVLA family."""
+
+    scheme = "starvla"
+    port = 10093
+
+    def link(self, opening: Opening) -> StarvlaLink:
+        return StarvlaLink(opening.address)

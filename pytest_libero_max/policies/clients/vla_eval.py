@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,10 @@ import numpy as np
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack, shortened, unpack
-from pytest_libero_max.policies.clients.served import ServedPolicy
+from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.clients.websocket import Socket
-from pytest_libero_max.policies.contract import Query
+from pytest_libero_max.policies.contract import PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
 
 PROTOCOL_VERSION = 1
@@ -106,6 +108,27 @@ class OneByOnePolicy(ServedPolicy):
             AdapterError: An input cannot be made.
         """
         return {**super().request(observation, query), "count": self.spec.query_interval}
+
+
+class VlaEvalProtocol(ServerProtocol):
+    """The protocol of vla-eval's model servers, which say which inputs they want."""
+
+    scheme = "vla-eval"
+    port = 8000
+
+    def link(self, opening: Opening) -> VlaEvalLink:
+        return VlaEvalLink(opening.address)
+
+    def adapt(self, opening: Opening) -> Adapt:
+        def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+            layout = wanted(opening.profile.tables.get("request", {}), greeting)
+            spec = replace(spec, cameras=opening.request.cameras_of(layout))
+            return layout, replace(spec, control="absolute") if returns_poses(greeting) else spec
+
+        return adapt
+
+    def policy(self, greeting: Mapping[str, Any]) -> type[ServedPolicy]:
+        return OneByOnePolicy
 
 
 def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:

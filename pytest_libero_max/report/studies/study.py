@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.report.statistics_json import rate_json
 from pytest_libero_max.report.studies.study_cadence import cadence_json
 from pytest_libero_max.report.studies.study_camera import camera_json
+from pytest_libero_max.stats.intervals import wilson
+from pytest_libero_max.stats.outcomes import Ratio
 from pytest_libero_max.studies.cadence import CadenceSweep
 from pytest_libero_max.studies.camera import CameraTiming
 from pytest_libero_max.studies.registry import study_from_dict
@@ -27,9 +30,9 @@ def study_json(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Js
         ReportError: A record lacks an arm of the study, or the study is not known.
     """
     if protocol.get("study") is None:
-        return None
+        return _further_arms(records)
     study = study_from_dict(protocol["study"])
-    found: Json = {}
+    found: Json = {"arms": arms_json(records)}
     if isinstance(study, CameraTiming):
         found = camera_json(study, records, tasks)
     elif isinstance(study, CadenceSweep):
@@ -41,6 +44,30 @@ def study_json(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Js
         **found,
         "executed": executed_json(records),
     }
+
+
+def _further_arms(records: Sequence[PairRecord]) -> Json | None:
+    """Success by arm in a run without a study; None where no program gives a case further arms."""
+    if not any(record.arms.keys() - {BASE, DYNAMIC, BASE_AGAIN} for record in records):
+        return None
+    return {
+        "name": "arms",
+        "title": "arms of programs",
+        "cases": len(records),
+        "arms": arms_json(records),
+        "executed": executed_json(records),
+    }
+
+
+def arms_json(records: Sequence[PairRecord]) -> Json:
+    """Success by arm, over the cases that were played in it, in the order of the arms."""
+    names = dict.fromkeys(name for record in records for name in record.arms if name != BASE_AGAIN)
+    rates: Json = {}
+    for name in names:
+        ends = [record.arms[name].success for record in records if name in record.arms]
+        ratio = Ratio(sum(ends), len(ends))
+        rates[name] = rate_json(ratio, wilson(ratio))
+    return rates
 
 
 def executed_json(records: Sequence[PairRecord]) -> Json:

@@ -50,6 +50,8 @@ def study_figures(study: Json | None) -> dict[str, str]:
         return {}
     if "settings" in study:
         return {"cadence": cadence_plot(study)}
+    if "contrasts" not in study:
+        return {}
     figures = {"study-contrasts": contrast_plot(study)}
     if len(study["approach"]) > 1:
         figures["study-strength"] = strength_plot(study)

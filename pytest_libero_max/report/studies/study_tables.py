@@ -54,7 +54,9 @@ def study_tables(study: Json) -> list[StudyTable]:
     """
     if study["cases"] == 0:
         return []
-    return _cadence(study) if "settings" in study else _camera(study)
+    if "settings" in study:
+        return _cadence(study)
+    return _camera(study) if "contrasts" in study else _arms(study)
 
 
 def study_notes(study: Json) -> list[str]:
@@ -80,7 +82,7 @@ def study_notes(study: Json) -> list[str]:
                 f"With fewer than {_ENOUGH} cases the intervals that resample cases are too narrow. Read the "
                 "exact ones."
             )
-    elif any(setting["horizon"] != study["settings"][0]["horizon"] for setting in study["settings"]):
+    elif len({setting["horizon"] for setting in study.get("settings", ())}) > 1:
         notes.append("H differs between the settings, so differences between them are not those of Q alone.")
     return notes
 
@@ -133,6 +135,12 @@ def _aligned(table: StudyTable) -> list[str]:
     return [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
     ]
+
+
+def _arms(study: Json) -> list[StudyTable]:
+    rows = [(name, rate_text(rate)) for name, rate in study["arms"].items()]
+    note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
+    return [StudyTable("Success by arm", ("Arm", "Success"), rows, note, narrow=2)]
 
 
 # Camera timing and strength.

@@ -3,10 +3,11 @@ from __future__ import annotations
 import pytest
 
 from pytest_libero_max.errors import AdapterError
-from pytest_libero_max.policies.clients.address import PROTOCOLS, is_address, parse_address
+from pytest_libero_max.policies.clients.address import is_address, parse_address
+from pytest_libero_max.policies.clients.protocols import PROTOCOLS
 
 
-@pytest.mark.parametrize(("scheme", "port"), PROTOCOLS.items())
+@pytest.mark.parametrize(("scheme", "port"), [(name, kind.port) for name, kind in PROTOCOLS.items()])
 def test_a_scheme_has_its_port_and_another_may_be_given(scheme: str, port: int) -> None:
     assert parse_address(f"{scheme}://gpu").port == port
     address = parse_address(f"{scheme}://gpu-box:7001")
