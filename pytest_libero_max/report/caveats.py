@@ -20,6 +20,9 @@ _TOKENS = re.compile(
 )
 """The end of a LIBERO-Plus name that is read out as a prompt."""
 
+_PROGRAM = re.compile(r"-v[01]-[a-z][a-z0-9_]*$")
+"""The end of an id with the name of a program."""
+
 _INSERTIONS = ("distractor_burst", "obstacle_insertion")
 
 
@@ -69,7 +72,7 @@ def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
 
 def _programmed(record: PairRecord) -> bool:
     """Pairs of a case with a program of its own, or one that was laid over it: its name ends their ids."""
-    return not record.item_id.endswith(f"-{record.event}-v{record.variant}")
+    return _PROGRAM.search(record.item_id) is not None
 
 
 RULES = (

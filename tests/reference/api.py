@@ -41,8 +41,8 @@ def page() -> str:
 
 ## Entry points
 
-Another package adds these without a change of this one. This [example](../tests/plugin/example_package)
-adds an event, a change, a trigger, a probe and a stopping rule.
+Another package adds these without a change of this one. This [example](../tests/plugin/example_package) adds
+an event, a change, a trigger, a probe, a stopping rule, a study and a protocol.
 
 {groups}
 

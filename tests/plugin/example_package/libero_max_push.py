@@ -23,7 +23,7 @@ from pytest_libero_max import (
     Trigger,
 )
 from pytest_libero_max.changes import Factor, ManifestFields, Vector3, strength_of, text, vector3
-from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.errors import ChangeError, ManifestError
 from pytest_libero_max.probes import Column, View
 
 if TYPE_CHECKING:
@@ -117,6 +117,10 @@ class HandBelow(Trigger):
     type = "hand_below"
 
     height_m: float
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.height_m, int | float):
+            raise ManifestError(f"hand_below.height_m={self.height_m!r}, but must be a height in metres.")
 
     def fires(self, moment: Moment) -> bool:
         return moment.step > 0 and float(moment.world.end_effector()[2]) < self.height_m
