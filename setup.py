@@ -1,4 +1,4 @@
-"""What the build does beyond pyproject.toml: the frozen tracks, and the README of a package index.
+"""Build steps beyond pyproject.toml: the frozen tracks, and the README of a package index.
 
 The tracks lie in ``cases`` and are installed as ``pytest_libero_max/tracks``. A build in which one of them
 is missing or altered fails.

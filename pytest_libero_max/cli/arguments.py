@@ -47,7 +47,7 @@ def add_substrate(command: argparse.ArgumentParser) -> None:
 
 
 def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
-    """What :func:`add_libero` or :func:`add_substrate` was told."""
+    """Return the options of a substrate that :func:`add_libero` or :func:`add_substrate` was given."""
     from pytest_libero_max.substrates.contract import SubstrateOptions
 
     variations: Literal["installed", "own"] = getattr(options, "source_variations", "installed")

@@ -114,11 +114,11 @@ def _film(options: argparse.Namespace) -> int:
 
 
 class _Made(NamedTuple):
-    """What came of it.
+    """Numbers of files that are there, and that were refused.
 
     Attributes:
-        files: How many files are there.
-        refused: How many are not.
+        files: Number of files that are there.
+        refused: Number of pairs whose file could not be made.
     """
 
     files: int
@@ -150,7 +150,9 @@ def write_each(
 
     for option, least in (("size", 32), ("every", 1)):
         if getattr(options, option) < least:
-            raise OptionError(f"--{option}={getattr(options, option)}, but must be at least {least}.")
+            raise OptionError.seen(
+                f"--{option}", getattr(options, option), f", but must be at least {least}."
+            )
     where = options.run_folder, options.case_set, options.libero, options.libero_assets
     how_drawn = {"size": options.size, "every": options.every, "overwrite": options.overwrite}
     refused = 0

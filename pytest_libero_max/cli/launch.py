@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 _RESTARTS = 100
-"""So often a job that has reached its time limit is put into the queue again."""
+"""Number of times that a job is put into the queue again after it has reached its time limit."""
 
 _SCRIPT = """\
 #!/bin/bash
@@ -129,7 +129,7 @@ def slurm_script(shards: Shards, output: Path, sbatch: Sequence[str] = ()) -> st
 
 
 _OURS = ("--libero-max-shard", "--libero-max-output", "--libero-max-resume")
-"""What a job gives to pytest itself."""
+"""Options that a job gives to pytest itself."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Shards:
         numbers = (("shards", self.count, 2), ("at-once", self.at_once, 1), ("workers", self.workers, 1))
         for name, value, least in numbers:
             if value is not None and value < least:
-                raise OptionError(f"--{name}={value}, but must be at least {least}.")
+                raise OptionError.seen(f"--{name}", value, f", but must be at least {least}.")
         for argument in self.arguments:
             if argument.split("=")[0] in _OURS:
                 raise OptionError(

@@ -91,13 +91,13 @@ def _plan(options: argparse.Namespace) -> None:
     lines = plan_lines(stored, pairs, what, fleet)
     if options.shards is not None:
         if cases is None:
-            raise OptionError(f"--shards={options.shards} also needs --track or --manifest.")
+            raise OptionError.seen("--shards", options.shards, " also needs --track or --manifest.")
         lines += shard_lines(stored, cases, options.shards)
     print("\n".join(lines))
 
 
 def _cases(options: argparse.Namespace) -> Sequence[Case] | None:
-    """What is to be played; None for the pairs of the run."""
+    """Cases to play; None for the pairs of the run."""
     from pytest_libero_max.benchmark.manifests import load_manifest
     from pytest_libero_max.benchmark.tracks import load_track
 
@@ -115,6 +115,8 @@ def _check(options: argparse.Namespace) -> None:
         value = getattr(options, name)
         if value is not None and not least <= value <= _MOST:
             flag = f"--{name.replace('_', '-')}"
-            raise OptionError(f"{flag}={value}, but must be a number from {least} to {_MOST}.")
+            raise OptionError.seen(flag, value, f", but must be a number from {least} to {_MOST}.")
     if options.batch > 1 and not options.servers:
-        raise OptionError(f"--batch={options.batch}, but only servers answer together. Give --servers.")
+        raise OptionError.seen(
+            "--batch", options.batch, ", but only servers answer together. Give --servers."
+        )

@@ -50,7 +50,7 @@ def _watch(options: argparse.Namespace) -> int:
     from pytest_libero_max.runs.status import Follower
 
     if options.interval <= 0:
-        raise OptionError(f"--interval={options.interval}, but must be more than 0 seconds.")
+        raise OptionError.seen("--interval", options.interval, ", but must be more than 0 seconds.")
     followers = [Follower(folder) for folder in options.run_folders]
     seen = [follower.look() for follower in followers]
     if not options.once:

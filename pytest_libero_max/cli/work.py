@@ -1,4 +1,4 @@
-"""How far a command is that takes long: a live line on a terminal, otherwise a line at intervals."""
+"""Progress of a long command: a live line on a terminal, otherwise a line at intervals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pytest_libero_max.runs.progress import Pace, duration
 
 
 class Work:
-    """Tells on standard output how far the work is. Use it in a ``with`` statement."""
+    """Progress on standard output. Use it in a ``with`` statement."""
 
     def __init__(self) -> None:
         self._live = LiveText(sys.stdout) if understands_sequences(sys.stdout) else None
@@ -27,11 +27,11 @@ class Work:
         self._erase()
 
     def show(self, text: str, *, last: bool = False) -> None:
-        """Show how far the work is.
+        """Show the progress.
 
         Args:
             text: One line.
-            last: Whether a part of the work is done: the line stays.
+            last: True where a part of the work is done: the line stays.
         """
         if last:
             self.say(text)
@@ -49,8 +49,8 @@ class Work:
         """Time left at the pace so far, as words that end a line; nothing where it cannot be known.
 
         Args:
-            done: How much is done since the beginning, in any unit.
-            total: How much there is to do in all.
+            done: Work done since the beginning, in any unit.
+            total: Work to do in all, in the same unit.
         """
         if done <= 0 or done >= total:
             return ""

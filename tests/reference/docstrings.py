@@ -1,4 +1,4 @@
-"""What docstrings say: Google style, as the whole package writes it."""
+"""Docstrings taken apart: Google style, as the whole package writes it."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def _class(cls: type[Any]) -> str:
 
 
 def _common(name: str) -> str:
-    """What is said of a field where another class of the module documents it."""
+    """Text of a field that another class of the module documents."""
     if name == "schema_version":
         return f"Version of the form of the record: {record.RECORD_VERSION}."
     return section(record.PairRecord, "Attributes").get(name, "")

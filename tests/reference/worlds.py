@@ -61,7 +61,7 @@ SEMANTICS = (
     ("Objects moved", "Keep their share of the solver's last forces.", "Start without."),
     ("Noise of sensors", "One stream for both cameras.", "One stream for each camera."),
 )
-"""What ``--libero-max-semantics`` chooses on the genuine substrate."""
+"""Meaning of each value of ``--libero-max-semantics`` on the genuine substrate."""
 
 
 def page() -> str:
