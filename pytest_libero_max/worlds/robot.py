@@ -37,7 +37,6 @@ class Robot:
         controller: robosuite's name of its controller.
         home_rad: Angles of the arm's joints at the start of LIBERO's tasks, rad.
         finger_start: Positions of the fingers' joints there, m.
-        finger_bodies: For each finger, the bodies that hold what is grasped.
     """
 
     name: str
@@ -49,7 +48,6 @@ class Robot:
     controller: str = "OSC_POSE"
     home_rad: tuple[float, ...] = ()
     finger_start: Mapping[str, float] = field(default_factory=dict)
-    finger_bodies: tuple[tuple[str, ...], ...] = ()
 
     @property
     def proprioception(self) -> dict[str, int]:
@@ -71,9 +69,5 @@ PANDA = Robot(
     hand_body=f"{ROBOT}_right_hand",
     home_rad=(0.0, -0.161037389, 0.0, -2.44459747, 0.0, 2.2267522, 0.7853981633974483),
     finger_start={f"{GRIPPER}_finger_joint1": 0.020833, f"{GRIPPER}_finger_joint2": -0.020833},
-    finger_bodies=(
-        (f"{GRIPPER}_leftfinger", f"{GRIPPER}_finger_joint1_tip"),
-        (f"{GRIPPER}_rightfinger", f"{GRIPPER}_finger_joint2_tip"),
-    ),
 )
 """The Franka Emika Panda with its own gripper, as robosuite 1.4 models it."""

@@ -13,8 +13,8 @@ from pytest_libero_max.substrates.embedded.objects.base import Link
 from pytest_libero_max.substrates.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
 from pytest_libero_max.tasks.libero_tasks import Task, category_of, task
 from pytest_libero_max.worlds import rotations
-from pytest_libero_max.worlds.contract import Entity, Image
-from pytest_libero_max.worlds.privileged import Fact
+from pytest_libero_max.worlds.contract import Array, Entity, Image
+from pytest_libero_max.worlds.privileged import Fact, GraspablePart
 
 
 @dataclass(frozen=True)
@@ -242,3 +242,30 @@ def _order_textures_first(assets: ET.Element) -> None:
     """Materials refer to textures by name; a reader of the document finds them in that order."""
     order = {"texture": 0, "mesh": 1, "material": 2}
     assets[:] = sorted(assets, key=lambda element: order[element.tag])
+
+
+def graspable_parts(scene: Scene) -> Mapping[str, GraspablePart]:
+    """Parts of a scene that are made to be held, by name: handles of drawers and doors, knobs, necks, rims.
+
+    A name is ``<instance>_<part>``, for example ``wooden_cabinet_1_top_handle`` or ``wine_bottle_1_neck``.
+    """
+    found = {}
+    for entity in scene.entities.values():
+        if entity.kind == "surface":
+            continue
+        kind = category(entity.category)
+        back = rotations.matrix(rotations.inverse(kind.upright))
+        for link in links(kind.root):
+            joint = None if link.joint is None else f"{entity.name}_{link.joint.name}"
+            for grip in link.grips:
+                name = f"{entity.name}_{grip.name}"
+                pos, along, out = (_vector(back @ vector) for vector in (grip.pos, grip.along, grip.out))
+                found[name] = GraspablePart(
+                    name, entity.name, f"{entity.name}_{link.name}", joint, pos, along, out, grip.width
+                )
+    return found
+
+
+def _vector(values: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 9) + 0.0 for value in values)
+    return x, y, z

@@ -1,13 +1,27 @@
-"""A contact sheet of the embedded scenes, for people to look at."""
+"""Contact sheets of the embedded scenes and of their source variations, for people to look at."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
 from pytest_libero_max.substrates.embedded.scene import build_scene
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
+from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.tasks.libero_tasks import SUITES, Task, tasks
-from pytest_libero_max.worlds.rendering.sheets import captioned, wrapped, write_sheet
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
+from pytest_libero_max.worlds.rendering.sheets import captioned, resized, wrapped, write_sheet
+
+PLUS_LEVELS = (1, 3, 5)
+
+_CAMERA = "agentview"
+_STEPS = 10
+_CAPTION_LINES = 4
+# Noise and textures hardly compress; in a picture this small, the last three bits do not show.
+_COLOUR_STEP = 8
 
 
 def write_contact_sheet(
@@ -29,8 +43,6 @@ def write_contact_sheet(
         size: Side of one picture in pixels.
         columns: Pictures in a row.
     """
-    from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
-
     chosen = [task for suite in SUITES for task in tasks(suite)] if rows is None else list(rows)
     captions = [[f"{task.suite}/{task.index}", *wrapped(_short(task), size)] for task in chosen]
     pictures = []
@@ -53,3 +65,73 @@ def _short(task: Task) -> str:
         return task.language
     words = task.language.removeprefix("pick up the ").removeprefix("black bowl ")
     return words.split(" and place it ")[0]
+
+
+def write_plus_sheet(
+    path: Path,
+    substrate: EmbeddedSubstrate,
+    *,
+    picks: Sequence[tuple[str, int]] = (("libero_spatial", 0), ("libero_object", 3)),
+    size: int = 144,
+) -> None:
+    """Each category of LIBERO-Plus at levels 1, 3 and 5, on each of some tasks, into one PNG.
+
+    Args:
+        path: The file to write.
+        substrate: Builds the worlds.
+        picks: Suites and indices of unmodified tasks. Where a task has no variation of a level, another task
+            of its suite stands in.
+        size: Side of one picture in pixels.
+    """
+    chosen = [
+        _nearest(suite, index, category, level)
+        for category in PLUS_CATEGORIES
+        for suite, index in picks
+        for level in PLUS_LEVELS
+    ]
+    _write(path, substrate, chosen, len(picks) * len(PLUS_LEVELS), size)
+
+
+def write_pro_sheet(
+    path: Path,
+    substrate: EmbeddedSubstrate,
+    *,
+    picks: Sequence[tuple[str, int]] = (
+        ("libero_spatial", 0),
+        ("libero_object", 3),
+        ("libero_goal", 8),
+        ("libero_10", 9),
+    ),
+    columns: int = 5,
+    size: int = 144,
+) -> None:
+    """Each category of LIBERO-PRO on each of some tasks, into one PNG; arguments as above."""
+    chosen = [pro_suite(category, suite)[index] for suite, index in picks for category in PRO_CATEGORIES]
+    _write(path, substrate, chosen, columns, size)
+
+
+def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
+    """A variation of that level, of the task if it has one, in the middle of those there are."""
+    found = [one for one in plus_suite(suite) if (one.category, one.difficulty) == (category, level)]
+    own = [one for one in found if one.base_index == index] or found
+    return own[len(own) // 2]
+
+
+def _write(
+    path: Path, substrate: EmbeddedSubstrate, variations: Sequence[Variation], columns: int, size: int
+) -> None:
+    pictures = [_picture(substrate, variation, size) for variation in variations]
+    write_sheet(path, pictures, columns, colour_step=_COLOUR_STEP)
+
+
+def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> Image:
+    world = substrate.varied_world(variation)
+    world.reset(0)
+    for _ in range(_STEPS):
+        world.step(NOOP_ACTION)
+    image = world.observe((_CAMERA,), 256)[f"{_CAMERA}_image"][::-1]
+    level = "" if variation.difficulty is None else f" {variation.difficulty}"
+    title = f"{variation.category}{level}"
+    lines = [title, *wrapped(world.language, size)[: _CAPTION_LINES - 1]]
+    lines += [""] * (_CAPTION_LINES - len(lines))
+    return captioned(resized(image, size), *lines)

@@ -9,11 +9,16 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.substrates.embedded.catalogue.lookup import variation_of
-from pytest_libero_max.substrates.embedded.graspable_parts import graspable_parts
 from pytest_libero_max.substrates.embedded.placement import initial_state
 from pytest_libero_max.substrates.embedded.predicates import Predicate, all_hold
 from pytest_libero_max.substrates.embedded.remodel import Remodel, remodelled, waiting_place
-from pytest_libero_max.substrates.embedded.scene import Scene, build_scene, joints_of, resolve
+from pytest_libero_max.substrates.embedded.scene import (
+    Scene,
+    build_scene,
+    graspable_parts,
+    joints_of,
+    resolve,
+)
 from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Goal

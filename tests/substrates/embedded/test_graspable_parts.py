@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.substrates.embedded.graspable_parts import graspable_parts
+from pytest_libero_max.substrates.embedded.scene import graspable_parts
 
 from .scenes import ALL, IDS, at_start
 

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import cv2
 
-from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet
+from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet, write_pro_sheet
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.tasks.libero_tasks import task
+from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 
 
 def test_a_contact_sheet_shows_each_scene_under_its_caption(tmp_path: Path) -> None:
@@ -22,3 +24,22 @@ def test_a_contact_sheet_shows_each_scene_under_its_caption(tmp_path: Path) -> N
         assert tile[:caption].min() < 128  # words
         assert tile[caption:, :-1].std() > 10  # a picture
     assert (sheet[tall:, 96:] == 255).all()
+
+
+def test_every_category_has_its_picture_under_its_name(tmp_path: Path) -> None:
+    substrate = EmbeddedSubstrate()
+    write_pro_sheet(tmp_path / "pro.png", substrate, picks=(("libero_object", 3),), columns=4, size=96)
+    substrate.close()
+    sheet = cv2.imread(str(tmp_path / "pro.png"))
+    assert sheet is not None
+    caption, tall = 4 * 16, 4 * 16 + 96
+    rows = -(-len(PRO_CATEGORIES) // 4)
+    assert sheet.shape == (rows * tall, 4 * 96, 3)
+    for number in range(4 * rows):
+        row, column = divmod(number, 4)
+        tile = sheet[row * tall : (row + 1) * tall, column * 96 : (column + 1) * 96]
+        if number < len(PRO_CATEGORIES):
+            assert tile[:caption].min() < 128  # words
+            assert tile[caption:, :-1].std() > 10  # a picture
+        else:
+            assert (tile == 255).all()

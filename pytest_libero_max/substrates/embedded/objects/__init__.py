@@ -14,7 +14,6 @@ from pytest_libero_max.substrates.embedded.objects import (
     groceries,
     microwave,
     mugs,
-    occluder,
     restyled,
     wine,
 )
@@ -54,8 +53,8 @@ _BUILDERS: dict[str, Callable[[], Category]] = {
     )
 }
 
-_OURS = {"occluder_book": occluder.occluder_book}
-"""What only source variations bring in, and LIBERO does not have."""
+_OURS = {"occluder_book": desk.occluder_book}
+"""Objects that only source variations bring in; LIBERO does not have them."""
 
 CATEGORIES = tuple(sorted(_BUILDERS))
 """Every category of LIBERO that can be built."""
