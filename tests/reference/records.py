@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import inspect
 import json
-from dataclasses import fields, is_dataclass
 from importlib.resources import files
-from typing import Any
+
+from msgspec import Struct
 
 from pytest_libero_max import pairing, report
 from pytest_libero_max.benchmark.documents import Json
@@ -21,7 +21,7 @@ def page() -> str:
     classes = [
         value
         for value in vars(record).values()
-        if inspect.isclass(value) and is_dataclass(value) and value.__module__ == record.__name__
+        if inspect.isclass(value) and issubclass(value, Struct) and value.__module__ == record.__name__
     ]
     order = {name: position for position, name in enumerate(("PairRecord", "ArmRecord", "FiringRecord"))}
     classes.sort(key=lambda cls: order.get(cls.__name__, len(order)))
@@ -48,11 +48,11 @@ that could not be measured (`"line": "error"`, the fields of `PairError`). The s
 """
 
 
-def _class(cls: type[Any]) -> str:
-    texts = section(cls, "Attributes")
+def _class(cls: type[Struct]) -> str:
+    texts, types = section(cls, "Attributes"), cls.__annotations__
     rows = (
-        (code(item.name), code(item.type), one_line(texts.get(item.name, _common(item.name))))
-        for item in fields(cls)
+        (code(name), code(types[name]), one_line(texts.get(name, _common(name))))
+        for name in cls.__struct_fields__
     )
     return f"## {cls.__name__}\n\n{prose(description(cls))}\n\n{table(('Field', 'Type', 'Meaning'), rows)}"
 
