@@ -1,7 +1,7 @@
-"""Which case set fits the substrate: the default track, and the refusal of one that does not fit.
+"""Case support: the default track of a substrate, and the cases of a track that it can play.
 
-Told from files alone, before anything is built. A user who names the pairs himself (``-k``, ``-m``, node ids)
-is not refused: what cannot play is then an error of its own pair.
+Decided from files alone, before anything is built. A user who names the pairs himself (``-k``, ``-m``, node
+ids) is not refused: what cannot play is then an error of its own pair.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.contract import SubstrateOptions
 
 
-def fitting_track(name: str | None, substrate: str, options: SubstrateOptions) -> str:
-    """The track to play.
+def supported_track(name: str | None, substrate: str, options: SubstrateOptions) -> str:
+    """Return the name of the track to play.
 
     Args:
         name: Track that was asked for; None for the first default of the substrate of which every case plays.
@@ -31,10 +31,10 @@ def fitting_track(name: str | None, substrate: str, options: SubstrateOptions) -
     if name is not None:
         return tracks.name(name)
     *preferred, last = map(tracks.name, tracks.defaults)
-    return next((track for track in preferred if _fits(track, substrate, options)), last)
+    return next((track for track in preferred if _all_supported(track, substrate, options)), last)
 
 
-def require_fit(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:
+def require_support(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:
     """Refuse cases that cannot play on the substrate.
 
     Args:
@@ -60,10 +60,10 @@ def require_fit(case_set: str, cases: Sequence[Case], substrate: str, options: S
     )
 
 
-def fitting_cases(
+def supported_cases(
     case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions
 ) -> tuple[Case, ...]:
-    """The cases that can play on the substrate, in their order. The arguments are those of `require_fit`.
+    """Return the cases that can play on the substrate, in their order; arguments as `require_support`.
 
     Raises:
         OptionError: There is none.
@@ -85,9 +85,9 @@ def _refusal(
     options: SubstrateOptions,
     found: Mapping[str, str],
 ) -> str:
-    """What cannot be played and why, and which tracks fit."""
+    """Return the message: the cases that cannot be played by reason, and the tracks that fit."""
     several = [f"{number}: {reason}." for reason, number in Counter(found.values()).most_common()]
-    fits = " or ".join(f"--libero-max-track={name}" for name in _fitting(substrate, options))
+    fits = " or ".join(f"--libero-max-track={name}" for name in _supported_tracks(substrate, options))
     return (
         f"{len(found)} of {len(cases)} cases of {case_set} cannot be played on substrate {substrate}.\n"
         + "\n".join(several)
@@ -95,8 +95,8 @@ def _refusal(
     )
 
 
-def _fitting(substrate: str, options: SubstrateOptions) -> list[str]:
-    """The tracks of which every case may play, as they are asked for."""
+def _supported_tracks(substrate: str, options: SubstrateOptions) -> list[str]:
+    """Return the tracks of which every case may play, as they are asked for."""
     from pytest_libero_max.benchmark.tracks import FOLDER, track_names
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
@@ -104,10 +104,10 @@ def _fitting(substrate: str, options: SubstrateOptions) -> list[str]:
     if not tracks.folder:
         return list(tracks.defaults)
     names = dict.fromkeys((*track_names(FOLDER / tracks.folder), *tracks.defaults))
-    return [name for name in names if _fits(tracks.name(name), substrate, options)]
+    return [name for name in names if _all_supported(tracks.name(name), substrate, options)]
 
 
-def _fits(name: str, substrate: str, options: SubstrateOptions) -> bool:
+def _all_supported(name: str, substrate: str, options: SubstrateOptions) -> bool:
     from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.substrates.registry import SUBSTRATES
 

@@ -21,9 +21,16 @@ from pytest_libero_max.events.registry import (
     family_of,
 )
 from pytest_libero_max.plugin import options
-from pytest_libero_max.plugin.case_support import fitting_cases
+from pytest_libero_max.plugin.case_support import supported_cases
 from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.stash_keys import CASES, MANIFEST, NOISE_CASES, SETTINGS
+from pytest_libero_max.plugin.stash_keys import (
+    CASES,
+    MANIFEST,
+    MEASURED,
+    MEASURED_INPUT,
+    NOISE_CASES,
+    SETTINGS,
+)
 
 PSEUDO_PATH = "libero-max"
 """Stands for the pairs on the command line and begins their node ids, wherever the package is installed."""
@@ -127,7 +134,7 @@ def _cases(config: pytest.Config) -> tuple[Case, ...]:
     cases = manifest_of(config).cases
     if settings.only_installed:
         try:
-            cases = fitting_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
+            cases = supported_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
         except LiberoMaxError as error:
             raise pytest.UsageError(f"--libero-max-only-installed: {error}") from None
     if settings.limit is not None:
@@ -213,6 +220,31 @@ def only_lists(config: pytest.Config) -> bool:
 def _resolve(arg: str) -> str:
     path, separator, rest = arg.partition("::")
     return f"{PAIRS_FILE}{separator}{rest}" if path == PSEUDO_PATH and not Path(path).exists() else arg
+
+
+def header_without_pairs(config: pytest.Config) -> str | None:
+    """Return what a policy in the ini file does in a session without pairs; None with pairs, or no policy."""
+    if not options.policy_in_ini_file(config) or is_run(config):
+        return None
+    policy = config.getini("libero_max_policy")
+    return f"libero-max: policy {policy} is for tests that ask for it; to play the pairs: pytest libero-max"
+
+
+def pair_module(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
+    """Return the collector of the pairs; None for any other module."""
+    if module_path != PAIRS_FILE:
+        return None
+    return PairModule.from_parent(parent, path=module_path, nodeid=PSEUDO_PATH)
+
+
+def leave_out_measured(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect the pairs that a resumed run has measured, the same ones on every worker."""
+    on_worker: dict[str, list[str]] = getattr(config, "workerinput", {})
+    measured = {*on_worker.get(MEASURED_INPUT, ()), *config.stash.get(MEASURED, ())}
+    if measured:
+        done = [item for item in items if case_of_item(item) in measured]
+        items[:] = [item for item in items if case_of_item(item) not in measured]
+        config.hook.pytest_deselected(items=done)
 
 
 def check_ids(config: pytest.Config) -> None:

@@ -17,10 +17,9 @@ from pytest_libero_max.errors import (
     LiberoMaxError,
     OtherRunError,
     ReportError,
-    SimulatorError,
 )
-from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
-from pytest_libero_max.plugin.case_support import require_fit
+from pytest_libero_max.pairing.record import PairError, PairRecord, is_error
+from pytest_libero_max.plugin.case_support import require_support
 from pytest_libero_max.plugin.collection import (
     asked_for,
     case_of,
@@ -31,11 +30,12 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
-from pytest_libero_max.plugin.processes.retries import CRASH_PHASE
+from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, result_of
 from pytest_libero_max.plugin.progress import RunProgress
-from pytest_libero_max.plugin.resource_checks import memory_note, require_room
+from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_space
 from pytest_libero_max.plugin.run_end import RunEnd
 from pytest_libero_max.plugin.stash_keys import (
+    MEASURED,
     MEASURED_INPUT,
     NOTE_ATTRIBUTE,
     POLICY_PHASE,
@@ -56,15 +56,11 @@ from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.substrates.registry import SUBSTRATES, describe_substrate, scores_of
 from pytest_libero_max.worlds.rendering import gl
 
-RECORD_PHASE = "record"
-"""Phase of a pair error: the pair was played, and its record is none."""
-
 
 class RunController:
     """Registered on the controller of a distributed run, or on the only process of a plain one.
 
     Attributes:
-        measured: Item ids of the pairs that a resumed run holds already.
         progress: Another plugin, which shows how far the run is.
         stop: Another plugin, which stops the run.
         end: Another plugin, which reports at the end.
@@ -84,7 +80,6 @@ class RunController:
         self.end = RunEnd(config, self.settings, self.stop)
         self.cases = {case.item_id: case for case in cases_of(config)}
         self.store: PairStore | None = None
-        self.measured: tuple[str, ...] = ()
         self._before: StoredRun | None = None
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
         self._hook_raised = False
@@ -94,17 +89,22 @@ class RunController:
             if self.settings.ray is None:  # otherwise its nodes draw
                 gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
-            self._require_fit()
+            self._require_support()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
 
-    def _require_fit(self) -> None:
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Item ids of the pairs that a resumed run holds already."""
+        return self.config.stash.get(MEASURED, ())
+
+    def _require_support(self) -> None:
         """Refuse cases that cannot play here, unless they are left out or the user has chosen the pairs."""
         settings = self.settings
         frozen_here = settings.manifest is None and SUBSTRATES[settings.substrate].plays_frozen
         if not (frozen_here or settings.only_installed or chosen_by_hand(self.config)):
             cases = list(self.cases.values())
-            require_fit(settings.case_set, cases, settings.substrate, settings.substrate_options)
+            require_support(settings.case_set, cases, settings.substrate, settings.substrate_options)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_sessionstart(self) -> None:
@@ -114,7 +114,7 @@ class RunController:
         try:
             require_writable(self.settings.output)
             require_free(self.settings.output)
-            require_room(self.settings.output, len(self.cases))
+            require_disk_space(self.settings.output, len(self.cases))
             self._require_usable_gates()
             self._read_to_resume()
         except LiberoMaxError as error:
@@ -131,7 +131,7 @@ class RunController:
         self._before = read_to_resume(self.settings.output) if self.settings.resume else None
         if self._before is not None:
             self.end.lines += damage_said(self._before.damaged)
-            self.measured = tuple(record.item_id for record in self._before.records)
+            self.config.stash[MEASURED] = tuple(record.item_id for record in self._before.records)
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, manifest_of(self.config)
@@ -258,7 +258,7 @@ class RunController:
         # The teardown of a pair, or one that another plugin plays again: a record counts, after an error.
         if name in self._measured_now and (self._measured_now[name] or result is None or is_error(result)):
             return
-        pair = _pair_of(report, self.cases[name])
+        pair = result_of(report, self.cases[name])
         if pair is None:
             if report.skipped:
                 self.stop.stored(name, None)
@@ -310,21 +310,6 @@ class RunController:
             yield
         finally:  # whatever another plugin's hook has raised
             self.end.finish(session, self.store, measured_before=bool(self.measured))
-
-
-def _pair_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | None:
-    """What a report says of its pair, if it is the one that says it."""
-    result = getattr(report, RESULT_ATTRIBUTE, None)
-    if result is not None:
-        try:
-            return result_from_dict(result)
-        except ReportError as error:
-            return PairError.of(case, error, RECORD_PHASE)
-    if not report.failed:
-        return None
-    # The item ended without a word: its worker died, or somebody's hook failed it.
-    text = str(report.longrepr).strip().splitlines()
-    return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
 
 
 def _origin(substrate: Json) -> str:

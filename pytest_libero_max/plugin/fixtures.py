@@ -17,7 +17,7 @@ from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
-from pytest_libero_max.plugin.processes.isolation import play_apart
+from pytest_libero_max.plugin.processes.isolation import play_isolated
 from pytest_libero_max.plugin.run_pair import play_here
 from pytest_libero_max.plugin.stash_keys import RESULT
 from pytest_libero_max.report.writers.junit import properties
@@ -117,7 +117,7 @@ def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> Pa
     An error of the machinery is an error of the item, recorded as such, and never a failure of the policy.
     """
     if settings_of(request.config).isolate:
-        record = play_apart(request, libero_max_case)
+        record = play_isolated(request, libero_max_case)
     else:
         record = play_here(request, libero_max_case)
     request.node.stash[RESULT] = record.to_dict()

@@ -569,11 +569,11 @@ def _check_ray(config: pytest.Config, values: dict[str, Any]) -> None:
 
 
 def _track(settings: Settings, name: str | None) -> str:
-    from pytest_libero_max.plugin.case_support import fitting_track
+    from pytest_libero_max.plugin.case_support import supported_track
 
     if settings.manifest is not None:
         return name or ""
-    return fitting_track(name, settings.substrate, settings.substrate_options)
+    return supported_track(name, settings.substrate, settings.substrate_options)
 
 
 def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:

@@ -1,4 +1,4 @@
-"""Whether there is room for a run: on the disk of its output, and in the memory for its workers."""
+"""Checks of disk and memory before a run."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _REPORT_BYTES = 32 * MIB
 """The reports and their figures, whatever the number of pairs."""
 
 
-def require_room(output: Path, pairs: int) -> None:
-    """Refuse a run for whose records there is no room; traces and films are not counted.
+def require_disk_space(output: Path, pairs: int) -> None:
+    """Refuse a run whose records do not fit on the disk; traces and films are not counted.
 
     Raises:
         DiskError: There is too little; says how much there is, and how much is needed.
@@ -31,7 +31,7 @@ def require_room(output: Path, pairs: int) -> None:
 
 
 def memory_note(workers: int, kind: SubstrateKind) -> str | None:
-    """What to expect where the memory is too little for the workers; None where it is enough, or not known.
+    """Return a warning where the memory is too little for the workers; None where it is enough, or not known.
 
     Args:
         workers: Processes that play pairs.

@@ -48,5 +48,8 @@ NOTE = pytest.StashKey[str]()
 NOTE_ATTRIBUTE = "libero_max_note"
 """The attribute of a test report that carries the same to the controller."""
 
+MEASURED = pytest.StashKey[tuple[str, ...]]()
+"""On the controller's config: item ids of the pairs that a resumed run holds already."""
+
 MEASURED_INPUT = "libero_max_measured"
-"""In a worker's input: the item ids that a resumed run has measured."""
+"""In a worker's input: the same."""

@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark import tracks
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.plugin.case_support import fitting_cases, fitting_track, require_fit
+from pytest_libero_max.plugin.case_support import require_support, supported_cases, supported_track
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import SUBSTRATES
 
@@ -70,23 +70,23 @@ def test_the_track_is_that_of_the_substrate(
     expected: str,
 ) -> None:
     lacks(monkeypatch, only_unmodified)
-    assert fitting_track(name, substrate, options) == expected
+    assert supported_track(name, substrate, options) == expected
 
 
 def test_the_default_is_what_any_libero_plays_where_smoke_lacks_something(
     genuine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lacks(monkeypatch, lambda options, cases: {case.case_id: "it" for case in cases[:1]})
-    assert fitting_track(None, "libero", ANY) == "original"
+    assert supported_track(None, "libero", ANY) == "original"
 
 
 def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_named(
     genuine: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lacks(monkeypatch, only_unmodified)
-    require_fit("track original", load_track("original").cases, "libero", ANY)
+    require_support("track original", load_track("original").cases, "libero", ANY)
     with pytest.raises(OptionError) as raised:
-        require_fit("track lite", load_track("lite").cases, "libero", ANY)
+        require_support("track lite", load_track("lite").cases, "libero", ANY)
     message = str(raised.value)
     assert "560 of 800 cases of track lite cannot be played on substrate libero" in message
     assert "560: LIBERO-Plus is not installed." in message
@@ -97,10 +97,10 @@ def test_cases_that_cannot_play_are_counted_by_reason_and_the_fitting_tracks_nam
 def test_what_is_not_installed_can_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     lacks(monkeypatch, only_unmodified)
     cases = load_track("lite").cases
-    fit = fitting_cases("track lite", cases, "libero", ANY)
+    fit = supported_cases("track lite", cases, "libero", ANY)
     assert fit == tuple(case for case in cases if case.source == "pro")
     with pytest.raises(OptionError, match="560 of 560 cases of track lite cannot be played"):
-        fitting_cases("track lite", [case for case in cases if case.source == "plus"], "libero", ANY)
+        supported_cases("track lite", [case for case in cases if case.source == "plus"], "libero", ANY)
 
 
 def test_the_embedded_scenes_refuse_tasks_of_the_genuine_libero_plus(

@@ -7,7 +7,7 @@ import pytest
 from pytest_libero_max.errors import DiskError
 from pytest_libero_max.machine import GIB, free_disk_bytes
 from pytest_libero_max.plugin import resource_checks
-from pytest_libero_max.plugin.resource_checks import MIB, memory_note, require_room
+from pytest_libero_max.plugin.resource_checks import MIB, memory_note, require_disk_space
 from pytest_libero_max.substrates.registry import SUBSTRATES
 from tests.plugin.test_run import Run
 
@@ -16,11 +16,11 @@ def test_a_disk_without_room_for_the_records_stops_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(resource_checks, "free_disk_bytes", lambda folder: 100 * MIB)
-    require_room(tmp_path, 1000)
+    require_disk_space(tmp_path, 1000)
     with pytest.raises(
         DiskError, match=r"^100 MiB are free for .*, but the records and reports of 8000 pairs"
     ):
-        require_room(tmp_path, 8000)
+        require_disk_space(tmp_path, 8000)
 
 
 def test_room_is_looked_for_where_the_folder_will_be(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ _PARENT_DEATH_SIGNAL = 1
 """Operation of ``prctl``: which signal a process gets when its parent dies."""
 
 
-def play_apart(request: pytest.FixtureRequest, case: Case) -> PairRecord:
+def play_isolated(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     """Play a pair in a child of this process, and again in another one if it dies.
 
     The child has the tests, fixtures and options of this process, which itself never loads the policy.

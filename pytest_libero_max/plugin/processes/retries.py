@@ -12,13 +12,11 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.pair_reports import CRASH_PHASE
 from pytest_libero_max.plugin.processes.crash_log import Death
 from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
 from pytest_libero_max.plugin.stopping import RunStop
 from pytest_libero_max.runs.media import CRASHES_NAME
-
-CRASH_PHASE = "crash"
-"""Phase of a pair error: each process that played the pair died."""
 
 RETRIED = "retried"
 """Outcome of the report of a pair that is played again, or was measured before its process died."""

@@ -1,0 +1,69 @@
+"""Pair records in pytest's test reports: attached by who plays a pair, read and shown by the controller."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import ReportError, SimulatorError
+from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
+from pytest_libero_max.plugin.stash_keys import (
+    NOTE,
+    NOTE_ATTRIBUTE,
+    RESULT,
+    RESULT_ATTRIBUTE,
+    STOP,
+    STOP_ATTRIBUTE,
+)
+
+CRASH_PHASE = "crash"
+"""Phase of a pair error: the process that played the pair died."""
+
+RECORD_PHASE = "record"
+"""Phase of a pair error: the pair was played, and its record cannot be stored."""
+
+
+def attach_result(item: pytest.Item, when: str, report: pytest.TestReport) -> None:
+    """Attach the result of a pair to the report of the phase in which it arises, once, as JSON types.
+
+    Args:
+        item: The test.
+        when: Phase of the test.
+        report: Of this phase.
+    """
+    result = item.stash.get(RESULT, None)
+    if result is not None and when == ("setup" if is_error(result) else "call"):
+        setattr(report, RESULT_ATTRIBUTE, result)
+        setattr(report, NOTE_ATTRIBUTE, item.stash.get(NOTE, None))
+        setattr(report, STOP_ATTRIBUTE, item.stash.get(STOP, None))
+        del item.stash[RESULT]  # another plugin may play the item again
+
+
+def result_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | None:
+    """Return the result of a pair from one of its reports; None where this report does not have it."""
+    result = getattr(report, RESULT_ATTRIBUTE, None)
+    if result is not None:
+        try:
+            return result_from_dict(result)
+        except ReportError as error:
+            return PairError.of(case, error, RECORD_PHASE)
+    if not report.failed:
+        return None
+    # The item ended without a result: its worker died, or somebody's hook failed it.
+    text = str(report.longrepr).strip().splitlines()
+    return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
+
+
+def status_of(report: Any) -> tuple[str, str, str] | None:
+    """Return category, letter and sentence of a measured pair for the terminal; None for any other report."""
+    result = getattr(report, RESULT_ATTRIBUTE, None)
+    if result is None or is_error(result) or report.when != "call" or not report.passed:
+        return None
+    from pytest_libero_max.runs.outcome_letters import status
+
+    try:
+        return status(PairRecord.from_dict(result))
+    except ReportError:
+        return None  # the controller stores why

@@ -1,0 +1,79 @@
+"""Set-up of a session: the plugins that its process needs, and the way in which xdist hands out the pairs."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from pytest_libero_max.plugin import collection, options
+
+
+def configure(config: pytest.Config) -> None:
+    """Set up a session, which may play pairs, may be one of its workers, or may only offer fixtures.
+
+    Raises:
+        pytest.UsageError: There are gates and no pairs, or an option, the adapter or a pair cannot be used.
+    """
+    collection.aim(config)
+    in_use = collection.is_run(config)
+    if not in_use and config.getoption("libero_max_gate"):
+        raise pytest.UsageError(
+            "--libero-max-gate is given, but no pair is played: a gate that nothing decides would pass. Name "
+            "a policy with --libero-max-policy."
+        )
+    collection.register_markers(config, in_use=in_use)
+    if not in_use:
+        return
+    from pytest_libero_max.worlds.threads import use_one_blas_thread
+
+    use_one_blas_thread()
+    if hasattr(config, "workerinput"):
+        _be_worker(config)
+    else:
+        _be_controller(config)
+
+
+def _be_worker(config: pytest.Config) -> None:
+    from pytest_libero_max.plugin.processes.pair_process import keep_from_children
+    from pytest_libero_max.plugin.stopping import PairGate
+
+    keep_from_children(config)
+    config.pluginmanager.register(PairGate(config))
+
+
+def _be_controller(config: pytest.Config) -> None:
+    from pytest_libero_max.plugin.controller import RunController
+
+    controller = RunController(config)
+    settings, cases = controller.settings, controller.cases
+    for plugin in (controller, controller.progress, controller.stop, controller.end):
+        config.pluginmanager.register(plugin)
+    if settings.ray is not None:
+        from pytest_libero_max.plugin.ray.session import RayRun
+
+        config.pluginmanager.register(RayRun(config, settings, cases, controller.progress, controller.stop))
+    elif config.getoption("tx", None):
+        from pytest_libero_max.plugin.processes.workers import Workers, let_workers_restart
+
+        config.pluginmanager.register(Workers(config, settings, cases, controller.stop))
+        let_workers_restart(config, settings, len(cases))
+    else:
+        from pytest_libero_max.plugin.processes.pair_process import STDERR
+
+        config.stash[STDERR] = os.dup(2)
+
+
+def choose_distribution(config: pytest.Config) -> None:
+    """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once.
+
+    Where the order of play matters, it hands out one pair after another. What the user chooses stays.
+    """
+    if not config.getoption("numprocesses", None) or config.getoption("dist", "no") != "no":
+        return
+    if not options.in_order(config):
+        config.option.dist = "worksteal"
+        return
+    config.option.dist = "load"
+    if config.getoption("maxschedchunk", None) is None:
+        config.option.maxschedchunk = 1
