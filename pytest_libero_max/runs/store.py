@@ -34,7 +34,7 @@ PAIRS_NAME = "pairs.jsonl"
 PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
 """The same file in a published run; it is read, never written to."""
 
-COMPUTED_NAMES = ("report.json", "report.md", "report.html", "outcomes.json", "badge.json")
+COMPUTED_NAMES = ("report.json", "report.md", "report.html", "badge.json")
 """What is computed from the pairs and lies beside them."""
 
 

@@ -1,4 +1,4 @@
-"""The reference pages: Markdown that is written from the code's own docstrings, schemas and tables.
+"""The reference pages and JSON Schemas, written from the code's own docstrings, structs and tables.
 
 ``python -m tests.reference`` writes every page into the folder it is about. A page is one module
 here, with a function ``page`` that returns its text; :data:`PAGES` says where it goes.
@@ -6,6 +6,7 @@ here, with a function ``page`` that returns its text; :data:`PAGES` says where i
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -28,6 +29,9 @@ PAGES: Mapping[str, str] = {
 }
 """Path of each page inside the package, and the module here that writes it."""
 
+SCHEMAS: Mapping[str, str] = {"report/record.schema.json": "records"}
+"""Path of each JSON Schema inside the package, and the module here whose function ``schema`` returns it."""
+
 
 def page_text(path: str) -> str:
     """The text of a page, with the note that it is generated.
@@ -40,11 +44,21 @@ def page_text(path: str) -> str:
     return f"{note}\n\n{page().strip()}\n"
 
 
+def schema_text(path: str) -> str:
+    """The text of a JSON Schema.
+
+    Args:
+        path: A key of :data:`SCHEMAS`.
+    """
+    return json.dumps(import_module(f"{__name__}.{SCHEMAS[path]}").schema(), indent=2) + "\n"
+
+
 def write_pages(folder: Path = PACKAGE) -> list[Path]:
-    """Write every page below ``folder`` and return the paths of those that changed."""
+    """Write every page and schema below ``folder`` and return the paths of those that changed."""
     changed = []
-    for name in PAGES:
-        path, text = folder / name, page_text(name)
+    texts = {name: page_text(name) for name in PAGES} | {name: schema_text(name) for name in SCHEMAS}
+    for name, text in texts.items():
+        path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")

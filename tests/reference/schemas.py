@@ -1,11 +1,59 @@
-"""JSON Schemas as tables: one row a field."""
+"""JSON Schemas: generated from structs, and shown as tables with one row a field."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+import msgspec
+
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.structs import LARGEST
+from tests.reference.docstrings import description, section
+
+_COMMON = {"line": "What the line holds.", "schema_version": "Version of the form of this document."}
+"""Descriptions of the fields that no docstring describes."""
+
+
+def schema_of(kind: Any, title: str, text: str) -> Json:
+    """The JSON Schema of documents, with the words of the docstrings of their structs.
+
+    Args:
+        kind: A struct, or a union of several.
+        title: Of the schema.
+        text: Its description.
+    """
+    schema: Json = msgspec.json.schema(kind)
+    definitions = {cls.__name__: cls for cls in _structs(msgspec.inspect.type_info(kind))}
+    for name, node in schema["$defs"].items():
+        cls = definitions[name]
+        node["description"] = json_words(" ".join(description(cls).split()))
+        del node["title"]
+        texts = {**_COMMON, **section(cls, "Attributes")}
+        for key, field in node["properties"].items():
+            if key in texts:
+                field["description"] = json_words(texts[key])
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, "description": text}
+    return head | schema
+
+
+def json_words(text: str) -> str:
+    """A docstring's words as JSON has them."""
+    return re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", text).replace("`", "").replace("None", "null")
+
+
+def _structs(node: Any) -> Iterator[type]:
+    """Every struct in a type."""
+    if isinstance(node, msgspec.inspect.StructType):
+        yield node.cls
+        for field in node.fields:
+            yield from _structs(field.type)
+    for name in ("type", "key_type", "value_type", "item_type"):
+        if hasattr(node, name):
+            yield from _structs(getattr(node, name))
+    for part in (*getattr(node, "types", ()), *getattr(node, "item_types", ())):
+        yield from _structs(part)
 
 
 class Field(NamedTuple):
@@ -47,16 +95,21 @@ def _walk(node: Json, path: str) -> Iterator[Field]:
 
 def _field(node: Json, path: str) -> Iterator[Field]:
     yield Field(path, kind_of(node), str(node.get("description", "")))
-    for part in (node, *node.get("oneOf", ())):
+    for part in (node, *_parts(node)):
         yield from _walk(part, path)
+
+
+def _parts(node: Json) -> list[Json]:
+    """The alternatives of a field."""
+    return [*node.get("oneOf", ()), *node.get("anyOf", ())]
 
 
 def kind_of(node: Json) -> str:
     """What a field holds, in words, for example ``number or null``."""
     if "$ref" in node:
         return str(node["$ref"]).rpartition("/")[2]
-    if "oneOf" in node:
-        return " or ".join(sorted((kind_of(part) for part in node["oneOf"]), key=lambda word: word == "null"))
+    if _parts(node):
+        return " or ".join(sorted(map(kind_of, _parts(node)), key=lambda word: word == "null"))
     if "const" in node:
         return _json(node["const"])
     if "enum" in node:
@@ -69,6 +122,7 @@ def kind_of(node: Json) -> str:
 
 def _bounded(node: Json, kind: str) -> str:
     low, high = node.get("minimum"), node.get("maximum")
+    high = None if high == LARGEST else high
     if low is not None and high is not None:
         return f"{kind}, {low} to {high}"
     if low is not None:
