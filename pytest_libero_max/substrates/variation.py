@@ -27,9 +27,9 @@ class Variation:
         base_index: Index of the unmodified task in its suite.
         name: Unique within source, suite and category; what a manifest calls ``task_name``.
         category: Category of the source.
-        kind: Which kind of variation within the category; a note.
+        kind: Kind of variation within the category; a note.
         difficulty: 1 to 5, or None.
-        scene: How the compiled scene differs, as :class:`~.embedded.remodel.Remodel` reads it.
+        scene: Differences of the compiled scene, as :class:`~.embedded.remodel.Remodel` reads it.
         changes: Changes at reset, in order, as a manifest spells them.
     """
 

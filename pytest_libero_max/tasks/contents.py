@@ -1,4 +1,4 @@
-"""What a task's scene contains, as far as the choice of an event depends on it.
+"""Contents of a task's scene, as far as the choice of an event depends on them.
 
 Everything is derived from the task description: typed objects and fixtures, the objects of interest, the
 goal and the declared placements. No simulator is involved.
@@ -22,7 +22,7 @@ class Relation:
 
 @dataclass(frozen=True)
 class InitialPlacement:
-    """How the task description places an object at the start.
+    """Place that the task description gives an object at the start.
 
     Attributes:
         predicate: ``On`` or ``In``.
@@ -79,7 +79,7 @@ class TaskMetadata:
 
     @property
     def primary_receptacle(self) -> str | None:
-        """Where the primary target has to go: an object, a fixture or a table."""
+        """Entity that the primary target has to go to: an object, a fixture or a table."""
         for relation in self.goal:
             if len(relation.arguments) >= 2 and relation.arguments[0] == self.primary_target:
                 receptacle = self.entity_of(relation.arguments[1])
@@ -112,7 +112,7 @@ class TaskMetadata:
         return None if placement is None else placement.support
 
     def planar(self, entity: str | None) -> bool:
-        """Whether it is a movable object placed ``On`` a table or a floor, where it can be shifted."""
+        """True if it is a movable object placed ``On`` a table or a floor, where it can be shifted."""
         if entity is None or entity not in self.objects:
             return False
         placement = self.placements.get(entity)

@@ -16,11 +16,11 @@ class Layout:
 
     Attributes:
         arena: The room.
-        surface: What everything stands on.
+        surface: Surface that everything stands on.
         objects: For each instance, in the order of their joints, the key of its place and (x, y) in m, world.
         fixtures: Likewise.
         extra: Places where nothing stands: (x, y) and half the width, m.
-        joints: What is open or on: predicate and subject.
+        joints: Joints that are open or on: predicate and subject.
     """
 
     arena: Arena

@@ -43,12 +43,12 @@ class Task:
         suite: For example ``libero_spatial``.
         index: Position in the benchmark's own order.
         language: The instruction that the benchmark gives to a policy.
-        arena: Which room it happens in.
+        arena: Room that it happens in.
         objects: Instances that move freely, in the order of their joints.
         fixtures: Instances that are bolted down, in the order of their joints.
         places: Rectangles by name.
-        start: What holds at reset.
-        goal: What must hold at the end, all of it.
+        start: Facts that hold at reset.
+        goal: Facts that must all hold at the end.
         scene: LIBERO-90's name of the scene, with which the names of LIBERO-10's files begin.
     """
 

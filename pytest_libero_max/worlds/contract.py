@@ -43,7 +43,7 @@ EntityKind = Literal["object", "fixture", "surface"]
 Semantics = Literal["published", "corrected"]
 
 Control = Literal["delta", "absolute"]
-"""What the first six components of an action are. ``delta``, LIBERO's default: a movement relative to where
+"""Meaning of the first six components of an action. ``delta``, LIBERO's default: a movement relative to where
 the hand is, in units of the controller. ``absolute``: a pose of the grip site in the world, position in m and
 axis times angle in rad. The seventh is the gripper in both."""
 
@@ -107,7 +107,7 @@ class WorldState:
         filters: Active pixel filters with the step at which each was added.
         parked: Names of the entities taken out of the scene with the pose (7, m and wxyz) each had then.
         assigned: Instruction and goal that were given in place of the task's own, None where they were not.
-        control: What actions are taken for.
+        control: Meaning of the actions.
     """
 
     scene: str
@@ -202,7 +202,7 @@ class World(Protocol):
         ...
 
     def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
-        """How many pixels of a (size, size) image show each entity that is in it, occlusion included.
+        """Number of pixels of a (size, size) image that show each entity in it, occlusion included.
 
         What is drawn decides, before any pixel filter: a filter changes colours and hides no entity here.
 
@@ -242,7 +242,7 @@ class World(Protocol):
         ...
 
     def succeeded(self) -> bool:
-        """Whether the task's goal predicates hold now."""
+        """True if the task's goal predicates hold now."""
         ...
 
     def position(self, entity: str) -> Array:
@@ -302,7 +302,7 @@ class AlterableWorld(OnMujoco, Protocol):
 
     @property
     def semantics(self) -> Semantics:
-        """Whether events keep the defects of the authors' code, which published numbers contain."""
+        """True if events keep the defects of the authors' code, which published numbers contain."""
         ...
 
     @property

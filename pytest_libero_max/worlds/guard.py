@@ -55,7 +55,7 @@ class ModelGuard:
 
     @property
     def spoiled(self) -> bool:
-        """Whether a field was written that cannot be put back: the scene has to be built anew."""
+        """True if a field was written that cannot be put back: the scene has to be built anew."""
         return bool(self._spoiled)
 
     def take_back(self) -> tuple[str, ...]:

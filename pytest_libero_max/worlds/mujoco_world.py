@@ -1,4 +1,4 @@
-"""What every world on MuJoCo shares: entities, alterations, parking, snapshots, digests, images.
+"""Base of every world on MuJoCo: entities, alterations, parking, snapshots, digests, images.
 
 A subclass adds a robot: how one control step is played, which controller state MuJoCo does not hold,
 where the grip site is, what proprioception says and when the task is solved.
@@ -91,7 +91,7 @@ _WARNINGS = {
     "contacts were left out for lack of memory": mujoco.mjtWarning.mjWARN_CONTACTFULL,
     "constraints were left out for lack of memory": mujoco.mjtWarning.mjWARN_CNSTRFULL,
 }
-"""What MuJoCo counts and goes on after, as if nothing had happened."""
+"""Warnings that MuJoCo counts and carries on after."""
 
 FASTEST = 1e4
 """Largest speed of a joint, m/s or rad/s; only where the integration has failed is one faster."""
@@ -107,7 +107,7 @@ class MujocoWorld(ABC):
         language: The task's instruction.
         model: The compiled model, already complete; its current values are what a reset restores.
         data: Its data.
-        entities: What a case can name. Objects need exactly one free joint on their root body.
+        entities: Entities that a case can name. Objects need exactly one free joint on their root body.
         robot: The names of the robot's parts.
     """
 

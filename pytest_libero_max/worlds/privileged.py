@@ -1,4 +1,4 @@
-"""What a privileged policy may read from a world, beyond what :class:`.contract.World` offers to all.
+"""Members of a world that a privileged policy may read, beyond those of :class:`.contract.World`.
 
 Both substrates answer: the embedded one by its own rules, the genuine one by the installed package's.
 """
@@ -39,7 +39,7 @@ class Fact:
 
 
 def facts(goal: Iterable[Sequence[str]]) -> tuple[Fact, ...]:
-    """What a goal says, fact by fact.
+    """Facts of a goal, one by one.
 
     Raises:
         SubstrateError: A predicate is not LIBERO's.
@@ -59,13 +59,13 @@ class GraspablePart:
 
     Attributes:
         name: ``<instance>_<part>``, for example ``wooden_cabinet_1_top_handle``.
-        entity: Whose part it is.
+        entity: Entity that it is a part of.
         body: MuJoCo body that it is fixed to; the frame of the vectors below.
         joint: The joint that it moves, or None for objects.
         pos: Middle of the part, m.
         along: Unit vector along it; fingers close across it.
         out: Unit vector away from the entity, against which the hand approaches.
-        width: How far apart the fingers end up, m.
+        width: Distance of the fingers when they hold it, m.
     """
 
     name: str
@@ -78,7 +78,7 @@ class GraspablePart:
     width: float
 
     def world(self, data: mujoco.MjData) -> tuple[Array, Array, Array]:
-        """Where it is now: position (m), ``along`` and ``out``, each (3,) in the world frame."""
+        """Pose now: position (m), ``along`` and ``out``, each (3,) in the world frame."""
         body = data.body(self.body)
         frame = body.xmat.reshape(3, 3)
         return body.xpos + frame @ self.pos, frame @ self.along, frame @ self.out
@@ -100,11 +100,11 @@ class PrivilegedWorld(OnMujoco, Protocol):
 
     @property
     def goal(self) -> tuple[Fact, ...]:
-        """What must hold at the end, all of it: the task's own goal, or the one assigned in its place."""
+        """Facts that must all hold at the end: the task's own goal, or the one assigned in its place."""
         ...
 
     def holds(self, fact: Fact) -> bool:
-        """Whether a predicate holds now, by the rules by which success is decided."""
+        """True if a predicate holds now, by the rules by which success is decided."""
         ...
 
     def joints(self, name: str) -> tuple[str, ...]:

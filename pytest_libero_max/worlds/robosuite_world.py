@@ -23,7 +23,7 @@ class RobosuiteWorld(MujocoWorld):
         language: The task's instruction.
         env: A robosuite 1.4 ``SingleArmEnv`` with a Panda, after its reset. It must not be stepped or
             reset by anybody else while the world is in use.
-        entities: What a case can name.
+        entities: Entities that a case can name.
     """
 
     def __init__(self, scene: str, language: str, env: Any, entities: Mapping[str, Entity]) -> None:

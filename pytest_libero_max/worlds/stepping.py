@@ -54,7 +54,7 @@ class Stepper:
     action without rotation keeps, and the gripper's integrated command.
 
     Attributes:
-        constants: What the control step is played with, by name: gains, limits (N m), home pose (rad), grip.
+        constants: Constants of the control step, by name: gains, limits (N m), home pose (rad), grip.
 
     Args:
         env: A robosuite ``SingleArmEnv`` after its reset, with the controller ``OSC_POSE`` in fixed
@@ -255,7 +255,7 @@ def _check(env: Any, robot: Any, controller: Any) -> None:
 
 @cache
 def _addresses() -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Where libmujoco's functions are in this process, in the order in which the compiled code wants them."""
+    """Addresses of libmujoco's functions in this process, in the order that the compiled code wants."""
     library = next(Path(mujoco.__file__).parent.glob("libmujoco*"))
     loaded = ctypes.CDLL(str(library))
     names = ("mj_step1", "mj_step2", "mj_jacSite")

@@ -22,10 +22,10 @@ class Blas:
     """A BLAS that is loaded into this process.
 
     Attributes:
-        package: Whose it is: ``numpy`` or ``scipy``, or the name of its file.
+        package: Package that it belongs to: ``numpy`` or ``scipy``, or the name of its file.
         kind: The kind of processor whose instructions it uses, for example ``SkylakeX``. Its results differ
             in their last bits from kind to kind.
-        threads: How many threads it may use.
+        threads: Number of threads that it may use.
     """
 
     package: str

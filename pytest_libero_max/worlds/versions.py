@@ -1,11 +1,11 @@
-"""Which versions results stand for, and what is known to change with others."""
+"""Versions that results stand for, and known differences with others."""
 
 from __future__ import annotations
 
 import re
 
 REFERENCE = "MuJoCo 3.2.6 and robosuite 1.4"
-"""What the benchmark's authors ran."""
+"""Versions that the benchmark's authors ran."""
 
 PICTURES = (
     "MuJoCo draws textures tagged as sRGB darker from 3.3.3 on. Our pictures are those of the reference "
@@ -14,7 +14,7 @@ PICTURES = (
 
 
 def version_notes(mujoco: str, robosuite: str) -> list[str]:
-    """What is known to change results with these versions; nothing within this package's own bounds.
+    """Known changes of results with these versions; none within this package's own bounds.
 
     Args:
         mujoco: For example ``3.3.7``.

@@ -36,18 +36,18 @@ class Arena:
     Attributes:
         surface: Name of the entity that things stand on.
         surface_body: Its MuJoCo body.
-        surface_pos: Where that body is, m, world.
+        surface_pos: Position of that body, m, world.
         top_z: Height of the surface, m.
         region_z: Height of the regions' sites in the frame of that body, m.
         fixture_z: Height at which fixtures have their origin, m.
         mount: robosuite mount of the robot: ``rethink`` pedestal or ``ground``.
-        robot_base_pos: Where the robot's base stands, m, world.
+        robot_base_pos: Position of the robot's base, m, world.
         agentview: Position and orientation (wxyz) of LIBERO's main camera.
         frontview: Position of the front camera, m.
         paperview: Position of the camera that only the rooms of LIBERO-10 have, m.
-        spares_edges: Whether LIBERO shrinks a region by the object's nominal radius before it draws a place.
+        spares_edges: True if LIBERO shrinks a region by the object's nominal radius before it draws a place.
         friction: Of the surface: sliding, torsional, rolling.
-        solids: What the table collides as, in the frame of its body; empty for the bare floor.
+        solids: Collision shapes of the table, in the frame of its body; empty for the bare floor.
         floor: Draws the floor. wall: Draws the walls. top: Draws the table's top.
         frame: Colour of the table's legs.
     """

@@ -35,7 +35,7 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
         scene: The scene to host.
         cameras: Cameras that ``step`` renders, as robosuite does it; none by default.
         size: Side of those images in pixels.
-        hard_reset: Whether ``reset`` compiles the model anew, as robosuite does by default.
+        hard_reset: True if ``reset`` compiles the model anew, as robosuite does by default.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
 
 
 class _SceneModel:
-    """What robosuite asks of a task's model when the document is already complete."""
+    """Members that robosuite asks of a task's model when the document is already complete."""
 
     mujoco_objects: tuple[Any, ...] = ()
 

@@ -1,4 +1,4 @@
-"""How the embedded substrate is opened, and what it plays."""
+"""Entry of the embedded substrate: how it is opened, and what it plays."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def face_axes(face: str) -> tuple[Array, Array, Array]:
 
 
 def atlas_cell(face: str) -> tuple[float, float, float, float]:
-    """Where a face's picture lies in a box atlas: (u0, v0, u1, v1), v up."""
+    """Place of a face's picture in a box atlas: (u0, v0, u1, v1), v up."""
     number = FACES.index(face)
     column, row = number % _ATLAS_COLUMNS, number // _ATLAS_COLUMNS
     return (
@@ -111,7 +111,7 @@ def box(half: Point, chamfer: float = 0.0, atlas: bool = True, tile: float | Non
     Args:
         half: Half sizes in m.
         chamfer: Width of the cut edges in m; shading makes them look round.
-        atlas: Whether the texture is a box atlas (six pictures); otherwise each face shows the whole texture.
+        atlas: True if the texture is a box atlas (six pictures); otherwise each face shows the whole texture.
         tile: Edge length in m that one copy of the texture covers, instead of the whole face.
     """
     h = np.asarray(half, float)

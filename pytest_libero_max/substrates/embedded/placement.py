@@ -155,7 +155,7 @@ def _supports_first(scene: Scene) -> Iterator[Fact]:
 def _spot(
     scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, fact: Fact, draw: _Draw
 ) -> tuple[float, float, float]:
-    """Where to put an object: x, y and the height of what is under it."""
+    """Place for an object: x, y and the height of what is under it."""
     place = fact.place or ""
     if place in scene.task.places:
         arena = ARENAS[scene.task.arena]
@@ -188,7 +188,7 @@ def _spot(
 def _height_under(
     scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, instance: str, support: str, x: float, y: float
 ) -> float:
-    """How low an object can be put at (x, y) before it meets its support: height of its lowest point, m."""
+    """Height of the lowest point of an object at (x, y) where it meets its support, m."""
     import mujoco
 
     kind = category(category_of(instance))

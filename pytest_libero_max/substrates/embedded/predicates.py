@@ -24,7 +24,7 @@ class Predicate(Protocol):
 
 
 def all_hold(goal: Sequence[Predicate], model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """Whether every predicate of a conjunction holds."""
+    """True if every predicate of a conjunction holds."""
     return all(predicate.holds(model, data) for predicate in goal)
 
 
@@ -89,8 +89,8 @@ class Joints:
         joints: Names of the joints that belong to the region or fixture.
         low: Holds above it; None for no lower bound.
         high: Holds below it; None for no upper bound.
-        every: Whether all joints must comply (close, turn off) or one is enough (open, turn on).
-        closed: Whether equality with a bound counts.
+        every: True if all joints must comply (close, turn off); one is enough otherwise (open, turn on).
+        closed: True if equality with a bound counts.
     """
 
     joints: tuple[str, ...]
@@ -110,7 +110,7 @@ class Joints:
 
 
 def touching(model: mujoco.MjModel, data: mujoco.MjData, first: str, second: str) -> bool:
-    """Whether any geom under the root body ``first`` is in contact with one under ``second``."""
+    """True if any geom under the root body ``first`` is in contact with one under ``second``."""
     one, other = model.body(first).id, model.body(second).id
     roots = model.body_rootid[model.geom_bodyid[data.contact.geom[: data.ncon]]]
     if len(roots) == 0:

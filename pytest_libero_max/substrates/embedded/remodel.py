@@ -27,7 +27,7 @@ _ASSET_ORDER = {"texture": 0, "mesh": 1, "material": 2}
 
 @dataclass(frozen=True)
 class Remodel:
-    """What distinguishes a scene from that of the unmodified task.
+    """Differences of a scene from that of the unmodified task.
 
     Attributes:
         extras: Instance and category of each object that is added.
@@ -63,7 +63,7 @@ class Remodel:
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:12] if any(parts) else ""
 
     def renamed(self, name: str) -> str:
-        """What an instance, a region or a joint of the unmodified scene is called in this one."""
+        """Name in this scene of an instance, a region or a joint of the unmodified one."""
         for old, new, _ in self.recast:
             if name == old or name.startswith(f"{old}_"):
                 return new + name[len(old) :]
@@ -160,7 +160,7 @@ def _add(
 
 
 def waiting_place(number: int) -> tuple[float, float, float]:
-    """Where the ``number``-th added object is kept while it is out of the scene, m, world."""
+    """Place of the ``number``-th added object while it is out of the scene, m, world."""
     return (-2.0 - 0.2 * number, 2.0, -5.0)
 
 

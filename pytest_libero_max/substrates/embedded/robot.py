@@ -127,7 +127,7 @@ def outline(points: NDArray[np.float64], directions: int) -> NDArray[np.float64]
 
     Args:
         points: (n, 3).
-        directions: How many, on a Fibonacci sphere.
+        directions: Number of directions, on a Fibonacci sphere.
 
     Returns:
         (m, 3) with m <= directions, without repetitions, in the order of the directions.

@@ -41,7 +41,7 @@ class Scene:
         index: The benchmark's task index.
         name: Stem of LIBERO's BDDL file.
         language: The benchmark's instruction.
-        mount: What the robot stands on: ``rethink`` (a pedestal behind the table) or ``ground``.
+        mount: Base that the robot stands on: ``rethink`` (a pedestal behind the table) or ``ground``.
         robot_base_pos: Position of the robot's base, m, world.
         mjcf: A complete MJCF document without the robot.
         textures: Pictures by texture name; :func:`.textures.upload` writes them into a compiled model.
@@ -129,7 +129,7 @@ def _entity(name: str, entities: Mapping[str, Entity]) -> Entity:
 
 
 def joint_state(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> base.JointState:
-    """What open, closed, on or off means for the joints of a fixture or of one of its regions.
+    """Predicate of open, closed, on or off for the joints of a fixture or of one of its regions.
 
     Raises:
         SubstrateError: The fixture does not exist or cannot be in such a state.

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 NAME = "embedded"
 SCENES = 12
-"""How many compiled scenes a substrate keeps."""
+"""Number of compiled scenes that a substrate keeps."""
 
 Starts = Callable[[int], Mapping[str, Array]]
 _AS_IT_IS = Remodel()
@@ -51,8 +51,8 @@ class EmbeddedWorld(RobosuiteWorld):
 
     Args:
         task: The scene to host.
-        plan: How it differs from that of the unmodified task, if it was remodelled.
-        starts: Where the initial states of a remodelled scene come from: joint positions of the unmodified
+        plan: Differences from the unmodified task's scene, if it was remodelled.
+        starts: Origin of the initial states of a remodelled scene: joint positions of the unmodified
             one by joint name.
     """
 
@@ -79,7 +79,7 @@ class EmbeddedWorld(RobosuiteWorld):
 
     @property
     def goal(self) -> tuple[Fact, ...]:
-        """What must hold at the end, all of it, in the task's own words: for policies that are privileged."""
+        """Facts that must all hold at the end, in the task's own words: for policies that are privileged."""
         assigned = self._assigned[1]
         return self._task.task.goal if assigned is None else facts(assigned)
 
@@ -91,7 +91,7 @@ class EmbeddedWorld(RobosuiteWorld):
         }
 
     def holds(self, fact: Fact) -> bool:
-        """Whether a predicate holds now, by the rules of the goal."""
+        """True if a predicate holds now, by the rules of the goal."""
         return self._predicate(fact).holds(self._model, self._data)
 
     def joints(self, name: str) -> tuple[str, ...]:
@@ -159,7 +159,7 @@ class EmbeddedSubstrate:
     """Builds the scenes of tasks and of their source variations, and keeps those used last.
 
     Args:
-        scenes: How many compiled scenes are kept at most; each takes some 20 MB, and 0.2 s to build anew.
+        scenes: Largest number of compiled scenes kept; each takes some 20 MB, and 0.2 s to build anew.
     """
 
     name = NAME

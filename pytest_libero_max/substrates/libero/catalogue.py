@@ -22,7 +22,7 @@ from pytest_libero_max.tasks.libero_tasks import SUITES
 from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 
 CLASSIFICATION = Path("benchmark", "task_classification.json")
-"""Where a checkout of LIBERO-Plus lists categories and difficulties of its tasks; its package does not."""
+"""File of a checkout of LIBERO-Plus with categories and difficulties of its tasks; its package lacks it."""
 
 _TASKS = 10
 
@@ -100,7 +100,7 @@ class InstalledCatalogue:
         return task_names(self._pro, suite)[:_TASKS]
 
     def lacks(self, variation: Variation, *, models: bool = True) -> str:
-        """What a task needs that is not here, so that its scene cannot be built; empty for nothing.
+        """Say what the scene of a task needs that is not here; empty for nothing.
 
         Args:
             variation: The task.
@@ -116,7 +116,7 @@ class InstalledCatalogue:
         return PlusNeeds.of(self._plus)
 
     def metadata(self, variation: Variation) -> TaskMetadata:
-        """What a task's scene contains, as far as the choice of an event depends on it.
+        """Contents of a task's scene, as far as the choice of an event depends on them.
 
         Raises:
             SubstrateError: Its file is missing or cannot be read.
@@ -137,7 +137,7 @@ class InstalledCatalogue:
         return _metadata(variation.name, words["language"], found, reserved)
 
     def variant(self, variation: Variation) -> Json | None:
-        """What a manifest says of a task in ``substrate_variant``; None for LIBERO-Plus.
+        """Entry of a task in a manifest's ``substrate_variant``; None for LIBERO-Plus.
 
         Raises:
             SubstrateError: Its file is missing or cannot be read.

@@ -1,4 +1,4 @@
-"""Which sources of cases the installations on this machine play, told from their files alone."""
+"""Sources of cases that the installations on this machine play, told from their files alone."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _TASKS = 10
 
 @dataclass(frozen=True)
 class Coverage:
-    """How much of a source plays here.
+    """Share of a source that plays here.
 
     Attributes:
         source: The source, with the category for LIBERO-PRO and LIBERO-Plus.
         playable: Its tasks that have all they need.
         total: Its tasks; 0 where only its installation could tell.
-        missing: What the others lack and what brings it; empty if nothing is missing.
+        missing: Files or packages that the others lack and what brings them; empty if nothing is missing.
     """
 
     source: str
@@ -51,7 +51,7 @@ def coverage(installations: Sequence[Installation]) -> Iterator[Coverage]:
     """LIBERO, the ten categories of LIBERO-PRO, and the seven of LIBERO-Plus.
 
     Args:
-        installations: What would be played from; may be empty.
+        installations: Installations to play from; may be empty.
     """
     pro = first_of(installations, "pro")
     yield _libero(first_of(installations, "libero"))

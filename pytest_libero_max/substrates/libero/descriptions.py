@@ -1,4 +1,4 @@
-"""What a task's BDDL file says: its typed names, its initial facts and its goal."""
+"""Contents of a task's BDDL file: its typed names, its initial facts and its goal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Description:
     Attributes:
         objects: Category of each movable instance.
         fixtures: Category of each other instance; tables and floors are among them.
-        interest: What the file marks as of interest; may be regions.
+        interest: Names that the file marks as of interest; may be regions.
         initial: Facts at the start, a predicate and its arguments each, in order.
         goal: Facts that must hold at the end, likewise.
     """

@@ -25,10 +25,10 @@ from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.loading import imported
 
 _NO_MEMORY = "Could not allocate memory"
-"""What MuJoCo says where the memory of the process is at its limit."""
+"""MuJoCo's words where the memory of the process is at its limit."""
 
 ASSET_CACHE_BYTES = 3 * 2**29
-"""How much MuJoCo may keep of textures and meshes that it has decoded. Those of LIBERO's four suites take
+"""Memory that MuJoCo may keep for textures and meshes that it has decoded. Those of LIBERO's four suites take
 1.1 GB, and scenes are built in half the time where all of them stay. Its own limit is 0.5 GB, which two
 suites fill; it keeps those used most, so that a third suite is decoded again for each scene."""
 
@@ -55,10 +55,10 @@ def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: b
     No image is rendered and no OpenGL context is made.
 
     Args:
-        installation: Whose environment.
+        installation: Installation of the environment.
         bddl: The task's BDDL file, or a name that the package's wrapper understands.
         seed: Seed of the reset, which places the fixtures.
-        rebuild: Whether the reset builds the scene a second time (robosuite's ``hard_reset``), which is
+        rebuild: True if the reset builds the scene a second time (robosuite's ``hard_reset``), which is
             LIBERO's default. The authors' runner switches it off. Where a task begins with something
             opened, closed or turned on, a second building makes the reset draw one more random number,
             and the fixtures stand elsewhere.
@@ -104,7 +104,7 @@ def _keep_assets() -> None:
 
 
 def _explained(error: Exception, installation: Installation, task: str) -> str:
-    """Why an environment could not be built, as far as the package's error says it."""
+    """Reason why an environment could not be built, as far as the package's error says it."""
     named = re.search(r"'(.+?)'", str(error))
     if named is not None and Path(named.group(1)).is_relative_to(installation.assets):
         return (

@@ -118,7 +118,7 @@ def _outside(model: mujoco.MjModel, joint: int) -> Array:
 
 
 def _reach(model: mujoco.MjModel, box: int, turn: Array, way: Array) -> float:
-    """How far a box reaches from its middle in a direction, m."""
+    """Reach of a box from its middle in a direction, m."""
     return float(np.abs(way @ turn) @ model.geom_size[box])
 
 

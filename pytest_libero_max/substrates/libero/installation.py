@@ -45,7 +45,7 @@ REQUIREMENTS = ("bddl", "easydict", "future", "yaml", "matplotlib", "cloudpickle
 """Modules that the environments import besides ours, by import name."""
 
 PLUS_REQUIREMENTS = ("filelock",)
-"""What LIBERO-Plus's package imports besides."""
+"""Modules that LIBERO-Plus's package imports besides."""
 
 REQUIREMENTS_INSTALL = "pip install easydict future pyyaml matplotlib cloudpickle gymnasium networkx filelock"
 
@@ -71,7 +71,7 @@ class Installation:
     """One LIBERO on this machine.
 
     Attributes:
-        flavour: Which of the four it is.
+        flavour: One of the four packages.
         root: The folder that holds the outer package.
         assets: Models and textures.
         bddl: Task descriptions, ``<suite>/<task>.bddl``.
@@ -119,7 +119,7 @@ class Installation:
 
     @property
     def assets_cure(self) -> str:
-        """What to do about models or textures that are not there."""
+        """Advice for models or textures that are not there."""
         return _ASSETS_CURES[self.flavour]
 
     def __str__(self) -> str:
@@ -192,7 +192,7 @@ def find_installations(roots: Sequence[Path] = (), *, assets: Path | None = None
 
 
 def recognise(package: Path) -> Flavour:
-    """Which LIBERO the inner package is, from files that only one of them has."""
+    """Flavour of the inner package, from files that only one of them has."""
     if package.name == "liberoplus":
         return "LIBERO-Plus"
     if (package / "benchmark" / "task_classification.json").exists():
@@ -223,7 +223,7 @@ def missing_requirements(module: str = "libero") -> list[str]:
 
 
 def importable(name: str) -> bool:
-    """Whether a module can be found, without importing it."""
+    """True if a module can be found, without importing it."""
     if name in sys.modules:
         return True
     try:
@@ -233,7 +233,7 @@ def importable(name: str) -> bool:
 
 
 def usable(name: str) -> bool:
-    """Whether a module can be imported. Wand is tried: it can be there without the library that it needs."""
+    """True if a module can be imported. Wand is tried: it can be there without the library that it needs."""
     package = name.partition(".")[0]
     if package != "wand" or not importable(package):
         return importable(package)
@@ -340,7 +340,7 @@ def _digest(items: Iterable[tuple[Path, bytes]]) -> str:
 
 
 def _finds_its_assets(package: Path) -> bool:
-    """Whether the inner package is that of LIBERO-PRO's distribution, whose models are in other packages."""
+    """True if the inner package is that of LIBERO-PRO's distribution, whose models are in other packages."""
     source = (package / "__init__.py").read_text(encoding="utf-8", errors="replace")
     return _ASSETS_PACKAGE in source
 

@@ -14,7 +14,7 @@ from pytest_libero_max.worlds.contract import Array
 
 @dataclass(frozen=True)
 class Joints:
-    """Where a compiled scene keeps its joints.
+    """Addresses of a compiled scene's joints.
 
     Attributes:
         nq, nv: How many positions and velocities there are.

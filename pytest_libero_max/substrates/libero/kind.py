@@ -1,4 +1,4 @@
-"""How the genuine substrate is opened and described."""
+"""Entry of the genuine substrate: how it is opened and described."""
 
 from __future__ import annotations
 

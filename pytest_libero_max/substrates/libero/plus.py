@@ -78,7 +78,7 @@ def plus_task(installation: Installation, suite: str, index: int, name: str | No
         installation: A LIBERO-Plus.
         suite: For example ``libero_spatial``.
         index: From 0.
-        name: What it has to be called, where that is known.
+        name: Name that it must have, where that is known.
 
     Raises:
         SubstrateError: There is no such task, it is called otherwise, or its files are missing.
@@ -109,7 +109,7 @@ def description_file(installation: Installation, suite: str, name: str) -> Path:
 
 
 def noise_of(built: Built, scene: str) -> Callable[[Image, str, int], Image] | None:
-    """What LIBERO-Plus's wrapper does to the images of this environment; None where it does nothing.
+    """Noise that LIBERO-Plus's wrapper puts on the images of this environment; None where it puts none.
 
     Raises:
         SubstrateError: The noise needs a package that is not installed.

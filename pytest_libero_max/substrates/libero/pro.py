@@ -45,7 +45,7 @@ _VISIBLE = 1
 
 @dataclass(frozen=True)
 class ProVariation:
-    """What the published runtime does to a scene once its initial state has been set.
+    """Changes that the published runtime makes once an initial state has been set.
 
     Attributes:
         config: The sections of :mod:`.pro_config` to apply.

@@ -1,4 +1,4 @@
-"""What LIBERO-PRO changes in a scene: read from its task files, or as published where they are missing.
+"""Changes that LIBERO-PRO makes: read from its task files, or as published where they are missing.
 
 Its task files are LIBERO's with a block ``(:perturbation_config ...)`` of sections, of which those that are
 switched on say what the runtime does once the initial state has been set. The values are the same for every
@@ -69,7 +69,7 @@ _TINTS = {
 """Colour of the tint by the surface of the scene, rgba."""
 
 _BESIDE = {("libero_goal", index) for index in (0, 1, 3, 4, 7)}
-"""Where the occluder stands obliquely in front of the target, next to a large fixture."""
+"""Tasks whose occluder stands obliquely in front of the target, next to a large fixture."""
 
 
 def check_category(category: str) -> None:
@@ -85,7 +85,7 @@ def check_category(category: str) -> None:
 
 
 def read_config(path: Path, category: str) -> Config:
-    """What a task file of LIBERO-PRO switches on.
+    """Sections that a task file of LIBERO-PRO switches on.
 
     Raises:
         SubstrateError: The file cannot be read, or lacks what its category is made of.
@@ -213,7 +213,7 @@ def occluder(names: Container[str]) -> tuple[str, str]:
 
 
 def interests(world: LiberoWorld) -> list[str]:
-    """What the task declares to be about, as entities, without the work surface."""
+    """Entities that the task declares to be about, without the work surface."""
     owners = [owner(world, name) for name in world.problem["obj_of_interest"]]
     return list(dict.fromkeys(name for name in owners if world.entities[name].kind != "surface"))
 

@@ -58,7 +58,7 @@ class ProTask(Task):
     Attributes:
         category: One of :data:`.pro_config.SECTIONS`.
         reference: The BDDL file whose joints the initial states hold.
-        config: What the task's file switches on; None where the scene is LIBERO's own.
+        config: Sections that the task's file switches on; None where the scene is LIBERO's own.
     """
 
     category: str
@@ -124,7 +124,7 @@ def pro_task(installation: Installation, case: Case) -> ProTask:
 
 
 def has_own_files(installation: Installation, category: str, suite: str, index: int) -> bool:
-    """Whether a task of LIBERO-PRO has the files that its category cannot do without."""
+    """True if a task of LIBERO-PRO has the files that its category cannot do without."""
     if category not in _OWN_STATES:
         return True
     names = places(category, suite, task_name(installation, suite, index))
@@ -140,7 +140,7 @@ def _files(case: Case, name: str) -> dict[str, str]:
 
 
 def places(category: str, suite: str, name: str) -> dict[str, str]:
-    """Where LIBERO-PRO's data set has them."""
+    """Paths of the files in LIBERO-PRO's data set."""
     folder = _FOLDERS[category].format(suite=suite)
     own_states = category in _OWN_STATES
     return {

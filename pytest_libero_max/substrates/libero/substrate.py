@@ -42,9 +42,9 @@ class LiberoSubstrate:
     """Builds worlds from an installed LIBERO.
 
     Args:
-        installations: Which; by default whatever ``import libero`` would find.
+        installations: Installed packages; by default whatever ``import libero`` would find.
         semantics: See :class:`.world.LiberoWorld`.
-        instruction: Which prompt a policy gets where a case fixes none: ``published``, the authors', which
+        instruction: Prompt that a policy gets where a case fixes none: ``published``, the authors', which
             for most of LIBERO-Plus's tasks has the name of the variation in it; or ``clean``, without.
         variation_of: Finds the package's own source variation that a case of LIBERO-Plus or LIBERO-PRO plays,
             made at reset on LIBERO's scenes. Without it, theirs are played, from their installations.

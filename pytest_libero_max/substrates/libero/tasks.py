@@ -50,12 +50,12 @@ class Task:
 
     @property
     def source(self) -> str:
-        """What distinguishes its scene from that of other sources' tasks of the same place."""
+        """Part of the scene's name that tells it from other sources' tasks of the same place."""
         return ""
 
     @contextlib.contextmanager
     def description(self) -> Iterator[Path]:
-        """What the package's wrapper builds it from, for as long as the block runs."""
+        """File from which the package's wrapper builds it, for as long as the block runs."""
         yield self.bddl
 
 

@@ -71,7 +71,7 @@ class LiberoWorld(RobosuiteWorld):
             observations. ``corrected``: none of it.
         reference_textures: Draw all textures as the authors' MuJoCo does. MuJoCo from 3.3.3 on draws those
             that are tagged as sRGB darker.
-        noise: What the package's wrapper does to what a step returns: image, camera, steps since reset.
+        noise: Noise that the package's wrapper puts on what a step returns: image, camera, steps since reset.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class LiberoWorld(RobosuiteWorld):
 
     @property
     def goal(self) -> tuple[Fact, ...]:
-        """What must hold at the end, all of it, for policies that are privileged."""
+        """Facts that must all hold at the end, for policies that are privileged."""
         assigned = self._assigned[1]
         return facts(self._env.parsed_problem["goal_state"] if assigned is None else assigned)
 
@@ -131,7 +131,7 @@ class LiberoWorld(RobosuiteWorld):
         return {"goal": self._env.parsed_problem["goal_state"], "graspable_parts": parts}
 
     def holds(self, fact: Fact) -> bool:
-        """Whether a predicate holds now; the package decides."""
+        """True if a predicate holds now; the package decides."""
         return bool(self._env._eval_predicate(list(fact.words())))
 
     def joints(self, name: str) -> tuple[str, ...]:
@@ -398,7 +398,7 @@ class LiberoWorld(RobosuiteWorld):
 
 
 def entities_of(env: Any) -> dict[str, Entity]:
-    """What a case can name: objects in the order of their joints, then fixtures, then the work surface."""
+    """Entities of a scene: objects in the order of their joints, then fixtures, then the work surface."""
     supports = _supports(env.parsed_problem)
     bodies = set(env.sim.model.body_names)
     entities = {}

@@ -1,4 +1,4 @@
-"""How the tiny substrate is opened."""
+"""Entry of the tiny substrate."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ INITS = 10
 LANGUAGE = "put the box on the plate"
 TABLE_TOP_M = 0.4
 STEP_M = 0.05
-"""How far the hand is sent by one control step at full deflection, as with LIBERO's controller."""
+"""Distance that one control step at full deflection sends the hand, as with LIBERO's controller."""
 
 _SUBSTEPS = 10  # of 5 ms, together the 50 ms of a control step
 _REACH_M = (0.35, 0.35, 0.35)

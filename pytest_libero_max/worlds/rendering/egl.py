@@ -34,9 +34,9 @@ class Device:
 
     Attributes:
         number: Its place in EGL's list, as ``MUJOCO_EGL_DEVICE_ID`` counts.
-        name: What its driver calls it.
-        software: Whether it is the processor that draws.
-        cuda: What CUDA calls it in this process, where 0 is the first that ``CUDA_VISIBLE_DEVICES`` shows;
+        name: Its driver's name for it.
+        software: True if the processor draws.
+        cuda: CUDA's number for it in this process, where 0 is the first that ``CUDA_VISIBLE_DEVICES`` shows;
             None for a device that CUDA does not know, or whose driver does not say.
     """
 
@@ -143,7 +143,7 @@ def _environment(value: str | None) -> Iterator[None]:
 
 
 def answers() -> bool:
-    """Whether some device gives a display: libEGL alone is not a driver."""
+    """True if some device gives a display: libEGL alone is not a driver."""
     egl = _loaded()
     return egl is not None and any(egl.opens(number) for number in range(len(egl.handles)))
 
@@ -172,7 +172,7 @@ class _Egl:
         return ctypes.CFUNCTYPE(*types)(address) if address else None
 
     def opens(self, number: int) -> bool:
-        """Whether a device gives a display that initialises."""
+        """True if a device gives a display that initialises."""
         shown = self._display and self._display(_PLATFORM_DEVICE, self.handles[number], None)
         return bool(shown and self._initialize(shown, None, None))
 

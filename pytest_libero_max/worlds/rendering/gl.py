@@ -119,7 +119,7 @@ def _asked() -> str:
 
 
 def loads(backend: str) -> bool:
-    """Whether the libraries of ``backend`` load and, for EGL, one of its devices answers."""
+    """True if the libraries of ``backend`` load and, for EGL, one of its devices answers."""
     platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
     if platform and platform != backend:
         return False  # PyOpenGL takes one platform per process, and somebody has chosen another

@@ -47,7 +47,7 @@ class Renderer:
     Args:
         model: Its textures and meshes are uploaded with the first image and not again.
         data: Its derived values must be up to date whenever :meth:`render` is called.
-        reflections: Whether reflective surfaces reflect; each of them draws the whole scene once more.
+        reflections: True to let reflective surfaces reflect; each of them draws the whole scene once more.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, reflections: bool = False) -> None:
@@ -147,9 +147,9 @@ class _Uploaded:
         users: Renderers that draw with it; without any it is freed.
 
     Args:
-        model: Whose textures and meshes.
+        model: Model with the textures and meshes.
         side: Of the largest image, pixels.
-        shadows: Whether some light casts them.
+        shadows: True if some light casts them.
 
     Raises:
         SimulatorError: The driver refuses.
@@ -167,11 +167,11 @@ class _Uploaded:
             ) from error
 
     def suits(self, size: int, shadows: bool) -> bool:
-        """Whether images of this size can be drawn, with shadows or without."""
+        """True if images of this size can be drawn, with shadows or without."""
         return size <= self._side and shadows == self._shadows
 
     def holds(self, model: mujoco.MjModel) -> bool:
-        """Whether a model has these very textures, meshes and other shapes."""
+        """True if a model has these very textures, meshes and other shapes."""
         return self._shapes == _shapes(model) and all(
             np.array_equal(_bytes(self.model, name), _bytes(model, name)) for name in _UPLOADS
         )
@@ -206,7 +206,7 @@ def _bytes(model: mujoco.MjModel, name: str) -> NDArray[np.uint8]:
 
 
 def _shapes(model: mujoco.MjModel) -> tuple[object, ...]:
-    """What the context keeps of a model beside textures and meshes: planes, round shapes, fog, shadows."""
+    """Parts of a model in the context beside textures and meshes: planes, round shapes, fog, shadows."""
     planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     materials = model.geom_matid[planes]
     arrays = (model.geom_size[planes], materials >= 0, model.mat_texrepeat[materials[materials >= 0]])
@@ -218,7 +218,7 @@ _in_use: WeakSet[_Uploaded] = WeakSet()  # a world that nobody closes takes what
 
 
 def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
-    """What another renderer has uploaded if it serves this model as well, else a new upload."""
+    """Return the upload of another renderer if it serves this model as well, else a new one."""
     model.vis.global_.offwidth = model.vis.global_.offheight = side
     model.vis.quality.offsamples = OFFSAMPLES
     model.vis.quality.shadowsize = SHADOW_MAP if shadows else 0

@@ -52,8 +52,8 @@ class Footprint:
         half_x: Half its side along its own x axis, m.
         half_y: Half its side along its own y axis, m.
         yaw: Turn about the vertical, rad.
-        slack: How far it may be off in an initial state, m.
-        round: Whether it is the disc that fits into the rectangle.
+        slack: Largest deviation in an initial state, m.
+        round: True if it is the disc that fits into the rectangle.
     """
 
     x: float
@@ -171,8 +171,8 @@ class Floorplan:
     Attributes:
         task: The task.
         arena: Its room.
-        standing: What stands on the surface itself, by instance.
-        carried: What rests on or in something else, by instance: what carries it.
+        standing: Footprints on the surface itself, by instance.
+        carried: Carriers of what rests on or in something else, by instance.
     """
 
     task: Task
@@ -181,16 +181,16 @@ class Floorplan:
     carried: Mapping[str, str]
 
     def riders(self, name: str) -> tuple[str, ...]:
-        """What rests on or in an instance, and on that."""
+        """Instances that rest on or in an instance, directly or not."""
         above = [rider for rider, carrier in self.carried.items() if carrier == name]
         return tuple(rider for direct in above for rider in (direct, *self.riders(direct)))
 
     def carrier(self, name: str) -> str:
-        """What stands on the surface with an instance: itself, or what carries it in the end."""
+        """Instance that stands on the surface for an instance: itself, or its last carrier."""
         return self.carrier(self.carried[name]) if name in self.carried else name
 
     def centre(self, name: str) -> tuple[float, float]:
-        """Where an instance's origin stands, or that of what carries it, m, world."""
+        """Position of an instance's origin, or of its carrier's, m, world."""
         return start_of(self.task, self.carrier(name))
 
     def gap(self, footprint: Footprint, ignoring: Iterable[str] = ()) -> float:
@@ -200,7 +200,7 @@ class Floorplan:
         return min(gaps, default=math.inf)
 
     def inside(self, footprint: Footprint) -> bool:
-        """Whether all of it is on the surface and in view."""
+        """True if all of it is on the surface and in view."""
         low_x, high_x, low_y, high_y = _AREA
         if self.arena.solids:
             top = max(self.arena.solids, key=lambda solid: solid.half[0] * solid.half[1])
@@ -210,7 +210,7 @@ class Floorplan:
         return all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in footprint.corners())
 
     def in_view(self, footprint: Footprint) -> bool:
-        """Whether ``agentview`` sees all of it."""
+        """True if ``agentview`` sees all of it."""
         place, turn = (np.array(part) for part in self.arena.agentview)
         axes = rotations.matrix((turn[0], turn[1], turn[2], turn[3]))
         for x, y in footprint.corners():
@@ -220,14 +220,14 @@ class Floorplan:
         return True
 
     def reachable(self, x: float, y: float) -> bool:
-        """Whether the robot gets there with its tool pointing down."""
+        """True if the robot gets there with its tool pointing down."""
         base = self.arena.robot_base_pos
         return MIN_REACH_M <= math.hypot(x - base[0], y - base[1]) <= MAX_REACH_M
 
 
 @cache
 def floorplan(suite: str, index: int) -> Floorplan:
-    """Where everything of a task stands.
+    """Floor plan of a task.
 
     Raises:
         SubstrateError: There is no such task.
@@ -262,7 +262,7 @@ def floorplan(suite: str, index: int) -> Floorplan:
 
 
 def spot_of(task: Task, name: str) -> tuple[float, float]:
-    """Where the middle of an instance is at the start, on whatever it rests, m, world."""
+    """Middle of an instance at the start, on whatever it rests, m, world."""
     plan = floorplan(task.suite, task.index)
     if name not in plan.carried:
         return start_of(task, name)
@@ -279,7 +279,7 @@ def spot_of(task: Task, name: str) -> tuple[float, float]:
 
 
 def _site(link: Link, origin: Array, name: str) -> Array:
-    """Where a region is in the frame of its instance, with every drawer shut."""
+    """Pose of a region in the frame of its instance, with every drawer shut."""
     at = origin + np.asarray(link.pos)
     for site in link.sites:
         if site.name == name:

@@ -33,7 +33,7 @@ CONFOUNDERS = (
     "salad_dressing",
     "tomato_sauce",
 )
-"""What may be added to a scene that has nothing of its category."""
+"""Categories that may be added to a scene that has nothing of them."""
 
 SHIFT_M_PER_LEVEL = {
     "libero_spatial": 0.01,
@@ -160,7 +160,7 @@ def _shift(
 
 
 def target_of(task: Task) -> str:
-    """What the task is about: the first movable object of its goal, else the owner of what is opened."""
+    """Entity that a task is about: the first movable object of its goal, or the owner of what is opened."""
     for fact in task.goal:
         if fact.subject in task.objects:
             return fact.subject

@@ -53,7 +53,7 @@ KINDS_OF = {
     "Objects Layout": ("add", "level"),
     "Light Conditions": ("light",),
 }
-"""Which columns of the counts make up a category."""
+"""Columns of the counts that make up a category."""
 
 # Published: start of each task's fifteen degrees of azimuth, and its yaw on the spot.
 _AZIMUTH = (1, 16, 31, 46, 61, -75, -60, -45, -30, -15)
@@ -172,7 +172,7 @@ def _mean_and_spread(picture: Image) -> tuple[float, ...]:
 
 
 def _contrast(name: str, nominal: tuple[float, ...]) -> float:
-    """How much a surface differs from the present one, by mean colour and by the spread of colours."""
+    """Difference of a surface from the present one, by mean colour and by the spread of colours."""
     return math.dist(_looks(name), nominal)
 
 

@@ -35,15 +35,15 @@ CAMERA = "agentview"
 
 
 class _Row(NamedTuple):
-    """What LIBERO-PRO does to one task.
+    """Parameters of LIBERO-PRO's variations of one task.
 
     Attributes:
         recast: New category by category, object by object.
         places: Instance by the instance whose place it takes.
         words: Instruction of the other task.
         goal: Its goal.
-        target: What is occluded, resized or started elsewhere.
-        covered: What is covered with another material.
+        target: Instance that is occluded, resized or started elsewhere.
+        covered: Instances that are covered with another material.
     """
 
     recast: Mapping[str, str]
@@ -295,15 +295,15 @@ _COVER = {
     "study": "wood_cherry",
     "floor": "concrete",
 }
-"""What is like the work surface, by room."""
+"""Surface that looks like the work surface, by room."""
 
 _RESHAPED = {("libero_spatial", 5): "bigger_akita_black_bowl"}
-"""Where the small relative will not do: a small bowl sinks into the ramekin up to its rim."""
+"""Exceptions, for which the small relative will not do: a small bowl sinks into the ramekin up to its rim."""
 
 ANOTHER_GOAL: Mapping[tuple[str, str, int], str] = {
     ("task", "libero_goal", 7): "to turn the stove off, which it is from the start",
 }
-"""What LIBERO-PRO asks for where the variation here asks for something else, by category, suite and task."""
+"""Goals of LIBERO-PRO that differ from those of the variations here, by category, suite and task."""
 
 _LEVELS = (0.020, 0.16, 0.010)
 _BRIGHTNESS, _NOISE_STD = 0.68, 12.0

@@ -19,7 +19,7 @@ from pytest_libero_max.substrates.embedded.objects import category
 from pytest_libero_max.tasks.libero_tasks import Task, category_of
 
 START_SHIFT_M = (0.17, -0.06)
-"""Where a target starts instead: LIBERO-PRO's own, if there is room."""
+"""Place where a target starts instead: LIBERO-PRO's own, if there is room."""
 
 START_TURN_DEG = 45.0
 FIXTURE_TURN_DEG = 15.0
@@ -64,7 +64,7 @@ def exchanged(task: Task, takes_place_of: Mapping[str, str]) -> tuple[Json, ...]
 
 
 def _put(plan: Floorplan, name: str, other: str) -> Json:
-    """What rests on something hands its place over to what comes down there."""
+    """Hand the place of what rests on something over to what comes down there."""
     if other not in plan.carried:
         return PutObject(name, plan.arena.surface, (0.0, 0.0), other).to_dict()
     carrier = plan.carried[other]

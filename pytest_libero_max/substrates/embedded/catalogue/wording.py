@@ -17,7 +17,7 @@ STYLES = ("synonyms", "paraphrase", "distraction", "reasoning")
 """From the mildest to the hardest to follow."""
 
 PER_STYLE = {"synonyms": 8, "paraphrase": 8, "distraction": 18, "reasoning": 16}
-"""How many of the fifty rewritings of a task are in each style: LIBERO-Plus's own shares."""
+"""Number of the fifty rewritings of a task in each style: LIBERO-Plus's own shares."""
 
 _PLACES = r"(?:on top of|on|in|to the right of|to the front of)"
 
@@ -118,7 +118,7 @@ def _command(step: Step, seed: Sequence[object]) -> str:
 
 
 def _outcome(step: Step) -> str:
-    """What has happened once a step is done, as a clause."""
+    """Clause that says what has happened once a step is done."""
     many = step.pronoun == "them"
     if step.verb in ("move", "push"):
         place = step.place.replace("to the front", "at the front", 1)

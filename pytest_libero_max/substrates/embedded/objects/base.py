@@ -86,13 +86,13 @@ class Joint:
 
 @dataclass(frozen=True)
 class JointState:
-    """What LIBERO calls open, closed, on or off: a joint position strictly between two bounds.
+    """Condition for open, closed, on or off: a joint position strictly between two bounds.
 
     Attributes:
         low: Lower bound, m or rad; None for none.
         high: Upper bound; None for none.
-        every: Whether all joints of a fixture must comply (close, turn off) or one is enough.
-        closed: Whether the bounds themselves count.
+        every: True if all joints of a fixture must comply (close, turn off); otherwise one is enough.
+        closed: True if the bounds themselves count.
         start: Range from which a scene that begins in this state draws the position.
     """
 
@@ -112,7 +112,7 @@ class Grip:
         pos: Middle of the part, m.
         along: Unit vector along the part; fingers close across it. Of a round part, one of many.
         out: Unit vector at right angles to it and away from the object, against which the hand approaches.
-        width: How far apart the fingers end up, m.
+        width: Distance of the fingers when they hold it, m.
     """
 
     name: str
@@ -259,7 +259,7 @@ def slab(low: Vector, high: Vector) -> Solid:
 
 
 def slab_mesh(solids: Sequence[Solid], tile: float) -> Mesh:
-    """What slabs look like: every face shows the texture at the same scale, ``tile`` metres for one copy."""
+    """Look of slabs: every face shows the texture at the same scale, ``tile`` metres for one copy."""
     return join(
         *(
             box(solid.half, atlas=False, tile=tile).moved(solid.pos, turn=_rotation(solid.quat))

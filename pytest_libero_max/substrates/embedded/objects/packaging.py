@@ -116,8 +116,8 @@ def bottle(
         height: Of the origin above the bottom, m.
         glass: Colour of shoulder and base.
         cap: Colour of the cap.
-        neck: Where the cap begins, as a part of the height.
-        shoulder: Where the body ends, as a part of the height.
+        neck: Height at which the cap begins, as a part of the whole.
+        shoulder: Height at which the body ends, as a part of the whole.
         cap_width: Diameter of the cap, m.
         margin: LIBERO's ``horizontal_radius``, m.
         upright: Orientation of the body at reset.

@@ -27,7 +27,7 @@ SMALL_FIXTURE_SCALE = (0.85, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class Style:
-    """How a relative differs: colour (RGB 0 to 1) in place of its original's, or size."""
+    """Difference of a relative: colour (RGB 0 to 1) in place of its original's, or size."""
 
     original: str
     colour: Colour | None = None
@@ -59,7 +59,7 @@ STYLES: Mapping[str, Style] = {
 
 
 def style_of(name: str) -> Style | None:
-    """How a relative differs from its original; None for a name that is no relative's."""
+    """Difference of a relative from its original; None for a name that is no relative's."""
     if name.startswith(SMALL):
         return Style(name.removeprefix(SMALL), scale=(SMALL_SCALE,) * 3)
     return STYLES.get(name)

@@ -172,7 +172,7 @@ def _slots() -> Image:
 
 
 def _surface(y: float, z: float) -> Mesh:
-    """What is seen on top of a tier."""
+    """Skins on top of a tier."""
     length, over = _TIER_LENGTH, 0.0003
     outline = [(-_TIER_HALF, 0.0), (_TIER_HALF, 0.0), (_TIER_HALF, length), (-_TIER_HALF, length)]
     turn = rotations.matrix(rotations.about((1, 0, 0), _TIER_SLOPE))
