@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 COUNT = "LIBERO_MAX_SHARDS"
-"""How many shards there are, where the scheduler does not say, or says it of a part of the array alone."""
+"""Variable with the number of shards, for a scheduler that does not say it, or not of the whole array."""
 
 
 @dataclass(frozen=True)
 class Scheduler:
-    """How a scheduler numbers the jobs of an array.
+    """Numbering of the jobs of an array by a scheduler.
 
     Attributes:
         name: For messages.
@@ -20,7 +20,7 @@ class Scheduler:
         last: Variable with the number of the last job; None where there is none.
         step: Variable with the step between two numbers; None where it is 1.
         count: Variable with how many jobs there are; None where there is none.
-        cure: How to number an array so that its jobs are shards 1 to N.
+        cure: Option that numbers an array so that its jobs are shards 1 to N.
     """
 
     name: str
@@ -67,11 +67,11 @@ SCHEDULERS = (
 )
 
 _NO_ARRAY = {"LSB_JOBINDEX": "0", "SGE_TASK_ID": "undefined"}
-"""What a variable holds in a job that is of no array."""
+"""Value of a variable in a job that is of no array."""
 
 
 def shard_of_job(environment: Mapping[str, str]) -> tuple[int, int]:
-    """The shard of this job and the number of shards, from 1.
+    """Return the shard of this job and the number of shards, from 1.
 
     Raises:
         ValueError: This is no job of an array, or its place in the array is not known.
@@ -100,7 +100,7 @@ def _in_array(scheduler: Scheduler, environment: Mapping[str, str]) -> bool:
 
 
 def _place(scheduler: Scheduler, environment: Mapping[str, str], index: int) -> tuple[int, int]:
-    """The place of a job among those that its scheduler knows of, and how many these are."""
+    """Return the place of a job among those that its scheduler knows of, and their number."""
     first = scheduler.first if isinstance(scheduler.first, int) else _number(environment, scheduler.first)
     step = 1 if scheduler.step is None else _number(environment, scheduler.step, 1)
     count = None if scheduler.count is None else _number(environment, scheduler.count)

@@ -23,7 +23,7 @@ def supported_track(name: str | None, substrate: str, options: SubstrateOptions)
     Args:
         name: Track that was asked for; None for the first default of the substrate of which every case plays.
         substrate: Name of the substrate.
-        options: What it is told.
+        options: Of the substrate.
     """
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
@@ -41,7 +41,7 @@ def require_support(case_set: str, cases: Sequence[Case], substrate: str, option
         case_set: The track or manifest they are of, for people.
         cases: All that would be played.
         substrate: Name of the substrate.
-        options: What it is told.
+        options: Of the substrate.
 
     Raises:
         OptionError: Some of them lack something; says what, how many, and which track fits.

@@ -41,17 +41,17 @@ _LISTING = ("collectonly", "showfixtures", "show_fixtures_per_test", "setuponly"
 """pytest's options, by their names in ``config.option``, with which no test is played to its end."""
 
 _LISTED_NODES = 3
-"""So many node ids are named in the selection; more are counted."""
+"""Number of node ids that the selection names; more are counted."""
 
 ITEM_PREFIX = f"{PSEUDO_PATH}::test_pair["
 
 
 class PairItem(pytest.Function):
-    """The test of a pair. Its node id is that of its case, whatever others do to names and parameters."""
+    """Test of a pair. Its node id is that of its case, whatever others do to names and parameters."""
 
     @property
     def case(self) -> Case:
-        """What it plays."""
+        """Case of the pair."""
         case = self.callspec.params[CASE_FIXTURE]
         assert isinstance(case, Case)
         return case
@@ -62,12 +62,12 @@ class PairItem(pytest.Function):
 
     @property
     def id(self) -> Any:
-        """The same in parts; pytest has it since 9.2."""
+        """Node id in parts; pytest has it since 9.2."""
         return type(super().id).parse(self.nodeid)
 
 
 class PairModule(pytest.Module):
-    """The module of the pairs, under a node id that is the same on every machine."""
+    """Module of the pairs, under a node id that is the same on every machine."""
 
     def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
         for item in super().collect():
@@ -76,7 +76,7 @@ class PairModule(pytest.Module):
 
 
 def settings_of(config: pytest.Config) -> Settings:
-    """The settings, resolved once.
+    """Return the settings, resolved once.
 
     Raises:
         pytest.UsageError: See :func:`pytest_libero_max.plugin.options.resolve`.
@@ -87,7 +87,7 @@ def settings_of(config: pytest.Config) -> Settings:
 
 
 def manifest_of(config: pytest.Config) -> Manifest:
-    """The track or manifest of the run, whole.
+    """Return the whole track or manifest of the run.
 
     Raises:
         pytest.UsageError: The track is unknown or the manifest is unusable.
@@ -115,7 +115,7 @@ def manifest_of(config: pytest.Config) -> Manifest:
 
 
 def cases_of(config: pytest.Config) -> tuple[Case, ...]:
-    """The cases of the run before ``-k`` and ``-m``, in the order of play.
+    """Return the cases of the run before ``-k`` and ``-m``, in the order of play.
 
     Raises:
         pytest.UsageError: The track or manifest is unusable, nothing that it needs is installed, or there are
@@ -149,7 +149,7 @@ def _cases(config: pytest.Config) -> tuple[Case, ...]:
 
 
 def asked_for(config: pytest.Config) -> list[str]:
-    """What was asked for that leaves cases out, apart from the shard, as the command line spells it."""
+    """Return the options that leave cases out, apart from the shard, as the command line spells them."""
     settings, option = settings_of(config), config.option
     asked = ["--libero-max-only-installed"] if settings.only_installed else []
     asked += [] if settings.limit is None else [f"--libero-max-limit={settings.limit}"]
@@ -161,7 +161,7 @@ def asked_for(config: pytest.Config) -> list[str]:
 
 
 def chosen_by_hand(config: pytest.Config) -> bool:
-    """Whether the user chooses the pairs by their names or markers, not by their number alone."""
+    """True if the user chooses pairs by name or marker, not by number alone."""
     option = config.option
     return bool(option.keyword or option.markexpr or any(_names_a_pair(arg) for arg in config.args))
 
@@ -201,7 +201,7 @@ def aim_testpaths(config: pytest.Config) -> None:
 
 
 def is_run(config: pytest.Config) -> bool:
-    """Whether this session is a run of pairs: a policy is named, and the pairs are what it is for.
+    """True if this session plays the pairs: a policy is named, and the pairs are asked for.
 
     A policy on the command line is always meant for the pairs. One in the ini file is also there for tests of
     the user's own, so the pairs have to be among the test paths.
@@ -213,7 +213,7 @@ def is_run(config: pytest.Config) -> bool:
 
 
 def only_lists(config: pytest.Config) -> bool:
-    """Whether this session collects tests to list them, or plans them, without playing any."""
+    """True if this session lists or plans tests and plays none."""
     return any(getattr(config.option, name, False) for name in _LISTING)
 
 
@@ -282,8 +282,8 @@ def register_markers(config: pytest.Config, *, in_use: bool) -> None:
     """Declare the markers of the events, suites and variants, for ``--markers`` and ``--strict-markers``.
 
     Args:
-        config: Where to declare them.
-        in_use: Whether this session plays pairs. Without, other packages' events are not looked for.
+        config: Of the session.
+        in_use: True in a session that plays pairs; only there are events of other packages looked for.
     """
     names = EVENTS if in_use else BENCHMARK_EVENTS
     for event in names:

@@ -70,7 +70,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
 
 @pytest.fixture(scope="session")
 def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
-    """What builds the worlds; every scene is built once a worker."""
+    """The substrate, which builds the worlds; every scene is built once a worker."""
     from pytest_libero_max.substrates.registry import open_substrate
 
     substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)

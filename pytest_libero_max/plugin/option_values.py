@@ -96,7 +96,7 @@ def fraction(text: str) -> float:
 
 
 def cadence(text: str) -> tuple[Cadence, ...]:
-    """The settings of a sweep."""
+    """Settings of a sweep."""
     from pytest_libero_max.studies.cadence import parse_cadence
 
     return parse_cadence(text)

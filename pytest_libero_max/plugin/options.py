@@ -48,8 +48,8 @@ class Option:
 
     Attributes:
         parse: Turns the text into a value; raises ``ValueError`` with the accepted form.
-        many: Whether it may be given several times (in the ini file: one a line).
-        switch: Whether it is a flag without a value (in the ini file: true or false).
+        many: True if it may be given several times (in the ini file: one a line).
+        switch: True for a flag without a value (in the ini file: true or false).
     """
 
     name: str
@@ -368,7 +368,7 @@ OPTIONS = (
 
 @dataclass(frozen=True)
 class Settings:
-    """What the options resolved to. Without a policy the plugin only offers its fixtures."""
+    """Resolved options. Without a policy the plugin only offers its fixtures."""
 
     policy: str | None
     profile: str | None
@@ -416,7 +416,7 @@ class Settings:
 
     @property
     def reference(self) -> str:
-        """Where the policy is loaded from."""
+        """Name, path or address that the policy is loaded from."""
         assert self.policy is not None
         return self.policy
 
@@ -429,7 +429,7 @@ class Settings:
 
     @property
     def timeouts(self) -> Limits:
-        """The wall-clock limits, s."""
+        """Wall-clock limits, s."""
         return Limits(self.query_timeout, self.step_timeout, self.pair_timeout)
 
     @property
@@ -439,7 +439,7 @@ class Settings:
 
     @property
     def protocol(self) -> Json:
-        """What was chosen for the run and could change a result, for its header."""
+        """Choices for the run that could change a result, for its header."""
         return {
             "prefix": self.prefix,
             "noise_floor": self.noise_floor,
@@ -464,7 +464,7 @@ class Settings:
 
     @property
     def case_set(self) -> str:
-        """The track or manifest, for people."""
+        """Name of the track or manifest for people."""
         return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
 
 
@@ -643,12 +643,12 @@ def in_order(config: pytest.Config) -> bool:
 
 
 def policy_on_command_line(config: pytest.Config) -> bool:
-    """Whether the policy is named on the command line, which alone asks for the pairs."""
+    """True if the policy is named on the command line, which alone asks for the pairs."""
     return config.getoption("libero_max_policy") is not None
 
 
 def policy_in_ini_file(config: pytest.Config) -> bool:
-    """Whether the policy is named in the ini file, which asks for the pairs where they are collected."""
+    """True if the policy is named in the ini file, which asks for the pairs where they are collected."""
     return bool(config.getini("libero_max_policy"))
 
 

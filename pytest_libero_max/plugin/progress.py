@@ -50,12 +50,12 @@ class RunProgress:
         self._reporter: Any = None
 
     def begin(self, store: PairStore, planned: Sequence[PlannedPair], measured: Sequence[PairRecord]) -> None:
-        """The run begins.
+        """Begin to show and note a run.
 
         Args:
             store: Takes the notes.
             planned: The pairs of the run.
-            measured: What a resumed run has measured. An error of it is played again, and not done.
+            measured: Records that a resumed run holds. A pair with an error is played again.
         """
         self._store, self._counts.planned, self._before = store, planned, len(measured)
         for record in measured:
@@ -97,7 +97,7 @@ class RunProgress:
             self._pace = Pace(time.monotonic())
 
     def _prints_in_between(self) -> bool:
-        """Whether tests write to the terminal while they run, where nothing could be erased before."""
+        """True if tests write to the terminal while they run, where no line could be erased before."""
         config = self._config
         if config.getoption("capture", "no") == "no" or config.getoption("log_cli_level", None) is not None:
             return True

@@ -40,7 +40,7 @@ class RunEnd:
 
     Attributes:
         lines: Of the summary, in order; what is known before the end comes first.
-        notes: What went wrong beside the pairs.
+        notes: Failures beside the pairs, for example of a film.
         report: As written; None before that.
     """
 
@@ -56,8 +56,8 @@ class RunEnd:
 
         Args:
             session: Its exit status becomes that of the run.
-            store: Where its pairs are; None where none was planned.
-            measured_before: Whether a resumed run had pairs already.
+            store: Store of its pairs; None where none was planned.
+            measured_before: True if a resumed run had pairs already.
         """
         if store is None:
             self._fail_gates_without_pairs(session)
@@ -190,7 +190,7 @@ class RunEnd:
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:
-    """The first of what went wrong beside the pairs, and how many more there are."""
+    """Return a line for the first failure beside the pairs, and the number of others."""
     more = f" ({len(notes) - 1} more like this)" if len(notes) > 1 else ""
     return [f"Beside the pairs, which are measured: {note}{more}" for note in notes[:1]]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import World
 
 BROKEN_POLICY = "the policy cannot be played"
-"""Why a session stops whose every other pair would end in the same way: what is not begun stays missing."""
+"""Reason of a stop: every other pair would end in the same way."""
 
 
 LIMIT_REACHED = (
@@ -142,13 +142,13 @@ def _measure(
 
 
 def _timed(pair: Pair, seconds: Mapping[str, float]) -> Pair:
-    """The pair with more timings in its record."""
+    """Return the pair with more timings in its record."""
     timings = pair.record.timings | {name: round(value, 6) for name, value in seconds.items()}
     return replace(pair, record=structs.replace(pair.record, timings=dict(sorted(timings.items()))))
 
 
 def _arms(case: Case, policy: Policy, settings: Settings, repeat_base: bool) -> tuple[Arm, ...]:
-    """What is played of a case: the pair, and the arms of the study."""
+    """Return the arms of a case: those of the pair, and those of the study."""
     from pytest_libero_max.events.schedules import arms_of
 
     pair = arms_of(case, repeat_base, settings.strength)
@@ -196,7 +196,7 @@ def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
 
 
 def explain(error: BaseException) -> str:
-    """The message, and where the user's own code raised, without the frames of this package."""
+    """Return the message, with the frames of the user's own code and none of this package."""
     text = f"{type(error).__name__}: {error}"
     cause = error.__cause__
     if cause is None or isinstance(cause, LiberoMaxError):

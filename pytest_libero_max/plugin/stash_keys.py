@@ -1,4 +1,4 @@
-"""Where the plugin keeps its state on pytest's objects."""
+"""Keys of the plugin's state on pytest's objects."""
 
 from __future__ import annotations
 

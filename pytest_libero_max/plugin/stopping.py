@@ -84,7 +84,7 @@ class RunStop:
         settings: Of the run.
 
     Attributes:
-        broken: Whether :meth:`stop` was called: the run cannot go on, and nobody asked it to end.
+        broken: True after :meth:`stop`: something broke, and no rule asked for the end.
         status: Exit status of a session that :meth:`abort` ended.
     """
 
@@ -102,14 +102,14 @@ class RunStop:
 
     @property
     def stopped(self) -> Stopped | None:
-        """Why the run stops, whoever stopped it; None as long as it goes on."""
+        """Reason of the stop, also that of ``-x``; None as long as the run goes on."""
         session = self._session
         if self._stopped is None and session is not None and (session.shouldfail or session.shouldstop):
             self._close(Stopped(str(session.shouldfail or session.shouldstop), self._planned))
         return self._stopped
 
     def begin(self, run: Run, measured: Iterable[PairRecord]) -> None:
-        """The run is planned.
+        """Begin to ask the stopping rule.
 
         Args:
             run: The plan, in the order of play.

@@ -112,7 +112,7 @@ class Death:
     text: str
 
     def to_dict(self) -> Json:
-        """As JSON values, for a controller on another machine."""
+        """Return JSON values for a controller on another machine."""
         return {
             "kind": type(self.error).__name__,
             "message": str(self.error),
@@ -160,7 +160,7 @@ def time_signal(hard: bool) -> int:
     """Signal with which a time limit ends a process: a real-time one, whose default is to end it.
 
     Args:
-        hard: Whether it is the one that no handler of Python's turns into an exception.
+        hard: True for the signal that no handler of Python's turns into an exception.
     """
     return signal.SIGRTMIN + (10 if hard else 9)
 

@@ -77,7 +77,7 @@ class Retries:
         Args:
             report: Of a failure.
             case: The pair.
-            death: How the process died.
+            death: Of the process.
             play_again: Gives the pair to another process; returns whether that is possible.
         """
         if case.item_id in self._measured:  # it died between this pair and the next

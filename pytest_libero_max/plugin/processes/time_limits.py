@@ -33,7 +33,7 @@ _ABSOLUTE = 1
 
 @dataclass(frozen=True)
 class Limits:
-    """The longest that each may take, s on the wall clock; None: for ever.
+    """Longest wall-clock time of each activity, s; None for no limit.
 
     Attributes:
         query: A call of the policy.
@@ -110,7 +110,7 @@ class Watchdog:
     in its main thread, and only if nothing comes of it the process ends.
 
     Args:
-        limits: How long each may take.
+        limits: Longest time of each activity.
         log: Crash log that says what the process does; None in the session's own process.
         stderr: File descriptor for the tracebacks of the session's own process.
     """

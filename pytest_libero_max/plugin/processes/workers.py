@@ -1,4 +1,4 @@
-"""The workers of a distributed run, seen from its controller: why one died, and what becomes of its pair."""
+"""Workers of xdist, seen from the controller: why one died, and the retry of its pair."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ DISTS = ("worksteal", "load")
 """Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
 
 _INTERRUPTED = "keyboard-interrupt"
-"""What xdist says of a worker that was told to stop; it also stops the session."""
+"""Error with which xdist reports a worker after Ctrl-C; it also stops the session."""
 
 _STARTS = 5
-"""So many workers are started in the place of one, where each dies before it is connected."""
+"""Start attempts per worker before giving up."""
 
 _PATIENCE_S = 5.0
-"""So long a worker that has closed its connection may take to end."""
+"""Time for a worker that has closed its connection to exit, s."""
 
 
 class Workers:
-    """Registered beside the controller of a distributed run.
+    """A plugin beside the controller of a run on xdist.
 
     Args:
         config: Of the session.
@@ -64,19 +64,19 @@ class Workers:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_setupnodes(self) -> None:
-        """Start a worker again that dies while it is started, which xdist takes for an error of its own."""
+        """Retry the start of a worker that dies before it is connected, where xdist would end the session."""
         session: Any = self._config.pluginmanager.get_plugin("dsession")
         manager = session.nodemanager
         manager.setup_node = started_again(manager.setup_node, manager.group.allocate_id)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
-        """Tell a worker where to leave its crash log."""
+        """Tell a worker the path of its crash log."""
         node.workerinput[CRASH_LOG_INPUT] = str(self._crash_log_of(node))
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any, error: object) -> None:
-        """A worker has ended. Where it died, find out why, and stop if nothing else happens any more."""
+        """Read why a worker died, and stop the run where nothing but deaths happens."""
         if not error or error == _INTERRUPTED:
             return
         death = read_death(self._crash_log_of(node), _status(node), f"worker {node.gateway.id}")
@@ -85,7 +85,7 @@ class Workers:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_handlecrashitem(self, crashitem: str, report: Any, sched: Any) -> None:
-        """Give a pair whose worker died to another worker, or say why it is not measured."""
+        """Retry the pair of a worker that died on another worker, or report why it is not measured."""
         name = case_of(crashitem)
         case = None if name is None else self._cases.get(name)
         death = self._deaths.get(report.node)
@@ -111,7 +111,7 @@ class Workers:
 def started_again(
     setup_node: Callable[[Any, Any], Any], allocate_id: Callable[[Any], None]
 ) -> Callable[[Any, Any], Any]:
-    """A function that starts workers as ``setup_node`` does, and another one where the worker dies meanwhile.
+    """Return ``setup_node`` with retries for a worker that dies before it is connected.
 
     Args:
         setup_node: Starts a worker of a specification.
@@ -140,7 +140,7 @@ def let_workers_restart(config: pytest.Config, settings: Settings, pairs: int) -
 
 
 def _status(node: Any) -> int | None:
-    """Exit status of a worker's process, negative for a signal; None for one on another machine."""
+    """Return the exit status of a worker's process, negative for a signal; None on another machine."""
     process = getattr(getattr(node.gateway, "_io", None), "popen", None)
     if not isinstance(process, subprocess.Popen) or not node.gateway.spec.popen:
         return None

@@ -34,7 +34,7 @@ class RemoteSession:
     """A plugin that makes the session a worker, which plays the pairs that arrive.
 
     Args:
-        workerinput: What the controller tells its workers, as xdist's does.
+        workerinput: Values that the controller sends its workers, as xdist's does.
         commands: Stream of commands, a line of JSON each.
         answers: Stream of answers, a line of JSON each.
     """
