@@ -112,48 +112,53 @@ __all__ = [
     "triggers",
 ]
 
-_HOMES = {
+_TO_USE = {
     "policies.contract": ("PolicySpec", "Policy", "Episode", "Query", "BatchItem"),
     "policies.loading": ("load_policy",),
-    "policies.clients.protocols": ("ServerProtocol", "Opening"),
     "benchmark.cases": ("Case",),
     "benchmark.manifests": ("Manifest", "load_manifest"),
     "benchmark.tracks": ("load_track",),
     "events.new_case": ("make_case",),
     "substrates.registry": ("open_substrate",),
+    "substrates.tiny.world": ("TinyWorld",),
     "pairing.runner": (
         "play_pair",
-        "measure_in_step",
         "measure_pair",
+        "measure_in_step",
+        "PairSettings",
         "play_prefix",
         "inject",
         "return_to",
         "continue_rollout",
-        "measure_in_step",
-        "PairSettings",
     ),
     "pairing.environment": ("ArmEnv",),
+    "events.schedules": ("Arm", "Entry", "Revert", "program_of"),
     "pairing.record": ("PairRecord", "PairError"),
     "runs.store": ("read_pairs",),
     "report.build": ("build_report",),
     "report.gates": ("parse_gate", "evaluate_gate"),
     "errors": ("LiberoMaxError",),
+}
+"""Names for adapters, and for playing and reading pairs in Python, by the module that defines them."""
+
+_TO_EXTEND = {
     "events.kind": ("EventKind", "Scenario"),
     "benchmark.identity": ("Identity",),
     "tasks.contents": ("TaskMetadata",),
     "changes.base": ("Change", "Evidence"),
     "events.triggers": ("Trigger", "Moment"),
-    "events.schedules": ("Arm", "Entry", "Revert", "program_of"),
+    "pairing.probes.probe": ("Probe",),
     "studies.study": ("Study",),
     "report.stopping": ("StoppingRule",),
-    "pairing.probes.probe": ("Probe",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
-    "substrates.tiny.world": ("TinyWorld",),
+    "policies.clients.protocols": ("ServerProtocol", "Opening"),
 }
-"""Public names by the module that defines them."""
+"""Names for packages that add something, by the module that defines them."""
 
-_MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
+_MODULE_OF = {
+    name: module for homes in (_TO_USE, _TO_EXTEND) for module, names in homes.items() for name in names
+}
 
 
 def __getattr__(name: str) -> Any:

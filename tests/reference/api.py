@@ -32,7 +32,8 @@ def page() -> str:
     public = {name: getattr(pytest_libero_max, name) for name in pytest_libero_max.__all__}
     namespaces = [value for value in public.values() if inspect.ismodule(value)]
     modules = "\n\n".join(_module(module) for module in namespaces)
-    others = [name for name in pytest_libero_max._MODULE_OF if name not in ADAPTER]
+    used = [name for names in pytest_libero_max._TO_USE.values() for name in names if name not in ADAPTER]
+    extended = [name for names in pytest_libero_max._TO_EXTEND.values() for name in names]
     return f"""# Reference
 
 `{COMMAND}` writes these pages from the code. A test fails when one of them is not what the code says.
@@ -53,9 +54,13 @@ other name, and every other module, is internal and may move.
 
 ## `pytest_libero_max`
 
-Nothing heavy is imported before a name is used.
+Nothing heavy is imported before a name is used. For adapters, and for playing and reading pairs in Python:
 
-{_table((name, public[name]) for name in others)}
+{_table((name, public[name]) for name in used)}
+
+For packages that add events, changes, triggers, probes, studies, stopping rules, substrates or protocols:
+
+{_table((name, public[name]) for name in extended)}
 
 {adapter}
 
