@@ -179,7 +179,7 @@ def test_pages_are_turned_and_groups_lead_to_their_cases(browser: Any, page: Pat
     assert not set(first) & set(shown.cases())
     shown.page.get_by_role("link", name="regression").click()
     assert shown.fragment == "#cases?outcome=regression"
-    assert "regression" in shown.page.locator(".cases > tbody > tr").first.inner_text()
+    shown.page.locator(".cases > tbody > tr:first-child", has_text="regression").wait_for(timeout=5_000)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
