@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -125,19 +126,30 @@ def count_lines(origin: Catalogue = OWN) -> list[str]:
 
 def eligibility_lines(origin: Catalogue = OWN) -> list[str]:
     """Lines on the number of variations of each source category that can host each event."""
-    lines = [
-        f"{'category':<30}{'tasks':>7}" + "".join(f"{event.split('_')[0]:>12}" for event in BENCHMARK_EVENTS)
-    ]
+    names = "".join(f"{event.split('_')[0]:>13}" for event in BENCHMARK_EVENTS)
+    lines = [f"{'category':<30}{'tasks':>7}{names}"]
     for source, categories in (("plus", PLUS_CATEGORIES), ("pro", PRO_CATEGORIES)):
         total = Counter[str]()
         for category in categories:
-            found = hosts(source, category, origin)
-            count = Counter(event for _, events in found for event in events)
-            lines.append(_counts(category, len(found), count))
-            total += count + Counter(tasks=len(found))
-        lines.append(_counts(f"all of {source}", total["tasks"], total))
+            found = [events for _, events in hosts(source, category, origin)]
+            total += _add_row(lines, category, found)
+        lines.append(_row(f"all of {source}", total))
+        left_out = [
+            _events_of(origin.metadata(variation))
+            for variation in origin.variations(source)
+            if source == "plus" and variation.difficulty is None
+        ]
+        if left_out:
+            total += _add_row(lines, "no difficulty, in no track", left_out)
+            lines.append(_row(f"all of {source}, with these", total))
     return lines
 
 
-def _counts(name: str, tasks: int, count: Counter[str]) -> str:
-    return f"{name:<30}{tasks:>7}" + "".join(f"{count[event]:>12}" for event in BENCHMARK_EVENTS)
+def _add_row(lines: list[str], name: str, found: Sequence[frozenset[str]]) -> Counter[str]:
+    count = Counter(event for events in found for event in events) + Counter(tasks=len(found))
+    lines.append(_row(name, count))
+    return count
+
+
+def _row(name: str, count: Counter[str]) -> str:
+    return f"{name:<30}{count['tasks']:>7}" + "".join(f"{count[event]:>13}" for event in BENCHMARK_EVENTS)

@@ -1,0 +1,59 @@
+"""Figures in prose that were measured or counted elsewhere: each page says what its source says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def _number(page: str, pattern: str) -> float:
+    found = re.findall(pattern, (ROOT / page).read_text())
+    assert len(found) == 1, f"{page}: {pattern} is there {len(found)} times"
+    return float(found[0].replace(",", ""))
+
+
+@pytest.mark.parametrize(
+    ("page", "says", "source", "measured", "tolerance"),
+    [
+        pytest.param(
+            "README.md",
+            r"in (\d+) seconds on two idle cores",
+            "reports/cost.md",
+            r"as it is, three times by turns \| .* s \| [\d.]+, ([\d.]+), [\d.]+ s",
+            1.0,
+            id="smoke",
+        ),
+        pytest.param(
+            "CONTRIBUTING.md",
+            r"in (\d+) minutes on two busy cores",
+            "reports/construction.md",
+            r"in (\d+) minutes on two\ncores that were also used",
+            0.0,
+            id="build",
+        ),
+        pytest.param(
+            "pytest_libero_max/substrates/README.md",
+            r"takes \[3\.2 to (\d) GB of memory\]",
+            "reports/genuine/README.md",
+            r"come to 3\.2 to (\d) GB each",
+            0.0,
+            id="worker of genuine scenes",
+        ),
+        pytest.param(
+            "pytest_libero_max/substrates/README.md",
+            r"takes \[([\d.]+) to \d GB of memory\]",
+            "pytest_libero_max/substrates/libero/kind.py",
+            r"worker_gib=([\d.]+)",
+            0.0,
+            id="worker that doctor counts with",
+        ),
+    ],
+)
+def test_a_page_says_what_was_measured(
+    page: str, says: str, source: str, measured: str, tolerance: float
+) -> None:
+    assert _number(page, says) == pytest.approx(_number(source, measured), abs=tolerance)
