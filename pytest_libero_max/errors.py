@@ -55,7 +55,7 @@ class LiberoMaxError(Exception):
     Attributes:
         field: Name of the field or option at fault, in the spelling of its file: ``protocol.arms``,
             ``--libero-max-shard``. None where no single one is at fault.
-        value: What was seen there.
+        value: Value that was seen there.
         path: The file, None where there is none.
         line: Number of the line in the file, from 1.
     """
@@ -81,7 +81,7 @@ class LiberoMaxError(Exception):
 
         Args:
             field: Name of the field; a place before a colon, ``case 'x': draw_id``, is for the text alone.
-            value: What was seen.
+            value: Value that was seen.
             rest: The rule and what to do next, with the punctuation before it: ``", but must be text."``
         """
         return cls(f"{field}={value!r}{rest}", field=field.rpartition(": ")[2], value=value)

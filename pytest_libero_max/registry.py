@@ -78,7 +78,7 @@ class Registry(Generic[T]):
         return name in self._known()
 
     def __getitem__(self, name: str) -> T:
-        """The entry of that name.
+        """Return the entry of that name.
 
         Raises:
             LiberoMaxError: Of the registry's kind: there is none (the message suggests the closest name), or
@@ -97,7 +97,7 @@ class Registry(Generic[T]):
         return ((name, self[name]) for name in self)
 
     def values(self) -> Iterator[T]:
-        """The entries, each of which is loaded."""
+        """Return the entries, each of which is loaded."""
         return (self[name] for name in self)
 
     def _known(self) -> Mapping[str, Callable[[], T]]:

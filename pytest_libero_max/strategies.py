@@ -175,7 +175,7 @@ def actions(limit: float = 1.5) -> SearchStrategy[tuple[float, ...]]:
 def action_sequences(
     *, min_size: int = 1, max_size: int = 20, limit: float = 1.5
 ) -> SearchStrategy[list[tuple[float, ...]]]:
-    """Lists of :func:`actions`, one for each control step."""
+    """Return lists of :func:`actions`, one for each control step."""
     return st.lists(actions(limit), min_size=min_size, max_size=max_size)
 
 
@@ -239,7 +239,7 @@ class RememberingPolicy(ScriptedPolicy):
         return remembered
 
     def snapshot(self) -> object:
-        """A copy of the memory."""
+        """Return a copy of the memory."""
         return self._memory
 
     def restore(self, memory: object) -> None:

@@ -55,7 +55,7 @@ class GenuineTimes:
     steps: int = 0
 
     def lines(self) -> list[str]:
-        """A small table for people."""
+        """Return a small table for people."""
         lines = [
             f"{self.origin}, {self.item_id}, median processor times",
             f"  lean step                        {self.lean_ms:8.2f} ms  {1000 / self.lean_ms:6.0f} steps/s",
@@ -129,7 +129,7 @@ def _with_pairs(
 
 
 def package_env(substrate: LiberoSubstrate, case: Case, images: bool) -> Any:
-    """The package's wrapper of a case's task, with both cameras or without any."""
+    """Return the package's wrapper of a case's task, with both cameras or without any."""
     installation = substrate.installation_for("libero")
     bddl = str(task_of(installation, case.suite, case.task_index).bddl)
     with imported(installation) as environments:
@@ -173,7 +173,7 @@ def _steps(world: LiberoWorld, plain: Any, seeing: Any, case: Case, steps: int) 
 
 
 def play_there(env: Any, world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list[Array]:
-    """The joint positions in which rollouts end in the package's environment, without the event.
+    """Return the joint positions in which rollouts end in the package's environment, without the event.
 
     Args:
         env: The package's wrapper.
@@ -191,7 +191,7 @@ def play_there(env: Any, world: LiberoWorld, case: Case, rollouts: Sequence[Arra
 
 
 def play_here(world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list[Array]:
-    """The same in our loop."""
+    """Return the joint positions in which the rollouts end in our loop."""
     ends = []
     for actions in rollouts:
         world.reset(case.init_state_index)
@@ -202,7 +202,7 @@ def play_here(world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list
 
 
 def _rollouts(pair: Pair) -> list[Array]:
-    """The actions of both rollouts, the waiting at their beginning included."""
+    """Return the actions of both rollouts, the waiting at their beginning included."""
     settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
     arms = (pair.base, pair.dynamic)
     return [np.concatenate([settle, arm.actions]) for arm in arms if arm is not None]

@@ -67,7 +67,7 @@ class PairTimes:
     plain_hard: float
 
     def lines(self) -> list[str]:
-        """A small table for people."""
+        """Return a small table for people."""
         rows = [("pair runner, fork", self.fork), ("pair runner, replay", self.replay)]
         rows += [("plain loop, soft resets", self.plain), ("plain loop, hard resets", self.plain_hard)]
         return [
@@ -134,7 +134,7 @@ def _plain(env: SceneEnv, world: EmbeddedWorld, case: Case, pair: Pair) -> float
 
 
 def final_positions(world: EmbeddedWorld, case: Case, pair: Pair) -> NDArray[np.float64]:
-    """The joint positions, (nq,), to which the actions of the pair's last arm lead in the world of the case.
+    """Return the joint positions, (nq,), at the end of the pair's last arm, its actions played in the world.
 
     Args:
         world: It is reset and left at the end of the arm.

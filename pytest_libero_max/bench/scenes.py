@@ -106,7 +106,7 @@ def measure_scene(
 
 
 def cost_lines(costs: list[SceneCost]) -> list[str]:
-    """A table for people: Markdown, and the extremes against the median."""
+    """Return a table for people: Markdown, and the extremes against the median."""
     heads = ("scene", "build, s", "step, ms", "steps/s", "first image, s", "image, ms")
     lines = [f"| {' | '.join(heads)} |", f"| --- |{' ---: |' * (len(heads) - 1)}"]
     for cost in costs:

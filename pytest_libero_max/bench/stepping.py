@@ -75,7 +75,7 @@ class StepTimes:
         return self.lean / self.bare
 
     def lines(self) -> list[str]:
-        """A small table for people."""
+        """Return a small table for people."""
         rows = [
             ("lean step", self.lean, f"{1000 / self.lean:.0f} steps/s"),
             ("  of which bare mj_step", self.bare, f"the lean step is {self.over_bare:.2f} times that"),

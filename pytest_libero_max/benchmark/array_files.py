@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.documents import MOST_BYTES
 
 
 def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str, bytes]:
-    """The unpacked members of a zip archive by name.
+    """Return the unpacked members of a zip archive by name.
 
     Args:
         path: The file.
@@ -39,7 +39,7 @@ def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str,
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of an ``.npz`` file by name.
+    """Return the arrays of an ``.npz`` file by name.
 
     Raises:
         OSError: The file cannot be read.
@@ -50,7 +50,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def array_of(content: bytes) -> NDArray[Any]:
-    """The array of the content of an ``.npy`` file.
+    """Return the array of the content of an ``.npy`` file.
 
     Raises:
         ValueError: It is no such file, is damaged, or holds Python objects.

@@ -55,7 +55,7 @@ class Event:
         seed: Scenario seed; whatever an event draws at run time is drawn from it.
         severity: ``low``, ``medium`` or ``high``.
         family_code: The manifests' code of the event's family, for example ``OBS`` (``change_family``).
-        response: What a policy is expected to do: ``continue`` or ``replan`` (``expected_response_mode``).
+        response: Expected response of a policy, ``continue`` or ``replan`` (``expected_response_mode``).
         change: The change as the manifest spells it: an ``operation`` and its parameters.
         setup: Changes both arms share, applied right after reset.
         trigger: When the change happens, as the manifest spells it: a ``type`` and its parameters, among them
@@ -145,7 +145,7 @@ class Case:
         return self.program is not None or self.event.trigger["type"] != PROXIMITY
 
     def playing(self, program: Program) -> Case:
-        """The case with a program laid over it.
+        """Return the case with a program laid over it.
 
         Raises:
             ManifestError: It has one of its own.
@@ -161,7 +161,7 @@ class Case:
 TIMING_BUCKETS = ("early", "middle", "late")
 SEVERITIES = ("low", "medium", "high")
 RESPONSES = ("continue", "replan")
-"""What a policy may be expected to do in a case that is scored by whether its task is completed."""
+"""Expected responses of a policy in a case that is scored by whether its task is completed."""
 
 _VARIANT_OPTIONAL = (
     "benchmark",
@@ -209,7 +209,7 @@ def parse_case(record: Any, where: str = "case") -> Case:
 
     Args:
         record: The decoded JSON object.
-        where: How to name it in an error.
+        where: Name of it in an error.
 
     Raises:
         ManifestError: It breaks the format.
@@ -246,7 +246,7 @@ def parse_case(record: Any, where: str = "case") -> Case:
 
 
 def _instruction(case: Json, where: str) -> str | None:
-    """The prompt of a case's ``substrate_variant``; None where it has none."""
+    """Return the prompt of a case's ``substrate_variant``; None where it has none."""
     if case.get("substrate_variant") is None:
         return None
     where = f"{where}: substrate_variant"
@@ -283,7 +283,7 @@ def _parse_event(value: Any, where: str) -> Event:
 
 
 def _draw(value: Any, where: str) -> int:
-    """The parameter variant that a scenario's ``randomization`` names."""
+    """Return the parameter variant that a scenario's ``randomization`` names."""
     randomization = require_object(value, where)
     require_keys(randomization, where, {"sampler", "draw_id", "seed"})
     require_text(randomization, "sampler", where)
@@ -295,7 +295,7 @@ def _draw(value: Any, where: str) -> int:
 
 
 def _parse_trigger(value: Any, where: str) -> Json:
-    """A trigger that names an entity; of other types than ``on_proximity`` only the form is checked here."""
+    """Return a trigger that names an entity; of types beside ``on_proximity`` only the form is checked."""
     trigger = require_object(value, where)
     require_text(trigger, "value", where)
     if require_text(trigger, "type", where) != PROXIMITY:

@@ -33,7 +33,7 @@ def canonical_digest(value: Any) -> str:
 
 
 def read_content(path: Path) -> bytes:
-    """The bytes of a file, unpacked where its name ends in ``.gz``.
+    """Return the bytes of a file, unpacked where its name ends in ``.gz``.
 
     Raises:
         OSError: It cannot be read, or is damaged.
@@ -63,7 +63,7 @@ def refuse_constant(name: str) -> float:
 
 
 def slug(text: str) -> str:
-    """A name as one word of an id: lower case, underscores for spaces."""
+    """Return a name as one word of an id: lower case, underscores for spaces."""
     return text.lower().replace(" ", "_")
 
 
@@ -85,7 +85,7 @@ def cut_torn_line(path: Path) -> bool:
 
 
 def require_object(value: Any, where: str) -> Json:
-    """The value as a JSON object.
+    """Return the value as a JSON object.
 
     Raises:
         ManifestError: It is not one.
@@ -113,7 +113,7 @@ def require_keys(
 
 
 def require_text(value: Json, key: str, where: str) -> str:
-    """The field as a non-empty string.
+    """Return the field as a non-empty string.
 
     Raises:
         ManifestError: It is not one.
@@ -125,7 +125,7 @@ def require_text(value: Json, key: str, where: str) -> str:
 
 
 def require_word(value: Json, key: str, where: str, known: Sequence[str]) -> str:
-    """The field as one of a few words.
+    """Return the field as one of a few words.
 
     Raises:
         ManifestError: It is none of them; suggests the closest.
@@ -137,7 +137,7 @@ def require_word(value: Json, key: str, where: str, known: Sequence[str]) -> str
 
 
 def require_texts(value: Json, key: str, where: str) -> tuple[str, ...]:
-    """The field as a list of non-empty strings.
+    """Return the field as a list of non-empty strings.
 
     Raises:
         ManifestError: It is not one.
@@ -149,7 +149,7 @@ def require_texts(value: Json, key: str, where: str) -> tuple[str, ...]:
 
 
 def require_count(value: Json, key: str, where: str) -> int:
-    """The field as an integer of at least 0.
+    """Return the field as an integer of at least 0.
 
     Raises:
         ManifestError: It is not one.

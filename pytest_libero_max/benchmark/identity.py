@@ -21,7 +21,7 @@ POLICY_SEED = 195
 
 
 def seed_of(*parts: object) -> int:
-    """The first 32 bits of SHA-256 of the parts joined by ``|``."""
+    """Return the first 32 bits of SHA-256 of the parts joined by ``|``."""
     return int(hashlib.sha256("|".join(str(part) for part in parts).encode()).hexdigest()[:8], 16)
 
 

@@ -50,7 +50,7 @@ class Manifest:
     protocol: Json
     cases: tuple[Case, ...]
     recognition: Recognition | None = field(default=None, compare=False)
-    """What its file has to do with the released ones; None where nothing, or where there is no file."""
+    """Relation of its file to the released ones; None where there is none, or no file."""
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -64,7 +64,7 @@ class Manifest:
         return canonical_digest([case.record for case in self.cases])
 
     def playing(self, program: Program) -> Manifest:
-        """The manifest with a program laid over its cases.
+        """Return the manifest with a program laid over its cases.
 
         Raises:
             ManifestError: A case has one of its own.
@@ -72,7 +72,7 @@ class Manifest:
         return replace(self, cases=tuple(case.playing(program) for case in self.cases), recognition=None)
 
     def to_json(self) -> str:
-        """The manifest's file content: sorted keys, two spaces, a final newline."""
+        """Return the manifest's file content: sorted keys, two spaces, a final newline."""
         document: Json = {
             "benchmark_id": self.benchmark_id,
             "benchmark_version": self.version,
@@ -101,8 +101,8 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
     """Check the unpacked content of a manifest; see :func:`load_manifest`.
 
     Args:
-        content: What was read.
-        path: Where, for messages.
+        content: Content of the file.
+        path: Path for messages.
 
     Raises:
         ManifestError: It is not JSON, or breaks the format.

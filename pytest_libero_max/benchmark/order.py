@@ -51,13 +51,13 @@ class Order:
         return SORTED_NAME if self.seed is None else f"{BLOCKS_NAME}:{self.seed}"
 
     def of(self, cases: Iterable[Case]) -> tuple[Case, ...]:
-        """The cases in this order, whatever order they are given in."""
+        """Return the cases in this order, whatever order they are given in."""
         if self.seed is None:
             return tuple(sorted(cases, key=lambda case: case.item_id))
         return tuple(self._interleaved(list(cases), _STRATA))
 
     def _interleaved(self, cases: Sequence[Case], labels: Sequence[Callable[[Case], str]]) -> list[Case]:
-        """The cases such that each stratum of the first label is spread evenly, and within it the next."""
+        """Return the cases with each stratum of the first label spread evenly, and within it the next."""
         if not labels:
             return sorted(cases, key=lambda case: self._rank(case.case_id))
         strata: dict[str, list[Case]] = {}

@@ -48,7 +48,7 @@ NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 @dataclass(frozen=True)
 class Program:
-    """What happens in the arms of a case, as spelled in a manifest or a file.
+    """The arms of a case with their schedules, as spelled in a manifest or a file.
 
     Attributes:
         name: Lower-case letters, digits and underscores; ends the ids of the test items.
@@ -92,7 +92,7 @@ def load_program(path: Path) -> Program:
 
 
 def program_of_run(protocol: Json) -> Program | None:
-    """The program that was laid over the cases of a run, from its header; None where there was none.
+    """Return the program that was laid over the cases of a run, from its header; None where there was none.
 
     Raises:
         ManifestError: It breaks the format.
@@ -108,7 +108,7 @@ def parse_program(value: Any, where: str = "program") -> Program:
 
     Args:
         value: The decoded JSON object.
-        where: How to name it in an error.
+        where: Name of it in an error.
 
     Raises:
         ManifestError: It breaks the format.
@@ -131,7 +131,7 @@ def parse_program(value: Any, where: str = "program") -> Program:
 
 
 def require_name(value: Json, where: str) -> str:
-    """The field ``name`` as a word of ids.
+    """Return the field ``name`` as a word of ids.
 
     Raises:
         ManifestError: It is not one.
@@ -147,7 +147,7 @@ def require_name(value: Json, where: str) -> str:
 
 
 def _check_arm(value: Any, where: str) -> str:
-    """The name of an arm that is spelled as it must be."""
+    """Return the name of an arm that is spelled as it must be."""
     arm = require_object(value, where)
     require_keys(arm, where, {"name"}, ("schedule", "repetition", "cadence"))
     name = require_name(arm, where)
@@ -178,7 +178,7 @@ def _check_arm(value: Any, where: str) -> str:
 
 
 def check_entry(value: Any, where: str) -> Json:
-    """The entry of a schedule as an object of the right form.
+    """Return the entry of a schedule as an object of the right form.
 
     Raises:
         ManifestError: It has another form.

@@ -11,7 +11,7 @@ DYNAMIC_PHASE = "pre_grasp_proximity"
 
 
 def case_record(identity: Identity, event: Event, task_name: str) -> Json:
-    """The manifest object of one case, without the fields that describe a source variation."""
+    """Return the manifest object of one case, without the fields that describe a source variation."""
     return {
         "case_id": identity.case_id(event.name, event.variant),
         "dynamic_phase": DYNAMIC_PHASE,
@@ -26,7 +26,7 @@ def case_record(identity: Identity, event: Event, task_name: str) -> Json:
 
 
 def scenario_record(identity: Identity, event: Event) -> Json:
-    """The scenario of a case: its event, trigger, seeds and names."""
+    """Return the scenario of a case: its event, trigger, seeds and names."""
     record: Json = {
         "base_task_id": identity.base_task_id,
         "change": event.change,

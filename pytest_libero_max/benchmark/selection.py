@@ -54,7 +54,7 @@ class Selection:
     def choose(
         cls, case_ids: Iterable[str], of: int, asked: Sequence[str], shard: tuple[int, int] | None = None
     ) -> Selection:
-        """The selection of some cases.
+        """Return the selection of some cases.
 
         Args:
             case_ids: Ids of the chosen cases, in any order.
@@ -77,7 +77,7 @@ class Selection:
         return self.shards.missing if self.shards is not None and self.merged else ()
 
     def text(self, case_set: str) -> str:
-        """The selection in words, for example ``24 of 800 cases of track lite (selection: -k camera_shift)``.
+        """Return a text such as ``24 of 800 cases of track lite (selection: -k camera_shift)``.
 
         Args:
             case_set: The track or manifest, for example ``track lite``.
@@ -126,7 +126,7 @@ class Selection:
 
 
 def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -> Selection:
-    """The selection of several runs of one case set together.
+    """Return the selection of several runs of one case set together.
 
     Args:
         selections: Of the runs, at least one.

@@ -10,7 +10,7 @@ from pytest_libero_max.errors import OptionError
 
 
 def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
-    """The cases of one of several parts. All parts together are all cases, each of them once.
+    """Return the cases of one of several parts. All parts together are all cases, each of them once.
 
     A part is a block of cases in the order of their item ids. So the cases of a scene, which is expensive to
     build, stay together, with all events and variants that are played in it. Blocks are cut where the budgets

@@ -70,7 +70,7 @@ def decode_json(content: bytes | str, cure: str) -> Any:
 
     Args:
         content: UTF-8.
-        cure: What to do where it is not JSON; ends the message.
+        cure: Advice where it is not JSON; ends the message.
 
     Raises:
         ReportError: It is something else.
@@ -173,7 +173,7 @@ def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> No
 
 
 def _document_in(hint: Any) -> type[Document] | None:
-    """The struct that a type is, or holds as the values of an object or the items of a list."""
+    """Return the struct that a type is, or holds as the values of an object or the items of a list."""
     if isinstance(hint, type) and issubclass(hint, Document):
         return hint
     found = (_document_in(part) for part in get_args(hint) if part is not Ellipsis)
@@ -181,7 +181,7 @@ def _document_in(hint: Any) -> type[Document] | None:
 
 
 def _words(hint: Any) -> str:
-    """The rule of a type in words."""
+    """Return the rule of a type in words."""
     if get_origin(hint) is Annotated:
         for meta in hint.__metadata__:
             if isinstance(meta, Meta) and meta.extra and "rule" in meta.extra:

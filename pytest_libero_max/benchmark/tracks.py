@@ -25,7 +25,7 @@ CHECKSUMS = "SHA256SUMS"
 
 
 def track_names(folder: Path = FOLDER) -> tuple[str, ...]:
-    """The tracks there are, sorted."""
+    """Return the tracks there are, sorted."""
     return tuple(sorted(path.name.partition(".json")[0] for path in folder.glob("*.json*")))
 
 
@@ -35,7 +35,7 @@ def name_in(below: str, name: str, folder: Path = FOLDER) -> str:
 
 
 def track_path(name: str, folder: Path = FOLDER) -> Path:
-    """The manifest of a track.
+    """Return the manifest of a track.
 
     Args:
         name: One of :func:`track_names`; with ``genuine/`` before it, one of those on the genuine scenes.
@@ -68,7 +68,7 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
 
 
 def is_manifest_path(name: str) -> bool:
-    """True if cases are named by the path of a manifest; otherwise it is a track."""
+    """Return True if cases are named by the path of a manifest; otherwise it is a track."""
     return Path(name).suffix in (".json", ".gz")
 
 
@@ -83,7 +83,7 @@ def load_cases(name: str) -> Manifest:
 
 
 def frozen_content(path: Path) -> bytes:
-    """The content of a file, compared with its checksum.
+    """Return the content of a file, compared with its checksum.
 
     Raises:
         ManifestError: They differ, or there is none.
@@ -99,7 +99,7 @@ def frozen_content(path: Path) -> bytes:
 
 
 def content_of(path: Path) -> bytes:
-    """The bytes of a file, unpacked where it is compressed.
+    """Return the bytes of a file, unpacked where it is compressed.
 
     Raises:
         ManifestError: It cannot be read or is damaged.
@@ -126,7 +126,7 @@ def write_checksums(folder: Path, files: Iterable[str]) -> None:
 
 
 def frozen_files(folder: Path) -> tuple[Path, ...]:
-    """The files that must have a checksum: manifests and tables, compressed or not, sorted."""
+    """Return the files that must have a checksum: manifests and tables, compressed or not, sorted."""
     kinds = ("*.json", "*.json.gz", "*.tsv", "*.tsv.gz")
     return tuple(sorted(path for kind in kinds for path in folder.glob(kind)))
 

@@ -63,7 +63,7 @@ class Change(Protocol):
         ...
 
     def scaled(self, strength: float) -> Change:
-        """The same change at another magnitude: ``scaled(0)`` alters nothing, ``scaled(1)`` is the change.
+        """Return the change at another magnitude: ``scaled(0)`` alters nothing, ``scaled(1)`` is the change.
 
         Raises:
             ChangeError: ``strength`` is not within 0 to 1, or the change cannot be divided.
@@ -71,7 +71,7 @@ class Change(Protocol):
         ...
 
     def reverted(self, evidence: Evidence) -> Change:
-        """The change that takes this one back: its factors get the values they had before, bit for bit.
+        """Return the change that takes this one back: its factors get their former values, bit for bit.
 
         Objects come to rest where they were before the change; what has happened to anything else since then
         stays as it is.
@@ -85,7 +85,7 @@ class Change(Protocol):
         ...
 
     def to_dict(self) -> dict[str, Any]:
-        """The change as a manifest spells it, ``operation`` included."""
+        """Return the change as a manifest spells it, ``operation`` included."""
         ...
 
 

@@ -82,11 +82,11 @@ class ShiftCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The camera where it was before."""
+        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> ShiftCamera:
-        """The shift with position, yaw and field-of-view deltas multiplied by ``strength``."""
+        """Return the shift with position, yaw and field-of-view deltas multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
         if s == 1.0:
             return self
@@ -100,7 +100,7 @@ class ShiftCamera(ManifestFields):
 
 
 def camera_index(world: AlterableWorld, operation: str, camera: str) -> int:
-    """The model's number of a camera.
+    """Return the model's number of a camera.
 
     Raises:
         ChangeError: The scene has none of that name.
@@ -211,7 +211,7 @@ class OrbitCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The camera where it was before."""
+        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> OrbitCamera:
@@ -300,11 +300,11 @@ class PlaceCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The camera where it was before."""
+        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PlaceCamera:
-        """The pose approached by the share ``strength`` of the way."""
+        """Return the pose approached by the share ``strength`` of the way."""
         s = strength_of(self.operation, strength)
         return self if s == 1.0 else replace(self, blend=self.share * s)
 

@@ -54,7 +54,7 @@ class ManifestFields:
         return {"operation": self.operation, **self.parameters()}
 
     def parameters(self) -> dict[str, Any]:
-        """The manifest object without its ``operation``."""
+        """Return the manifest object without its ``operation``."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
         return {name: _plain(value) for name, value in values.items() if value is not None}
 
@@ -63,7 +63,7 @@ class ManifestFields:
 
 
 def number(where: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
-    """A finite number within [low, high].
+    """Return a finite number within [low, high].
 
     Raises:
         ChangeError: It is not; the message begins with ``where``, the operation and field.
@@ -76,7 +76,7 @@ def number(where: str, value: Any, low: float = -math.inf, high: float = math.in
 
 
 def integer(where: str, value: Any, low: int = 0, high: float = math.inf) -> int:
-    """An integer within [low, high].
+    """Return an integer within [low, high].
 
     Raises:
         ChangeError: It is not.
@@ -87,7 +87,7 @@ def integer(where: str, value: Any, low: int = 0, high: float = math.inf) -> int
 
 
 def text(where: str, value: Any) -> str:
-    """A string that is not empty.
+    """Return a string that is not empty.
 
     Raises:
         ChangeError: It is not.
@@ -98,7 +98,7 @@ def text(where: str, value: Any) -> str:
 
 
 def flag(where: str, value: Any) -> bool:
-    """True or False.
+    """Return true or False.
 
     Raises:
         ChangeError: It is neither.
@@ -109,7 +109,7 @@ def flag(where: str, value: Any) -> bool:
 
 
 def items(where: str, value: Any, length: int) -> Sequence[Any]:
-    """A list or tuple of exactly ``length`` items.
+    """Return a list or tuple of exactly ``length`` items.
 
     Raises:
         ChangeError: It is not.
@@ -130,7 +130,7 @@ def vector3(where: str, value: Any, low: float = -math.inf, high: float = math.i
 
 
 def place(where: str, value: Any) -> Vector3:
-    """A position or an offset in a scene, m.
+    """Return a position or an offset in a scene, m.
 
     Raises:
         ChangeError: It is none, or farther than :data:`FARTHEST_M`.
@@ -144,7 +144,7 @@ def offset(where: str, value: Any) -> float:
 
 
 def factor(where: str, value: Any) -> float:
-    """What a brightness or a colour is multiplied with.
+    """Return a factor of a brightness or a colour.
 
     Raises:
         ChangeError: It is negative, or above :data:`MOST_TIMES`.
@@ -153,12 +153,12 @@ def factor(where: str, value: Any) -> float:
 
 
 def factors3(where: str, value: Any) -> Vector3:
-    """The same for red, green and blue."""
+    """Return factors of red, green and blue."""
     return vector3(where, value, 0.0, MOST_TIMES)
 
 
 def strength_of(operation: str, strength: float) -> float:
-    """A strength within 0 to 1.
+    """Return a strength within 0 to 1.
 
     Raises:
         ChangeError: It is not.
@@ -167,7 +167,7 @@ def strength_of(operation: str, strength: float) -> float:
 
 
 def all_or_nothing(operation: str, strength: float) -> bool:
-    """Whether a change that cannot be scaled happens at this strength.
+    """Return True if a change that cannot be scaled happens at this strength.
 
     Raises:
         ChangeError: ``strength`` is neither 0 nor 1.

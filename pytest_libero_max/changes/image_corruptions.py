@@ -87,7 +87,7 @@ def focus(image: Picture, level: int, stream: Stream) -> Picture:
 
 
 def zoom(image: Picture, level: int, stream: Stream) -> Picture:
-    """The mean of the image and of its middle, enlarged ever more."""
+    """Return the mean of the image and of its middle, enlarged ever more."""
     end, step = _ZOOM[level - 1]
     factors = [1.0 + hundredths / 100.0 for hundredths in range(0, end, step)]
     total = image.copy()
@@ -138,7 +138,7 @@ KINDS: Mapping[str, Callable[[Picture, int, Stream], Picture]] = {
 
 
 def plasma(side: int, decay: float, stream: Stream) -> Picture:
-    """A plasma fractal by the diamond-square method, (side, side), 0 to 1; it tiles in both directions.
+    """Return a plasma fractal by the diamond-square method, (side, side), 0 to 1; it tiles both ways.
 
     Args:
         side: A power of two.
@@ -179,7 +179,7 @@ def _gaussian(image: Picture, deviation: float) -> Picture:
 
 
 def _enlarged(image: Picture, factor: float) -> Picture:
-    """The middle of an image, ``factor`` times as large, bilinear."""
+    """Return the middle of an image, ``factor`` times as large, bilinear."""
     enlarged = image
     for axis in (0, 1):
         size = image.shape[axis]

@@ -73,7 +73,7 @@ class SetLighting(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lighting(world))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The lamps as they were, without the brightness of the images."""
+        """Return the lamps as they were, without the brightness of the images."""
         check_evidence(self, evidence)
         rows = altered_rows(evidence, {field: field for field in LIGHT_FIELDS})
         return Reversal(self.operation, self.factors, rows=rows, filters=added_filters(evidence))
@@ -152,13 +152,13 @@ class SetLamps(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lamps(world))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The lamps as they were."""
+        """Return the lamps as they were."""
         check_evidence(self, evidence)
         rows = altered_rows(evidence, {field: field for field in _LAMP_FIELDS})
         return Reversal(self.operation, self.factors, rows=rows)
 
     def scaled(self, strength: float) -> SetLamps:
-        """The share ``strength`` of the change; ``cast_shadows`` cannot be divided and takes only 0 and 1."""
+        """Return the share ``strength`` of the change; ``cast_shadows`` cannot be divided: only 0 and 1."""
         s = strength_of(self.operation, strength)
         if self.cast_shadows is not None and s not in (0.0, 1.0):
             raise ChangeError.seen(

@@ -41,7 +41,7 @@ def lower(world: AlterableWorld, name: str, onto: str, start: Array) -> None:
 
 
 def _geoms(world: AlterableWorld, name: str) -> list[int]:
-    """The colliding geoms of an entity."""
+    """Return the colliding geoms of an entity."""
     model = world.model
     root = model.body(world.entities[name].body).id
     inside = model.body_rootid[model.geom_bodyid] == root

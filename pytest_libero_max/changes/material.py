@@ -84,11 +84,11 @@ class SetVisualTheme(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The colours as they were."""
+        """Return the colours as they were."""
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> SetVisualTheme:
-        """The theme blended into the original colours: its share multiplied by ``strength``."""
+        """Return the theme blended into the original colours: its share multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
         return self if s == 1.0 else replace(self, blend=self.share * s)
 
@@ -142,11 +142,11 @@ class SetTexture(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The texture that the material showed before."""
+        """Return the texture that the material showed before."""
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> SetTexture | Nothing:
-        """The texture at strength 1, nothing at strength 0; other strengths are errors."""
+        """Return the texture at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -194,11 +194,11 @@ class CoverEntity(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The entity's own textures and colours."""
+        """Return the entity's own textures and colours."""
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> CoverEntity | Nothing:
-        """The cover at strength 1, nothing at strength 0; other strengths are errors."""
+        """Return the cover at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 

@@ -10,7 +10,7 @@ from pytest_libero_max.worlds.contract import AlterableWorld
 
 
 def filter_records(world: AlterableWorld) -> list[dict[str, Any]]:
-    """The world's active pixel filters as JSON values, in the order in which they act."""
+    """Return the world's active pixel filters as JSON values, in the order in which they act."""
     records = []
     for pixel_filter, since in world.filters:
         value: Any = pixel_filter

@@ -214,7 +214,7 @@ class SetSensorCorruption(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The images without this filter."""
+        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
@@ -275,12 +275,12 @@ class CorruptPicture(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The images without this filter."""
+        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
     def scaled(self, strength: float) -> CorruptPicture:
-        """The corrupted picture mixed into the clean one with the share ``strength``."""
+        """Return the corrupted picture mixed into the clean one with the share ``strength``."""
         s = strength_of(self.operation, strength)
         return self if s == 1.0 else replace(self, blend=(1.0 if self.blend is None else self.blend) * s)
 
@@ -322,18 +322,18 @@ class SetGlare(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The images without this filter."""
+        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
     def scaled(self, strength: float) -> SetGlare:
-        """The veil's strength multiplied by ``strength``."""
+        """Return the veil's strength multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
         return self if s == 1.0 else replace(self, strength=self.strength * s)
 
 
 @cache
 def _normal_quantiles() -> NDArray[np.float32]:
-    """The 65,536 equally likely values that stand for a standard normal variable."""
+    """Return the 65,536 equally likely values that stand for a standard normal variable."""
     normal, count = NormalDist(), 2**16
     return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)

@@ -97,11 +97,11 @@ class MoveObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The entity back at where it was, in its former orientation, at rest."""
+        """Return the entity back at where it was, in its former orientation, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> MoveObject:
-        """The move with its length multiplied by ``strength``."""
+        """Return the move with its length multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
         if s == 1.0:
             return self
@@ -154,11 +154,11 @@ class RemoveObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The object back in the scene where it was, at rest."""
+        """Return the object back in the scene where it was, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> RemoveObject | Nothing:
-        """The removal at strength 1, nothing at strength 0; other strengths are errors."""
+        """Return the removal at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -216,11 +216,11 @@ class InsertObstacle(Placement):
         return _insert(world, self.operation, [self])
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The object out of the scene again."""
+        """Return the object out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertObstacle | Nothing:
-        """The insertion at strength 1, nothing at strength 0; other strengths are errors."""
+        """Return the insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -267,11 +267,11 @@ class InsertDistractors(ManifestFields):
         return _insert(world, self.operation, self.placements)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The objects out of the scene again."""
+        """Return the objects out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertDistractors | Nothing:
-        """The insertion at strength 1, nothing at strength 0; other strengths are errors."""
+        """Return the insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -342,11 +342,11 @@ class PutObject(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"parked": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The object back at where it was, at rest, or out of the scene again."""
+        """Return the object back at where it was, at rest, or out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PutObject | Nothing:
-        """The move at strength 1, nothing at strength 0; other strengths are errors."""
+        """Return the move at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -392,11 +392,11 @@ class TurnObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The entity back at where it was, in its former orientation, at rest."""
+        """Return the entity back at where it was, in its former orientation, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> TurnObject:
-        """The angle multiplied by ``strength``."""
+        """Return the angle multiplied by ``strength``."""
         s = strength_of(self.operation, strength)
         return self if s == 1.0 else replace(self, yaw_degrees=self.yaw_degrees * s)
 
@@ -442,7 +442,7 @@ def _insert(world: AlterableWorld, operation: str, placements: Iterable[Placemen
 
 
 def _parked_poses(world: AlterableWorld, names: Iterable[str]) -> dict[str, list[float]]:
-    """The poses (m and wxyz) that those of the objects which are out of the scene had in it."""
+    """Return the poses (m and wxyz) that those of the objects which are out of the scene had in it."""
     poses = {name: world.parked_pose(name) for name in names if name in world.parked}
     return {name: [*position.tolist(), *turn.tolist()] for name, (position, turn) in poses.items()}
 
@@ -464,7 +464,7 @@ def _pose_reversal(
 
 
 def _moved(evidence: Evidence, name: str) -> bool:
-    """True if a change has altered the pose of an entity, or brought it into the scene or out of it."""
+    """Return True if a change has altered the pose of an entity, or brought it into or out of the scene."""
     before, after = evidence.before, evidence.after
     poses = any(before[key][name] != after[key][name] for key in ("position_m", "quaternion_wxyz"))
     return poses or (name in before["taken_out"]) != (name in after["taken_out"])
@@ -489,7 +489,7 @@ def require_in_scene(world: AlterableWorld, operation: str, field: str, entity: 
 
 
 def pose_factors(names: Iterable[str]) -> frozenset[Factor]:
-    """The factors of a change that moves the entities named."""
+    """Return the factors of a change that moves the entities named."""
     return frozenset(f"pose:{name}" for name in names)
 
 

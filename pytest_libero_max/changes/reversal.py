@@ -104,7 +104,7 @@ class Reversal:
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure())
 
     def scaled(self, strength: float) -> Change:
-        """The reversal at strength 1, nothing at strength 0; other strengths are errors."""
+        """Return the reversal at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
     def reverted(self, evidence: Evidence) -> Change:
@@ -116,12 +116,12 @@ class Reversal:
         raise ChangeError(f"revert of {self.reverts} cannot be taken back. Apply {self.reverts} anew.")
 
     def to_dict(self) -> dict[str, Any]:
-        """The reversal as JSON values, for people: a manifest cannot hold it."""
+        """Return the reversal as JSON values, for people: a manifest cannot hold it."""
         return {"operation": self.operation, "reverts": self.reverts, "factors": sorted(self.factors)}
 
 
 def saved(evidence: Evidence, name: str) -> Any:
-    """A value that ``apply`` kept for the reversal.
+    """Return a value that ``apply`` kept for the reversal.
 
     Raises:
         ChangeError: The evidence was read from a record, which does not hold it.
@@ -135,7 +135,7 @@ def saved(evidence: Evidence, name: str) -> Any:
 
 
 def altered_rows(evidence: Evidence, fields: Mapping[str, str], camera: str | None = None) -> tuple[Row, ...]:
-    """The former values of the model fields that a change has altered.
+    """Return the former values of the model fields that a change has altered.
 
     Args:
         evidence: Of the change.
@@ -149,12 +149,12 @@ def altered_rows(evidence: Evidence, fields: Mapping[str, str], camera: str | No
 
 
 def frozen(value: Any) -> Any:
-    """Lists as tuples, all the way down."""
+    """Return lists as tuples, all the way down."""
     return tuple(frozen(item) for item in value) if isinstance(value, list | tuple) else value
 
 
 def added_filters(evidence: Evidence) -> tuple[Mapping[str, Any], ...]:
-    """The records of the filters that a change has added."""
+    """Return the records of the filters that a change has added."""
     return tuple(evidence.after["filters"][len(evidence.before["filters"]) :])
 
 

@@ -64,7 +64,7 @@ class OffsetArm(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """The arm back at the joint positions that it had, at rest; the controller holds it there."""
+        """Return the arm back at the joint positions that it had, at rest; the controller holds it there."""
         check_evidence(self, evidence)
         former = tuple(evidence.before["joint_pos_rad"])
         moved = evidence.before["joint_pos_rad"] != evidence.after["joint_pos_rad"]
@@ -79,7 +79,7 @@ class OffsetArm(ManifestFields):
 
 
 def _touching(world: AlterableWorld) -> bool:
-    """True if the robot touches anything that has a name."""
+    """Return True if the robot touches anything that has a name."""
     return any(
         {ROBOT, GRIPPER} & set(world.contacts(name)) for name in world.entities if name not in world.parked
     )

@@ -86,7 +86,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of the whole command."""
+    """Return the parser of the whole command."""
     command = argparse.ArgumentParser(
         prog="libero-max",
         description="Around runs of pytest --libero-max-policy: measure, compare, build the benchmark.",

@@ -108,7 +108,7 @@ def catalogue_of(options: argparse.Namespace) -> Catalogue:
 
 
 def manifest_of(name: str) -> Manifest:
-    """A track by its name or a manifest by its path, with its events and changes checked."""
+    """Return a track by its name or a manifest by its path, with its events and changes checked."""
     from pytest_libero_max.benchmark.tracks import load_cases
     from pytest_libero_max.events.registry import check_cases
 

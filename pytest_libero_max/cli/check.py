@@ -82,7 +82,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _case_for(policy: Policy) -> Case:
-    """The first case of ``smoke`` that the policy supports; every suite is in that track."""
+    """Return the first case of ``smoke`` that the policy supports; every suite is in that track."""
     from pytest_libero_max.benchmark.tracks import load_track
 
     return next(case for case in load_track("smoke").cases if policy.spec.supports(case.suite))

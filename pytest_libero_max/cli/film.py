@@ -63,7 +63,7 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
 
     Args:
         command: The command.
-        folder: Where its files go, in the folder of the run.
+        folder: Name of the folder for its files, in the folder of the run.
     """
     command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
     command.add_argument("cases", nargs="*", metavar="CASE", help="Ids of pairs (default: see --select)")
@@ -141,7 +141,7 @@ def write_each(
         options: See :func:`add_pairs`.
         name: Of the folder for the files, in that of the run.
         path_of: Path of the file of a pair, in a folder.
-        how: What writes it, for a run of this policy (``policy`` of its provenance).
+        how: Writer of the film for a run of this policy (``policy`` of its provenance).
     """
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
@@ -198,7 +198,7 @@ def _tell(work: Work, before: int, files: int, record: PairRecord, step: int) ->
     """Show how far the work is.
 
     Args:
-        work: Where.
+        work: Display of the progress.
         before: Files that are finished.
         files: All files.
         record: The pair that is being played again.

@@ -21,7 +21,7 @@ _NAMES = (
 
 
 def ini_lines(option: str, start: Path) -> list[str]:
-    """The lines of an option, empty where it is not set.
+    """Return the lines of an option, empty where it is not set.
 
     As pytest does, reads one file: the first in ``start`` or the nearest folder above that has settings for
     pytest.
@@ -46,7 +46,7 @@ def ini_lines(option: str, start: Path) -> list[str]:
 
 
 def _settings(path: Path) -> dict[str, object] | None:
-    """The settings for pytest in a file; None where it has none."""
+    """Return the settings for pytest in a file; None where it has none."""
     if path.suffix == ".toml":
         document = tomllib.loads(path.read_text(encoding="utf-8"))
         if path.name != "pyproject.toml":

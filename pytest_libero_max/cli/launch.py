@@ -98,11 +98,11 @@ def _launch(options: argparse.Namespace) -> int:
 
 
 def slurm_script(shards: Shards, output: Path, sbatch: Sequence[str] = ()) -> str:
-    """A script for bash that submits an array of shards, and the job that merges them.
+    """Return a script for bash that submits an array of shards, and the job that merges them.
 
     Args:
-        shards: What is to be played.
-        output: Where the runs go; absolute.
+        shards: The shards to play.
+        output: Folder of the runs; absolute.
         sbatch: More options of sbatch for the shards.
 
     Raises:
@@ -138,7 +138,7 @@ class Shards:
 
     Attributes:
         arguments: Of pytest.
-        count: How many shards there are.
+        count: Number of shards.
         at_once: Shards that are played at the same time; None for no limit.
         workers: Workers of each shard.
         before: Lines of shell that each job begins with.
@@ -167,19 +167,19 @@ class Shards:
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> Shards:
-        """The shards that are asked for."""
+        """Return the shards that are asked for."""
         return cls(options.arguments, options.shards, options.at_once, options.workers, options.before)
 
     def beginning(self, folder: str) -> str:
-        """The first lines of a job's script: it goes to its folder, and gets ready."""
+        """Return the first lines of a job's script: it goes to its folder, and gets ready."""
         return "".join(f"{line}\n" for line in (f"cd {shlex.quote(folder)} || exit", *self.before))
 
     def pytest(self, python: str, output: str, number: str) -> str:
-        """The command that plays a shard.
+        """Return the command that plays a shard.
 
         Args:
             python: The interpreter.
-            output: Where the runs go.
+            output: Folder of the runs.
             number: The number of the shard, from 1, as the shell finds it.
         """
         words = shlex.join([python, "-m", "pytest", "-n", str(self.workers), *self.arguments])
@@ -189,7 +189,7 @@ class Shards:
         )
 
     def merge(self, python: str, output: str, *flags: str) -> str:
-        """The command that merges the shards, for bash."""
+        """Return the command that merges the shards, for bash."""
         words = shlex.join([python, "-m", "pytest_libero_max.cli", "merge", *flags])
         output = shlex.quote(output)
         return f"{words} \\\n    {output}/shard-{{1..{self.count}}} --output {output}"

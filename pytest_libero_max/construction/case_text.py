@@ -32,7 +32,7 @@ _ENDINGS: Mapping[Ending, str] = {
 
 
 def find_case(manifest: Manifest, name: str) -> Case:
-    """The case with this case id or item id.
+    """Return the case with this case id or item id.
 
     Raises:
         OptionError: There is no such case; suggests the closest.
@@ -77,7 +77,7 @@ def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]
 
 
 def _when(case: Case) -> str:
-    """When the event happens, in words."""
+    """Return the moment of the event in words."""
     trigger = trigger_of(case)
     if isinstance(trigger, Proximity):
         return f"at the first step after which the hand is within {trigger.distance_m} m of {trigger.entity}"
@@ -85,7 +85,7 @@ def _when(case: Case) -> str:
 
 
 def _arms(case: Case) -> str:
-    """The arms of a case with the number of entries of each."""
+    """Return the arms of a case with the number of entries of each."""
     return ", ".join(f"{arm.name} ({len(arm.schedule)})" for arm in arms_of(case))
 
 

@@ -55,7 +55,7 @@ class Configuration(NamedTuple):
         return self.identity.case_id(cell.event, cell.draw)
 
     def case(self, cell: Cell) -> Case:
-        """The case of a cell on this configuration.
+        """Return the case of a cell on this configuration.
 
         Raises:
             ManifestError: The scene lacks what the event needs.
@@ -73,7 +73,7 @@ class Configuration(NamedTuple):
 
 
 def cell_of(case: Case) -> Cell:
-    """The cell a case belongs to."""
+    """Return the cell a case belongs to."""
     return Cell(case.source_category, case.event.name, case.event.variant)
 
 
@@ -81,7 +81,7 @@ def cell_of(case: Case) -> Cell:
 def hosts(
     source: str, category: str, origin: Catalogue = OWN
 ) -> tuple[tuple[Variation, frozenset[str]], ...]:
-    """The variations of a source category, each with the events that its scene can host.
+    """Return the variations of a source category, each with the events that its scene can host.
 
     LIBERO-Plus's variations without a difficulty are left out, as in the released benchmark.
     """
@@ -93,7 +93,7 @@ def hosts(
 
 
 def _events_of(task: TaskMetadata) -> frozenset[str]:
-    """The benchmark's events that a scene can host; those of other packages have no part in it."""
+    """Return the benchmark's events that a scene can host; those of other packages have no part in it."""
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
 
 

@@ -248,7 +248,7 @@ def _begin(substrate: str, options: SubstrateOptions | None) -> None:
 
 @cache
 def _expert(name: str) -> Policy:
-    """The expert of a process; it is never shown an image."""
+    """Return the expert of a process; it is never shown an image."""
     expert = load_policy(name)
     expert.spec = replace(expert.spec, cameras=())
     return expert

@@ -146,7 +146,7 @@ def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
 
 
 def propose_smoke(candidates: Candidates, failed: Iterable[str] = ()) -> tuple[Case, ...]:
-    """The 32 cases, sorted by id, none of which is one of ``failed``.
+    """Return the 32 cases, sorted by id, none of which is one of ``failed``.
 
     Raises:
         ManifestError: A slot has no configuration left.
@@ -164,7 +164,7 @@ def propose_smoke(candidates: Candidates, failed: Iterable[str] = ()) -> tuple[C
 def _first(
     candidates: Candidates, source: str, event: str, draw: int, excluded: Set[str], used: Counter[str]
 ) -> Configuration:
-    """The first configuration for a place, in the order of :func:`select_smoke`.
+    """Return the first configuration for a place, in the order of :func:`select_smoke`.
 
     Raises:
         ManifestError: There is none left.

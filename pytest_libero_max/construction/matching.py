@@ -98,7 +98,7 @@ def levelled(supply: Integers, total: int) -> Integers:
 
 
 def _flow(fits: Flags, need: Integers, levels: Integers, limits: Integers) -> int:
-    """The most tasks that can be used with at most ``limits`` of each level."""
+    """Return the most tasks that can be used with at most ``limits`` of each level."""
     from scipy.sparse.csgraph import maximum_flow
 
     graph = _network(fits, need, levels, limits)
@@ -127,7 +127,7 @@ def _network(fits: Flags, need: Integers, levels: Integers, limits: Integers) ->
 
 
 def _shortage(fits: Flags, need: Integers) -> Shortage:
-    """The cells on the sink's side of a smallest cut."""
+    """Return the cells on the sink's side of a smallest cut."""
     from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
     one_level = np.zeros(len(fits), dtype=np.int64)

@@ -173,7 +173,7 @@ def certificate_lines(certificates: Mapping[str, Certificate]) -> list[str]:
 
 
 def manifest_lines(manifest: Manifest) -> list[str]:
-    """The composition of a manifest, as Markdown."""
+    """Return the composition of a manifest, as Markdown."""
     title = f"{manifest.benchmark_id} {manifest.version}: {len(manifest)} cases, digest {manifest.digest}"
     lines = [title, "", *(f"- {key}: {value}" for key, value in sorted(manifest.protocol.items()))]
     views: tuple[tuple[str, Callable[[Case], object]], ...] = (
@@ -190,7 +190,7 @@ def manifest_lines(manifest: Manifest) -> list[str]:
 
 
 def _rejections(checks: Mapping[str, str]) -> list[str]:
-    """A table of the check that each case failed at, by event."""
+    """Return a table of the check that each case failed at, by event."""
     seen = [check for check in CHECKS if check in checks.values()]
     lines = [f"| event | rejected | {' | '.join(seen)} |", f"| --- |{' ---: |' * (len(seen) + 1)}"]
     for event in (*BENCHMARK_EVENTS, ""):

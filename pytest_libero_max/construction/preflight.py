@@ -207,7 +207,7 @@ def approach(world: World, case: Case) -> tuple[str, bool] | None:
 
 
 def proximity_of(case: Case) -> Proximity:
-    """The trigger of a case as the place to drive the hand to.
+    """Return the trigger of a case as the place to drive the hand to.
 
     Raises:
         ManifestError: It waits for something else than the hand near an entity.

@@ -161,7 +161,7 @@ def write_splits(folder: Path) -> None:
 
 
 def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
-    """The problems of the cases that were replaced, by id.
+    """Return the problems of the cases that were replaced, by id.
 
     Raises:
         ManifestError: The table is missing or is not the one that was frozen.

@@ -66,7 +66,7 @@ Examine = Callable[[Sequence[Case]], Collection[str]]
 
 
 def cells_of(category: str) -> tuple[Cell, ...]:
-    """The sixteen cells of a source category."""
+    """Return the sixteen cells of a source category."""
     return tuple(Cell(category, event, draw) for event, draw in product(BENCHMARK_EVENTS, (0, 1)))
 
 
@@ -218,7 +218,7 @@ def _fill_pro(
 
 @cache
 def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
-    """Configurations that can host a LIBERO-PRO cell's event, by the id of the case that each would be."""
+    """Return configurations that can host a LIBERO-PRO cell's event, by the id of the case made of each."""
     configurations = (
         Configuration(variation, init, catalogue)
         for variation, events in hosts("pro", cell.category, catalogue)
@@ -231,7 +231,7 @@ def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
 def _use(
     one: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
 ) -> tuple[int, int]:
-    """Number of times that the task is used: in the cell, then in the category."""
+    """Return the number of times that the task is used: in the cell, then in the category."""
     task = one.variation.suite, one.variation.index
     return here[task], usage[task]
 

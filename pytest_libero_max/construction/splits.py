@@ -41,7 +41,7 @@ def protocol(profile: str, contract: str, substrate: str = SUBSTRATE) -> Json:
 def full(
     cases: Iterable[Case], benchmark: str = BENCHMARK, version: str = VERSION, substrate: str = SUBSTRATE
 ) -> Manifest:
-    """The manifest of all cases, sorted by id."""
+    """Return the manifest of all cases, sorted by id."""
     contract = (
         "Plus: 7 categories x 8 events x 2 variants x 50 tasks; PRO: 10 x 8 x 2 x 15 configurations; "
         "physical preflight with replacement in the cell; independent of policy outcomes"
@@ -142,7 +142,7 @@ def recovery_development(whole: Manifest) -> Manifest:
 
 
 def _split(whole: Manifest, name: str, contract: str, cases: Iterable[Case]) -> Manifest:
-    """A track that is drawn from another, and made for the same scenes."""
+    """Return a track that is drawn from another, and made for the same scenes."""
     made_for = protocol(name, contract, whole.protocol["substrate"])
     return Manifest(f"{whole.benchmark_id}-{name}", whole.version, made_for, tuple(cases))
 

@@ -104,7 +104,7 @@ def _table_checks(folder: Path, used: Set[str]) -> Iterator[str]:
 
 
 def _genuine_checks(folder: Path) -> Iterator[str]:
-    """Checks that need none of the installations that the tracks were chosen from."""
+    """Yield checks that need none of the installations that the tracks were chosen from."""
     _require_listed(folder)
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     for name, track in tracks.items():

@@ -52,12 +52,12 @@ class Sight:
 
 
 def look(world: World) -> Pixels:
-    """The pixels of every entity now, in each camera of a policy."""
+    """Return the pixels of every entity now, in each camera of a policy."""
     return {camera: world.visible_pixels(camera, IMAGE_SIZE) for camera in CAMERAS}
 
 
 def pixels_of(entity: str, seen: Pixels) -> tuple[int, ...]:
-    """The pixels of an entity, by camera; 0 where it is not in the image."""
+    """Return the pixels of an entity, by camera; 0 where it is not in the image."""
     return tuple(seen[camera].get(entity, 0) for camera in CAMERAS)
 
 

@@ -42,7 +42,7 @@ class Kind(NamedTuple):
     event: str
 
     def groups(self) -> Iterator[tuple[str, ...]]:
-        """Groups that the kind belongs to: all pairs, its suite, its task, the kind itself."""
+        """Return groups that the kind belongs to: all pairs, its suite, its task, the kind itself."""
         return (tuple(self[:length]) for length in range(4))
 
 
@@ -73,7 +73,7 @@ class Cost(NamedTuple):
 
 
 def counted(record: PairRecord) -> Counted:
-    """The steps and calls of a measured pair. What arms share is counted once, as it is played once.
+    """Return the steps and calls of a measured pair. What arms share is counted once, as it is played once.
 
     Where the policy is asked again for a check, those calls are counted as well.
     """
@@ -89,7 +89,7 @@ def counted(record: PairRecord) -> Counted:
 
 
 def _shared(arm: ArmRecord) -> tuple[int, int]:
-    """Steps and queries of an arm that another one has played for it: those before its event."""
+    """Return steps and queries of an arm that another one has played for it: those before its event."""
     return (arm.firings[0].step, arm.firings[0].queries) if arm.firings else (0, 0)
 
 
@@ -173,7 +173,7 @@ class CostModel:
             self._units.setdefault(group, _Units()).add(record)
 
     def expected(self, kind: Kind) -> Cost:
-        """The mean cost of a pair of a kind; at least one pair, of whatever kind, has been measured."""
+        """Return the mean cost of a pair of a kind. At least one pair, of any kind, has been measured."""
         steps = calls = weight = 0.0
         for group in kind.groups():
             known = self._groups.get(group)
@@ -186,7 +186,7 @@ class CostModel:
         return self._cost(kind, Counted(steps, calls))
 
     def drawn(self, kind: Kind, case_id: str) -> Cost:
-        """The cost of one pair, from what was counted in it, or else in a measured pair of its kind.
+        """Return the cost of one pair, from what was counted in it, or else in a measured pair of its kind.
 
         That is one of the smallest group that has several, chosen by the id of the case: the same one
         whenever it is asked. So a plan has long pairs and short ones, as runs have.

@@ -43,7 +43,7 @@ class Settings:
     disturbed: float = 0.0
 
     def to_dict(self) -> dict[str, Any]:
-        """The settings as they are written beside the episodes; ``disturbed`` only where it is not 0."""
+        """Return the settings as written beside the episodes; ``disturbed`` only where it is not 0."""
         return {key: value for key, value in asdict(self).items() if key != "disturbed" or value}
 
 
@@ -133,7 +133,7 @@ def find(plan: Planned, folder: Path) -> Found | None:
 
 
 def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
-    """The episode of a file, and what else is known of it: suite, task, initial state, event."""
+    """Return the episode of a file, and what else is known of it: suite, task, initial state, event."""
     arrays = read_arrays(path)
     about = json.loads(str(arrays["about"]))
     observations = {key: value for key, value in arrays.items() if key not in _NOT_SHOWN}

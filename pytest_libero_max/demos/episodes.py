@@ -71,7 +71,7 @@ class Demonstration:
 def planned(
     suites: Sequence[str], task_indices: Sequence[int] | None, inits: Sequence[int], events: Sequence[str]
 ) -> Iterator[Planned]:
-    """Base of every task and initial state, and one Dynamic episode for each event that the task can host.
+    """Yield Base of every task and initial state, and a Dynamic episode of each event that the task can host.
 
     Variants of events alternate with the initial states.
 

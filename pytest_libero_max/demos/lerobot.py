@@ -150,7 +150,7 @@ class Writer:
         self._write_meta()
 
     def _table(self, demo: Demonstration, about: dict[str, Any]) -> tuple[Any, int]:
-        """The rows of an episode, and about how many bytes they have."""
+        """Return the rows of an episode, and about how many bytes they have."""
         import pyarrow as pa
 
         length, episode = len(demo.actions), len(self._episodes)

@@ -1,1 +1,1 @@
-"""When the world changes and how: event kinds, triggers, schedules, and the registry of kinds."""
+"""Changes of a world and their moments: event kinds, triggers, schedules, and the registry of kinds."""

@@ -49,7 +49,7 @@ def changes(
     operations: Iterable[str] = AT_ONCE,
     cameras: Iterable[str] = CAMERAS,
 ) -> SearchStrategy[Change]:
-    """Changes that a world with these entities can take right after a reset.
+    """Return changes that a world with these entities can take right after a reset.
 
     Args:
         entities: The world's entities; by default those of the tiny world.
@@ -110,7 +110,7 @@ def vectors(limit_m: float, plane: bool = False) -> SearchStrategy[tuple[float, 
 
 
 def entities_or_tiny(entities: Entities | None) -> Entities:
-    """The entities, or those of the tiny world where None are given."""
+    """Return the entities, or those of the tiny world where None are given."""
     if entities is not None:
         return entities
     from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -119,5 +119,5 @@ def entities_or_tiny(entities: Entities | None) -> Entities:
 
 
 def objects_of(entities: Entities) -> list[str]:
-    """The names of those that have a free joint."""
+    """Return the names of those that have a free joint."""
     return [name for name, entity in entities.items() if entity.kind == "object"]

@@ -1,4 +1,4 @@
-"""What the two insertions share: objects are taken out at reset and come back beside the trigger entity."""
+"""Common parts of the insertions: objects leave the scene at reset and return beside the trigger entity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def placement(entity: str, anchor: str, offset_m: list[float], task: TaskMetadata) -> Json:
-    """Where an object comes back: at an offset from the anchor, as high as it was."""
+    """Return the place at which an object returns: an offset from the anchor, at the height it had."""
     return {
         "object": entity,
         "relative_to": anchor,
@@ -25,7 +25,7 @@ def placement(entity: str, anchor: str, offset_m: list[float], task: TaskMetadat
 
 
 def removals(entities: Iterable[str]) -> tuple[Json, ...]:
-    """The setup that takes objects out of the scene until the event brings them back."""
+    """Return the setup that takes objects out of the scene until the event brings them back."""
     return tuple(
         {
             "operation": "remove_object",
@@ -37,7 +37,7 @@ def removals(entities: Iterable[str]) -> tuple[Json, ...]:
 
 
 def placements(kind: type[Any], entity: str, anchor: str) -> SearchStrategy[Any]:
-    """Changes or placements of ``kind`` that put ``entity`` near ``anchor``, for Hypothesis."""
+    """Return changes or placements of ``kind`` that put ``entity`` near ``anchor``, for Hypothesis."""
     from hypothesis import strategies as st
 
     from pytest_libero_max.events.change_strategies import vectors

@@ -25,7 +25,7 @@ VARIANTS = (0, 1)
 
 
 class Scenario(NamedTuple):
-    """What an event does, as a manifest spells it.
+    """Effect of an event, as a manifest spells it.
 
     Attributes:
         change: The change in the middle of the episode: an ``operation`` and its parameters.
@@ -49,8 +49,8 @@ class EventKind(ABC):
         severities: Severity of variant 0 and of variant 1: ``low``, ``medium`` or ``high``.
         response: The manifests' word for what a policy is expected to do: ``continue`` where the task is what
             it was, ``replan`` where the target, the destination or the path has changed.
-        needs: What a task must have, in words that follow "The task needs".
-        expected: What a policy is expected to do, in a sentence.
+        needs: Requirement of a task, in words that follow "The task needs".
+        expected: Expected response of a policy, in a sentence.
     """
 
     name: ClassVar[str]
@@ -62,11 +62,11 @@ class EventKind(ABC):
     expected: ClassVar[str]
 
     def eligible(self, task: TaskMetadata) -> bool:
-        """Whether the task can host the event; decided from the task's description alone."""
+        """Return True if the task can host the event; decided from the task's description alone."""
         return task.trigger_entity is not None
 
     def trigger(self, task: TaskMetadata) -> Trigger:
-        """When the event happens in an eligible task: when the hand comes near the trigger entity.
+        """Return the trigger in an eligible task: the hand comes near the trigger entity.
 
         Another trigger must name an entity in ``value``, which the distances of every record are about.
         """
@@ -78,7 +78,7 @@ class EventKind(ABC):
 
         Args:
             variant: 0 or 1.
-            task: What the scene contains.
+            task: Contents of the scene.
             identity: Which configuration this is; the source of all seeds.
         """
 
@@ -95,7 +95,7 @@ class EventKind(ABC):
         """
 
     def event(self, variant: int, seed: int, scenario: Scenario, trigger: Trigger) -> Event:
-        """The event of a case, with everything that is the same for all events of this kind."""
+        """Return the event of a case, with everything that is the same for all events of this kind."""
         return Event(
             name=self.name,
             variant=variant,
@@ -110,7 +110,7 @@ class EventKind(ABC):
 
 
 def entity_of(task: TaskMetadata) -> str:
-    """The trigger entity of a task that an event is possible in."""
+    """Return the trigger entity of a task that an event is possible in."""
     assert task.trigger_entity is not None  # eligibility demands it
     return task.trigger_entity
 
@@ -119,12 +119,11 @@ _WORD = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def accept_kind(name: str, found: object) -> EventKind:
-    """The event kind that was registered under ``name``: a subclass of :class:`EventKind`, or one of its
-    instances.
+    """Return the event kind registered under a name: a subclass of :class:`EventKind`, or an instance of one.
 
     Raises:
-        ValueError: It is not one, or one of its attributes breaks a rule.
-    """  # noqa: D205
+        ValueError: It is neither, or one of its attributes breaks a rule.
+    """
     if isinstance(found, type) and issubclass(found, EventKind):
         found = found()
     if not isinstance(found, EventKind):

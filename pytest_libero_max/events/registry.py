@@ -62,12 +62,12 @@ EVENTS: Registry[EventKind] = Registry("event", ENTRY_POINT_GROUP, _own, accept_
 
 
 def families() -> tuple[str, ...]:
-    """The families of all events: the benchmark's first, then the others in the order of their events."""
+    """Return the families of all events: the benchmark's, then the others in the order of their events."""
     return tuple(dict.fromkeys((*BENCHMARK_FAMILIES, *(kind.family for kind in EVENTS.values()))))
 
 
 def family_of(event: str) -> str:
-    """The family of an event.
+    """Return the family of an event.
 
     Raises:
         ManifestError: There is no such event.
@@ -76,7 +76,7 @@ def family_of(event: str) -> str:
 
 
 def eligible(event: str, task: TaskMetadata) -> bool:
-    """Whether ``task`` has what ``event`` needs.
+    """Return True if ``task`` has what ``event`` needs.
 
     Raises:
         ManifestError: There is no such event.
@@ -85,7 +85,7 @@ def eligible(event: str, task: TaskMetadata) -> bool:
 
 
 def eligible_events(task: TaskMetadata) -> tuple[str, ...]:
-    """The events that ``task`` can host, in the registry's order."""
+    """Return the events that ``task`` can host, in the registry's order."""
     return tuple(event for event in EVENTS if eligible(event, task))
 
 
@@ -95,7 +95,7 @@ def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identit
     Args:
         name: One of :data:`EVENTS`.
         variant: 0 or 1.
-        task: What the scene contains.
+        task: Contents of the scene.
         identity: Which configuration this is; the source of all seeds.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What the two relocations share: an object is moved along the table, in one of eight directions."""
+"""Common parts of the two relocations: an object is moved along the table, in one of eight directions."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ _DECIMALS = 8
 def relocation(
     event: str, moved: str | None, distance_m: float, task: TaskMetadata, identity: Identity
 ) -> Json:
-    """The change that moves an object; its direction depends on the task and the event alone.
+    """Return the change that moves an object; its direction depends on the task and the event alone.
 
     Args:
         event: Name of the event, from which the direction is drawn.
         moved: The object; an eligible task has one.
-        distance_m: How far.
-        task: What the scene contains.
+        distance_m: Length of the move.
+        task: Contents of the scene.
         identity: Which configuration this is.
     """
     assert moved is not None  # eligibility demands it

@@ -1,4 +1,4 @@
-"""What happens in an arm, and when: a schedule is a tuple of entries, an arm a name and a schedule.
+"""Schedules and arms: a schedule is a tuple of entries, an arm is a name and a schedule.
 
 :func:`arms_of` builds the arms of a case from its program (:mod:`pytest_libero_max.benchmark.programs`);
 :func:`program_of` writes arms as a program.
@@ -45,8 +45,8 @@ class Entry:
     """One thing that happens in an arm.
 
     Attributes:
-        trigger: When. It is asked as soon as the entry before has happened.
-        action: What: a change, or the reversal of an earlier entry's change.
+        trigger: Moment of the entry. It is asked as soon as the entry before has happened.
+        action: A change, or the reversal of an earlier entry's change.
     """
 
     trigger: Trigger
@@ -68,7 +68,7 @@ Schedule = tuple[Entry, ...]
 
 @dataclass(frozen=True)
 class Cadence:
-    """How often a policy is asked.
+    """Frequency of queries.
 
     Attributes:
         query_interval: Q, the actions executed before the next query.
@@ -92,9 +92,9 @@ class Arm:
 
     Attributes:
         name: Lower-case letters, digits and underscores; begins with a letter.
-        schedule: What happens in it, and when.
+        schedule: Changes of the arm with their triggers.
         repetition: Arms of another repetition share nothing: they are played from the start once more.
-        cadence: How often the policy is asked; None as it declares. Arms of another cadence share nothing.
+        cadence: Frequency of queries; None for the policy's own. Arms of another cadence share nothing.
 
     Raises:
         ManifestError: The name is not one, or an entry refers to one that does not come before it.
@@ -123,7 +123,7 @@ class Arm:
                 _check_reversal(entry.action, self.schedule[:index], reversed_entries, where)
 
     def to_dict(self) -> Json:
-        """The arm as a program spells it."""
+        """Return the arm as a program spells it."""
         values: Json = {"name": self.name, "schedule": [entry.to_dict() for entry in self.schedule]}
         if self.repetition:
             values["repetition"] = self.repetition
@@ -147,8 +147,8 @@ def schedule_from_list(
 
     Args:
         raw: The entries.
-        where: How to name them in an error.
-        event: What ``"event"`` stands for. None: the schedule refers to none.
+        where: Name of them in an error.
+        event: Value for ``"event"``. None: the schedule does not refer to it.
         strength: Share of every change.
 
     Raises:
@@ -174,7 +174,7 @@ def _entry(raw: Any, where: str, event: Event | None, strength: float) -> Entry:
 
 
 def _filled(value: Any, own: Json | None, where: str) -> Any:
-    """The value with ``"event"``, or each ``{"event": FIELD}`` inside it, replaced by what it stands for."""
+    """Return the value with ``"event"`` and each ``{"event": FIELD}`` inside it replaced."""
     if own is None:
         return value
     if value == EVENT:
@@ -206,7 +206,7 @@ def trigger_of(case: Case) -> Trigger:
 
 
 def change_of(case: Case, strength: float = 1.0) -> Change:
-    """What the case's event changes.
+    """Return the change of the case's event.
 
     Args:
         case: The case.
@@ -230,11 +230,11 @@ def _change(raw: Any, strength: float) -> Change:
 
 
 def arms_of(case: Case, repeat_base: bool = False, strength: float = 1.0) -> tuple[Arm, ...]:
-    """The arms of a case: Base, in which nothing happens, Dynamic, and those that its program adds.
+    """Return the arms of a case: Base, in which nothing happens, Dynamic, and those that its program adds.
 
     Args:
         case: The case. Without a program, its event happens in Dynamic.
-        repeat_base: Whether Base is played a second time from the start, for the noise floor.
+        repeat_base: True to play Base a second time from the start, for the noise floor.
         strength: Share of every change, see :func:`change_of`.
 
     Raises:
@@ -280,7 +280,7 @@ def program_of(name: str, arms: Iterable[Arm]) -> Program:
 
 
 def check_arms(arms: Iterable[Arm]) -> tuple[Arm, ...]:
-    """The arms as a tuple, each name once.
+    """Return the arms as a tuple, each name once.
 
     Raises:
         ManifestError: There is none, or a name occurs twice.

@@ -1,4 +1,4 @@
-"""When something happens: triggers, frozen values that are asked after every step.
+"""Triggers: frozen values that are asked after every step whether an entry of a schedule happens.
 
 A new trigger is one class here, or in another package that offers it under its type in the entry-point group
 ``pytest_libero_max.triggers``: its fields are its parameters, ``fires`` is its rule, and its manifest form
@@ -35,7 +35,7 @@ def distance_m(one: Array, other: Array) -> float:
 
 @dataclass(frozen=True)
 class Moment:
-    """What a trigger is asked about: an episode between two steps.
+    """An episode between two steps, as a trigger sees it.
 
     Attributes:
         step: Policy steps executed; 0 before the policy begins.
@@ -52,7 +52,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Trigger:
-    """When an entry of a schedule happens.
+    """Decides at which moment an entry of a schedule happens.
 
     It is asked once before the policy begins and then after every step, as long as the episode is running.
     The entry happens at the first moment at which the answer is yes. The answer depends on the moment alone.
@@ -65,7 +65,7 @@ class Trigger:
     """Manifest names of the fields that are called differently there."""
 
     def fires(self, moment: Moment) -> bool:
-        """Whether the entry happens now.
+        """Return True if the entry happens now.
 
         Raises:
             EntityError: The world does not have an entity that the trigger names.
@@ -73,7 +73,7 @@ class Trigger:
         raise NotImplementedError
 
     def to_dict(self) -> Json:
-        """The trigger as a manifest spells it."""
+        """Return the trigger as a manifest spells it."""
         values = {self.spelling.get(item.name, item.name): getattr(self, item.name) for item in fields(self)}
         return {"type": self.type, **values}
 
@@ -83,7 +83,7 @@ def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
 
     Args:
         raw: ``type`` and the trigger's parameters.
-        where: How to name it in an error.
+        where: Name of it in an error.
 
     Raises:
         ManifestError: The type or a field is unknown, a field is missing, or a value breaks its rule.
@@ -128,7 +128,7 @@ class Proximity(Trigger):
         return moment.step > 0 and self.reached(moment.world)
 
     def reached(self, world: World) -> bool:
-        """Whether the end effector is within the distance now."""
+        """Return True if the end effector is within the distance now."""
         return distance_m(world.end_effector(), world.position(self.entity)) <= self.distance_m
 
 
@@ -201,7 +201,7 @@ class Above(Trigger):
 
     Attributes:
         receptacle: Name of the entity.
-        radius_m: How far beside its position the end effector may be, horizontally, in m.
+        radius_m: Largest horizontal distance of the end effector from its position, m.
     """
 
     type = "above"
@@ -262,7 +262,7 @@ def _is_number(value: object) -> bool:
 
 
 def _accept(name: str, found: object) -> type[Trigger]:
-    """The class of triggers that was registered under ``name``.
+    """Return the class of triggers that was registered under ``name``.
 
     Raises:
         ValueError: It is not one, or has another type.

@@ -47,7 +47,7 @@ _SLACK_M = 0.004  # fingers that hold a part are at most this much wider than it
 
 
 def articulate(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
-    """The route to a drawer, door or knob in the state that a fact of the goal asks for."""
+    """Return the route to a drawer, door or knob in the state that a fact of the goal asks for."""
     (name, *_) = world.joints(fact.subject)
     part = read_part(world, name)
     scene = obstacles(world)
@@ -65,7 +65,7 @@ def articulate(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
 
 
 def open_door(world: PrivilegedWorld, owner: str, hand: Hand) -> Route:
-    """The route that opens the door of a fixture wide; empty if it is open, or there is none."""
+    """Return the route that opens the door of a fixture wide; empty if it is open, or there is none."""
     if world.entities[owner].category != "microwave":
         return ()
     joints = (part.joint for part in read_parts(world) if part.entity == owner and part.joint is not None)
@@ -182,7 +182,7 @@ def push_door(world: PrivilegedWorld, part: Part, target: float, hand: Hand) -> 
 
 
 def _is_at(hand: Hand, part: Part) -> bool:
-    """True if the hand is at a part."""
+    """Return True if the hand is at a part."""
     return bool(np.linalg.norm(hand.position - part.position) < _AROUND_M)
 
 
@@ -192,7 +192,7 @@ def _nearest_angle(angle: float) -> float:
 
 
 def _approach(hand: Hand, scene: Boxes, grasp: Grasp, grip: float) -> Route:
-    """The route to above a pose, over everything in between."""
+    """Return the route to above a pose, over everything in between."""
     height = scene.height_along(hand.position, grasp.position, BERTH_M) + CLEARANCE_M + FINGERTIP_M
     if np.linalg.norm((hand.position - grasp.position)[:2]) < _SAME_SPOT_M:
         height = max(hand.position[2], grasp.position[2])
@@ -200,5 +200,5 @@ def _approach(hand: Hand, scene: Boxes, grasp: Grasp, grip: float) -> Route:
 
 
 def _waypoint(grasp: Grasp, position: Array, grip: float, tolerance_m: float, wait: int = 0) -> Waypoint:
-    """A waypoint with the orientation of a grasp."""
+    """Return a waypoint with the orientation of a grasp."""
     return Waypoint(position, grasp.angle, grip, tolerance_m, wait, grasp.tilt, grasp.heading)

@@ -56,7 +56,7 @@ class ExpertPolicy:
 
 
 def plan(world: PrivilegedWorld, hand: Hand) -> Route:
-    """The route to the end of the next subgoal; up and away where nothing is left to do."""
+    """Return the route to the end of the next subgoal; up and away where nothing is left to do."""
     left = subgoals(world)
     if not left:
         return (Waypoint(hand.position + np.array([0.0, 0.0, 0.05]), hand.angle, OPEN),)
@@ -102,7 +102,7 @@ def _before_the_drawer(world: PrivilegedWorld, fact: Fact) -> list[Fact]:
 
 
 def plan_subgoal(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
-    """The route to the end of one subgoal."""
+    """Return the route to the end of one subgoal."""
     if fact.place is None:
         return articulate(world, fact, hand)
     view = with_regrasp(view_scene(world, fact, hand))

@@ -56,7 +56,7 @@ class Grasp:
 
 
 def release_pose(view: View, grasp: Grasp) -> Grasp:
-    """The pose of the hand when the object that it holds by a grasp is at its goal."""
+    """Return the pose of the hand when the object that it holds by a grasp is at its goal."""
     c, s = math.cos(view.turn), math.sin(view.turn)
     arm = grasp.position - view.position
     x, y = view.goal[:2] + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])
@@ -67,7 +67,7 @@ def release_pose(view: View, grasp: Grasp) -> Grasp:
 
 
 def choose_grasp(view: View) -> Grasp:
-    """The grasp of least cost: with room for the hand, little turning, and near the hand.
+    """Return the grasp of least cost: with room for the hand, little turning, and near the hand.
 
     Measuring the room takes longest and can only add to the cost. So the candidates are visited in the order
     of the rest of their cost, up to the first that costs more without it than the best one with it.
@@ -132,14 +132,14 @@ def _box_grasps(view: View) -> Iterator[Grasp]:
 def _both_wrist_angles(
     position: Array, angle: float, tilt: float = 0.0, heading: float = 0.0
 ) -> Iterator[Grasp]:
-    """The grasp and the one turned by half a turn, as far as the wrist reaches."""
+    """Yield the grasp and the one turned by half a turn, as far as the wrist reaches."""
     for turn in (angle - math.pi, angle, angle + math.pi):
         if abs(turn - WRIST_MIDDLE_RAD) <= math.radians(95):
             yield Grasp(position, turn, tilt, heading)
 
 
 def _cost(view: View, grasp: Grasp, crowded: float = 0.0) -> float:
-    """The cost of a grasp: its crowding, and how far the hand must turn, travel and reach."""
+    """Return the cost of a grasp: its crowding, and how far the hand must turn, travel and reach."""
     end = release_pose(view, grasp)
     turning = abs(grasp.angle - view.hand.angle) + abs(grasp.angle - WRIST_MIDDLE_RAD)
     twist = 5 * max(0.0, abs(end.angle - WRIST_MIDDLE_RAD) - math.radians(95))
@@ -152,13 +152,13 @@ def _cost(view: View, grasp: Grasp, crowded: float = 0.0) -> float:
 
 
 def _crowding_of(view: View, grasp: Grasp) -> float:
-    """The crowding around the hand where it takes hold, twice, and where it lets go."""
+    """Return the crowding around the hand where it takes hold, twice, and where it lets go."""
     end = release_pose(view, grasp)
     return 2 * crowding(view, grasp, True) + (0.0 if grasp.tilt else crowding(view, end, False))
 
 
 def crowding(view: View, grasp: Grasp, taking: bool) -> float:
-    """Number of points of the hand that would be inside other things; a point that is near counts in part.
+    """Return the number of points of the hand that would be inside other things; near ones count in part.
 
     Args:
         view: The other things.

@@ -124,5 +124,5 @@ def _response(coupling: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _within(vector: Array, limit: Array) -> Array:
-    """The vector, scaled down until no component exceeds its limit."""
+    """Return the vector, scaled down until no component exceeds its limit."""
     return vector / max(1.0, float(np.max(np.abs(vector) / limit)))

@@ -29,7 +29,7 @@ _STUCK_M = 0.04  # height above the goal below which a hand that does not sink o
 
 
 def pick_and_place(view: View) -> Route:
-    """The route to the target standing at its goal and the hand above it."""
+    """Return the route to the target standing at its goal and the hand above it."""
     hand = view.hand
     if view.held:
         heading = 0.0 if view.entry_heading is None else view.entry_heading
@@ -40,7 +40,7 @@ def pick_and_place(view: View) -> Route:
 
 
 def _wrist(hand: Hand, tilt: float, heading: float) -> float:
-    """The angle of the hand before its tilt."""
+    """Return the angle of the hand before its tilt."""
     if not tilt:
         return hand.angle
     level = hand.turn.as_matrix()[:, 0]  # the finger axis, which a tilt across it leaves alone
@@ -69,7 +69,7 @@ def _pick(view: View, grasp: Grasp) -> Route:
 
 
 def _in_funnel(hand: Hand, grasp: Grasp) -> bool:
-    """True if the hand is in a funnel above the grasp, which is wider the further up."""
+    """Return True if the hand is in a funnel above the grasp, which is wider the further up."""
     off = hand.position - grasp.position
     height = -float(off @ grasp.axis)
     aside = float(np.linalg.norm(off + height * grasp.axis))
@@ -102,7 +102,7 @@ def _place(view: View, grasp: Grasp) -> Route:
 
 
 def _stuck(hand: Hand) -> bool:
-    """True if something holds the hand up: it does not sink, though it may still slide a little."""
+    """Return True if something holds the hand up: it does not sink, though it may still slide a little."""
     return bool(abs(hand.velocity[2]) < 0.005 and np.linalg.norm(hand.velocity) < 0.04)
 
 
@@ -133,7 +133,7 @@ def _insert(view: View, grasp: Grasp, end: Grasp) -> Route:
 def _waypoint(
     grasp: Grasp, position: Array, grip: float, tolerance_m: float = 0.005, wait: int = 0
 ) -> Waypoint:
-    """A waypoint with the orientation of a grasp."""
+    """Return a waypoint with the orientation of a grasp."""
     return Waypoint(position, grasp.angle, grip, tolerance_m, wait, grasp.tilt, grasp.heading)
 
 

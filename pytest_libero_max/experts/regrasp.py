@@ -29,7 +29,7 @@ _BY_HANDLE_RAD = 0.3  # a hand that is tilted further holds the object by its ha
 
 
 def with_regrasp(view: View) -> View:
-    """The view of what must be done next: the view itself, or one whose goal is a place for a regrasp.
+    """Return the view of what must be done next: the view itself, or one whose goal is a place for a regrasp.
 
     A regrasp is needed for an object that enters its receptacle from the front and whose handle cannot be
     reached from there. Where no place for it is free, the view is returned unchanged.
@@ -74,7 +74,7 @@ def _free_spot(view: View, entry_heading: float, handle: Part) -> Array | None:
 
 
 def _reachable(view: View, position: Array, spare_m: float = 0.0) -> bool:
-    """True if a tilted hand has room around a handle, and the arm reaches it."""
+    """Return True if a tilted hand has room around a handle, and the arm reaches it."""
     assert view.entry_heading is not None
     grasp = Grasp(position, view.entry_heading + math.pi / 2, TILT, view.entry_heading)
     far = float(np.linalg.norm((position - view.hand.base)[:2]))
@@ -83,13 +83,12 @@ def _reachable(view: View, position: Array, spare_m: float = 0.0) -> bool:
 
 
 def _handle(view: View) -> Part | None:
-    """The handle at the side of the target, if the target stands upright."""
+    """Return the handle at the side of the target, if the target stands upright."""
     sideways = (part for part in view.parts if abs(part.out[2]) < 0.3 and abs(part.along[2]) > 0.9)
     return next(sideways, None)
 
 
 def _joined(one: Boxes, other: Boxes) -> Boxes:
-    """The boxes of both."""
     pairs = ((one.centre, other.centre), (one.turn, other.turn), (one.half, other.half))
     centre, turn, half = (np.concatenate(pair) for pair in pairs)
     return Boxes(centre, turn, half)

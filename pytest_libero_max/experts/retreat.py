@@ -38,7 +38,7 @@ def retreat(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
 
 
 def _at_a_part(world: PrivilegedWorld, fact: Fact, hand: Hand) -> bool:
-    """True if a handle or knob that the subgoal does not use is between the fingers."""
+    """Return True if a handle or knob that the subgoal does not use is between the fingers."""
     joints = world.joints(fact.subject) if fact.place is None else ()
     axes = hand.turn.as_matrix()
     for part in read_parts(world):
@@ -51,7 +51,7 @@ def _at_a_part(world: PrivilegedWorld, fact: Fact, hand: Hand) -> bool:
 
 
 def _at_an_obstacle(world: PrivilegedWorld, fact: Fact, hand: Hand) -> bool:
-    """True if the fingertips are near anything but the object that is to be brought."""
+    """Return True if the fingertips are near anything but the object that is to be brought."""
     if fact.place is None:
         return False
     tip = hand.position + 0.02 * hand.approach

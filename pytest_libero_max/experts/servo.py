@@ -108,7 +108,7 @@ class ServoPolicy:
 
 
 def read_hand(observation: Observation) -> Hand:
-    """The hand, from proprioception alone: its speed is not known, and its axes count as independent."""
+    """Return the hand, from proprioception alone: its speed is unknown, its axes count as independent."""
     left, right = (float(value) for value in observation["robot0_gripper_qpos"])
     return Hand(
         position=np.asarray(observation["robot0_eef_pos"], dtype=np.float64),
@@ -217,7 +217,7 @@ def _look(
 
 
 def covers(scene: SceneKnowledge, hand: Hand, shape: Shape, position: Array) -> bool:
-    """True if the hand is in front of a thing in the image, or would be if it were nearer to the camera."""
+    """Return True if the hand hides a thing in the image, or would if it were nearer to the camera."""
     body = hand.position + _HAND_M @ hand.turn.as_matrix().T
     thing = scene.camera.project(shape.points(position))
     return overlap(thing, scene.camera.project(body)) > _COVERED
@@ -228,7 +228,7 @@ def _is_at_end(hand: Hand, route: Route) -> bool:
 
 
 def _is_at(aim: tuple[Array, Array], target: Array, destination: Array) -> bool:
-    """True if target and destination are seen where the route leads."""
+    """Return True if target and destination are seen where the route leads."""
     moves = [now - then for now, then in zip((target, destination), aim, strict=True)]
     return all(float(np.linalg.norm(move)) <= _MOVED_M for move in moves)
 
@@ -276,7 +276,7 @@ def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array,
 def _waypoint(
     wish: Wish, position: Array, grip: float, tolerance_m: float = 0.005, wait: int = 0
 ) -> Waypoint:
-    """A waypoint of a hand that points down."""
+    """Return a waypoint of a hand that points down."""
     return Waypoint(position, wish.angle, grip, tolerance_m, wait)
 
 

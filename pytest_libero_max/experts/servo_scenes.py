@@ -86,7 +86,7 @@ def _tin(radius: float, height: float) -> Shape:
 
 
 def _bottle(x: float, y: float, height: float, shoulder: float, cap: float) -> Shape:
-    """A bottle; ``shoulder`` as a part of its height, ``cap`` is the width of the cap, m."""
+    """Return a bottle; ``shoulder`` as a part of its height, ``cap`` is the width of the cap, m."""
     body = (x / 2, y / 2)
     neck = (cap / 2, cap / 2)
     return Shape(((*body, 0.0), (*body, shoulder * height), (*neck, 0.84 * height), (*neck, height)))

@@ -91,7 +91,7 @@ class Area:
 
     @classmethod
     def around(cls, position: Array, reach: float) -> Area:
-        """The square within ``reach`` m of a position, (3,) m."""
+        """Return the square within ``reach`` m of a position, (3,) m."""
         x, y, z = (float(value) for value in position)
         return cls((x - reach, y - reach), (x + reach, y + reach), z)
 
@@ -105,7 +105,7 @@ def colour_table() -> Mapping[str, Mapping[str, int]]:
 
 
 def colour_codes(image: NDArray[np.uint8]) -> NDArray[np.intp]:
-    """The colour of each pixel as one number, 0 to ``LEVELS**3 - 1``."""
+    """Return the colour of each pixel as one number, 0 to ``LEVELS**3 - 1``."""
     levels = np.floor(np.sqrt(np.arange(256) / 256) * LEVELS).astype(np.intp)
     codes: NDArray[np.intp] = levels[image] @ np.array([LEVELS**2, LEVELS, 1])
     return codes
@@ -126,7 +126,7 @@ def chances(image: NDArray[np.uint8], category: str) -> Chances:
 
 
 def find(likely: Chances, camera: NominalCamera, shape: Shape, area: Area, leash: float = 0.0) -> Sighting:
-    """The place in an area where an object is most likely to stand.
+    """Return the place in an area where an object is most likely to stand.
 
     Args:
         likely: Of the whole image.
@@ -181,7 +181,7 @@ def _climb(likely: Chances, camera: NominalCamera, shape: Shape, position: Array
 
 
 def score(likely: Chances, camera: NominalCamera, shape: Shape, position: Array) -> float:
-    """The score of an object at a position, (3,) m; -1 where it would be outside the image."""
+    """Return the score of an object at a position, (3,) m; -1 where it would be outside the image."""
     inside, around, (left, top) = _masks(camera.project(shape.points(position)))
     rows, columns = (
         slice(*np.clip((start, start + length), 0, camera.size))
@@ -196,7 +196,7 @@ def score(likely: Chances, camera: NominalCamera, shape: Shape, position: Array)
 
 
 def _masks(outline: Array) -> tuple[NDArray[np.uint8], NDArray[np.uint8], tuple[int, int]]:
-    """The pixels inside the hull of projected points, those around it, and the corner of both masks."""
+    """Return the pixels inside the hull of projected points, those around it, and the masks' corner."""
     import cv2
 
     low = np.floor(outline.min(axis=0)).astype(int) - _RING_PX - 1

@@ -82,7 +82,7 @@ def film_frames(
     size: int,
     caption: str | None = None,
 ) -> Iterator[Image]:
-    """The frames of a film, (height, width, 3) uint8 with even sides.
+    """Yield the frames of a film, (height, width, 3) uint8 with even sides.
 
     Args:
         record: The pair.
@@ -141,7 +141,7 @@ class _Canvas:
         self._title = self._title_lines()
 
     def draw(self, tick: Tick) -> Image:
-        """The frame of a moment. Moments come in their order."""
+        """Return the frame of a moment. Moments come in their order."""
         for name, view in tick.views.items():
             if tick.step <= (self._record.arms[name].steps or 0):
                 self._openings[name].append((tick.step, view.opening_m))
@@ -286,7 +286,7 @@ class _Canvas:
         return _length(words, self._font_px)
 
     def _wrapped(self, words: str) -> list[str]:
-        """A text in lines that fit the film; a word that does not fit is cut."""
+        """Return a text in lines that fit the film; a word that does not fit is cut."""
         lines, line = [], ""
         for char in words:
             if self._length(line + char) > self._width - 8:
@@ -322,7 +322,7 @@ def _distances(trace: ArmTrace) -> NDArray[np.float64]:
 
 
 def _faded(image: Image) -> Image:
-    """An image halfway to white: nothing happens in it any more."""
+    """Return an image halfway to white: nothing happens in it any more."""
     return (image // 2 + 127).astype(np.uint8)
 
 
@@ -359,5 +359,5 @@ def _length(words: str, size_px: int) -> int:
 
 @cache
 def _font(size_px: int) -> Any:
-    """The font that comes with Pillow: the same on every machine."""
+    """Return the font that comes with Pillow: the same on every machine."""
     return ImageFont.load_default(size=size_px)

@@ -24,7 +24,7 @@ every few, as Pillow writes by default, make the file a third larger."""
 
 
 def available_format() -> str:
-    """The format of films here: ``mp4`` where PyAV is installed, otherwise ``webp``."""
+    """Return the format of films here: ``mp4`` where PyAV is installed, otherwise ``webp``."""
     return "mp4" if importlib.util.find_spec("av") else "webp"
 
 

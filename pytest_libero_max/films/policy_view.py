@@ -58,7 +58,7 @@ class Shown:
 
 
 def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) -> Shown:
-    """Views that can be shown of the policy of a run.
+    """Return views that can be shown of the policy of a run.
 
     Args:
         ran: ``policy`` of the run's provenance.
@@ -93,7 +93,7 @@ def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) 
 def saw(
     case: Case, record: PairRecord, traces: Mapping[str, ArmTrace], shown: Shown, size: int
 ) -> tuple[Look, frozenset[int]]:
-    """Looks at a world as the policy did: at its queries; in between it still has the last images.
+    """Return the policy's view of a world: its images at each query, kept until the next one.
 
     A policy that was shown every step is followed step by step.
 
@@ -185,7 +185,7 @@ class _Recorded:
 
 
 def fitted(image: Image, size: int) -> Image:
-    """An image in a square picture, its sides in proportion. Pixels are repeated or averaged, not blurred.
+    """Return an image in a square picture, its proportions kept. Pixels are repeated or averaged.
 
     Args:
         image: (H, W, 3) uint8.
@@ -236,7 +236,7 @@ def _by_adapter(ran: Json, adapter: str) -> Shown:
 
 
 def _profile_of(ran: Json, asked: str | None) -> Profile | None:
-    """The profile of a run, whose digest its provenance has; None where it is not found."""
+    """Return the profile of a run, whose digest its provenance has; None where it is not found."""
     if asked is not None:
         profile = load_profile(asked)
         _require_same(ran, profile.digest, f"profile={asked!r}")

@@ -30,7 +30,7 @@ SIZE_PX = 256
 
 
 def selected(record: PairRecord, which: str) -> bool:
-    """True if a pair belongs to one of :data:`.media.FILM_SELECTIONS`."""
+    """Return True if a pair belongs to one of :data:`.media.FILM_SELECTIONS`."""
     if which == "regressions":
         return record.outcome == "regression"
     return which == "all" or record.base_success != record.dynamic_success
@@ -148,7 +148,7 @@ class RecordedRun:
     substrate: Substrate
 
     def traces(self, record: PairRecord) -> dict[str, ArmTrace]:
-        """The traces of a pair.
+        """Return the traces of a pair.
 
         Raises:
             ReportError: The run kept none of it, or they cannot be read.
@@ -251,7 +251,7 @@ def open_recorded(
 
 
 def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairRecord]:
-    """The pairs to film, those of one scene behind each other.
+    """Return the pairs to film, those of one scene behind each other.
 
     Args:
         stored: The run.

@@ -53,7 +53,7 @@ class Tick:
 
 
 def distinct_arms(record: PairRecord) -> tuple[str, ...]:
-    """The arms of a pair that differ from those before them, in the order of the record."""
+    """Return the arms of a pair that differ from those before them, in the order of the record."""
     proofs: dict[str | None, str] = {}
     for name, arm in record.arms.items():
         if arm.shares is None:
@@ -132,7 +132,7 @@ class _Player:
         self.link, self.state = link, state
 
     def fires_at(self, step: int) -> bool:
-        """True if something happens after this step that has not happened yet."""
+        """Return True if something happens after this step that has not happened yet."""
         done = len(self.applied)
         return done < len(self.firings) and self.firings[done].step == step
 
@@ -180,7 +180,7 @@ def _advance(players: list[_Player], step: int, world: World) -> None:
 
 
 def through_cameras(size: int, cameras: tuple[str, ...] = CAMERAS) -> Look:
-    """Looks at a world through its cameras.
+    """Return the view of a world through its cameras.
 
     Args:
         size: Side of an image in pixels.

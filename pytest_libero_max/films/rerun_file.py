@@ -57,7 +57,7 @@ class Scene(View):
 
 
 def scenes(size: int) -> Look:
-    """Looks at a world and notes where everything is.
+    """Return a look that records where everything in a world is.
 
     Args:
         size: Side of an image in pixels.

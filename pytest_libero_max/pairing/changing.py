@@ -55,7 +55,7 @@ class Applied:
     pixel_change: dict[str, float]
 
     def to_dict(self) -> Json:
-        """The evidence and the change of pixels as JSON values."""
+        """Return the evidence and the change of pixels as JSON values."""
         return {**self.evidence.to_dict(), "pixel_change": dict(self.pixel_change)}
 
 

@@ -34,7 +34,7 @@ class Memory:
 
     @classmethod
     def of(cls, policy: Policy) -> Memory:
-        """A copy of what the policy remembers now.
+        """Return a copy of what the policy remembers now.
 
         Raises:
             AdapterError: Its snapshot raised.

@@ -72,7 +72,7 @@ class FiringRecord(Document, frozen=True, kw_only=True):
         distance_m: Distance of the end effector to the case's trigger entity then.
         prefix_proof: Hash chain over (action, world digest) up to it, hexadecimal. Arms in which it is the
             same executed the same prefix.
-        evidence: What the change found and left, and the mean absolute pixel change per camera (0 to 255).
+        evidence: Values before and after the change, and mean absolute pixel change per camera (0 to 255).
     """
 
     NOUN: ClassVar[str] = "firing"
@@ -88,10 +88,10 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     """One arm of a measured case. A value that version 1 of the record did not hold is None.
 
     Attributes:
-        schedule: What happens in the arm and when, as
+        schedule: Entries of the arm, as
             :meth:`~pytest_libero_max.events.schedules.Entry.to_dict` writes it; empty for Base.
         repetition: Arms of another repetition were played independently, from the start.
-        success: Whether the task was completed within the budget.
+        success: True if the task was completed within the budget.
         steps: Policy steps taken, shared ones included.
         queries: Policy queries, shared ones included.
         firings: The entries of the schedule that happened, in order.
@@ -100,13 +100,13 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         stale_actions: Queued actions executed after the first firing and before that query; None where
             nothing happened. Where no query followed, all actions executed afterwards were stale.
         min_distance_m: Smallest distance of the end effector to the case's trigger entity.
-        clipped_components: How many of the 7 * steps components of the executed actions are beyond +-1; the
+        clipped_components: Number of the 7 * steps components of executed actions that are beyond +-1; the
             controller clips them. Under absolute control only those of the gripper are counted.
-        contacts: What touches the trigger entity at the end.
+        contacts: Names of everything that touches the trigger entity at the end.
         proof: The hash chain over the whole rollout, changes included, hexadecimal.
         shares: The earlier arm that this one equals bit for bit, because nothing happened in it that did not
             in the other: it was not played a second time. None for an arm that was played.
-        notes: What a wrapper around the policy counted, summed over the queries of Base, or over those after
+        notes: Counts of a wrapper around the policy, summed over the queries of Base, or over those after
             the first firing of another arm; by name. Absent without such a wrapper.
         probes: Columns of each probe that was asked for, by its name. Absent without any.
     """
@@ -138,11 +138,11 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
 
     @classmethod
     def of(cls, arm: Arm, rollouts: Mapping[str, RolloutResult]) -> ArmRecord:
-        """The record of an arm.
+        """Return the record of an arm.
 
         Args:
             arm: Which.
-            rollouts: How every arm ended, in the order of the arms; those that ended as one have one object.
+            rollouts: End of every arm, in the order of the arms; those that ended as one have one object.
         """
         rollout = rollouts[arm.name]
         first = next(name for name, other in rollouts.items() if other is rollout)
@@ -191,7 +191,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
 
 
 def _summed(queries: Sequence[QueryResult]) -> dict[str, int] | None:
-    """The notes of some queries, added up; None where nothing was noted."""
+    """Return the notes of some queries, added up; None where nothing was noted."""
     noted = [query.notes for query in queries if query.notes is not None]
     names = sorted({name for notes in noted for name in notes})
     return {name: sum(notes.get(name, 0) for notes in noted) for name in names} if noted else None
@@ -209,21 +209,21 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         case_id: Unique in the manifest.
         item_id: Name of the test item.
         case_digest: SHA-256 of the case.
-        source: Where the case comes from: ``plus``, ``pro``, or ``libero`` for an unmodified task.
+        source: Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task.
         source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
         difficulty: LIBERO-Plus difficulty 1 to 5, or None.
         suite: LIBERO suite.
         task_index: Index of the task in its source's registry.
-        init_state_index: Which initial state.
+        init_state_index: Index of the initial state.
         policy_seed: Seed of the policy, the same in every arm.
-        instruction: What the policy was told to do when the episode began.
+        instruction: Instruction of the policy when the episode began.
         event: Name of the case's event.
         family: The event's family.
         variant: The event's parameter variant, 0 or 1.
         severity: The event's severity.
         trigger_entity: The entity that the distances and contacts of every arm are about.
         max_steps: Policy steps an episode may take.
-        arms: What was played, by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base
+        arms: Results by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base
             played a second time for the noise floor.
         policy: The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to
             the event: ``snapshot``, or what it was shown again (``queries``, ``frames``).
@@ -274,7 +274,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         timings: Mapping[str, float],
         memory: MemoryKind = "none",
     ) -> PairRecord:
-        """The record of a case whose arms have been played."""
+        """Return the record of a case whose arms have been played."""
         return cls(
             case_id=case.case_id,
             item_id=case.item_id,
@@ -300,7 +300,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         )
 
     def arm(self, name: str) -> ArmRecord:
-        """The arm of that name.
+        """Return the arm of that name.
 
         Raises:
             ReportError: The case was not played in it.
@@ -321,12 +321,12 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
     @property
     def base_success(self) -> bool:
-        """Whether Base completed the task."""
+        """True if Base completed the task."""
         return self.arm(BASE).success
 
     @property
     def dynamic_success(self) -> bool:
-        """Whether Dynamic completed the task. Equal to Base where the event never fired."""
+        """True if Dynamic completed the task. Equal to Base where the event never fired."""
         return self.arm(DYNAMIC).success
 
     @property
@@ -347,7 +347,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
     @property
     def triggered(self) -> bool:
-        """Whether the event fired."""
+        """True if the event fired."""
         return self.trigger is not None
 
     @property
@@ -372,7 +372,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
     @property
     def responded(self) -> bool:
-        """Whether a query followed the event."""
+        """True if a query followed the event."""
         return self.response_step is not None
 
     @property
@@ -407,17 +407,17 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
     @property
     def evidence(self) -> Json | None:
-        """What the event found and left."""
+        """Values before and after the event."""
         return self.trigger.evidence if self.trigger else None
 
     @property
     def contacts(self) -> dict[str, list[str]]:
-        """What touches the trigger entity at the end, by arm."""
+        """Names of everything that touches the trigger entity at the end, by arm."""
         return {name: list(_held(self.arm(name).contacts)) for name in (BASE, DYNAMIC)}
 
     @property
     def base_repeat(self) -> Json | None:
-        """Where Base was played a second time: ``success``, and whether it was ``identical`` bit for bit."""
+        """Second play of Base, if any: ``success``, and ``identical``, True if bit for bit equal."""
         again = self.arms.get(BASE_AGAIN)
         if again is None:
             return None
@@ -498,7 +498,7 @@ _Value = TypeVar("_Value")
 
 
 def _held(value: _Value | None) -> _Value:
-    """A value that a record of this arm holds, whatever version wrote it."""
+    """Return a value that a record of this arm holds, whatever version wrote it."""
     assert value is not None
     return value
 
@@ -537,7 +537,7 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
 
     @classmethod
     def of(cls, case: Case, error: BaseException, phase: str) -> PairError:
-        """The error of a case; what UTF-8 cannot hold of its message is replaced."""
+        """Return the error of a case; what UTF-8 cannot hold of its message is replaced."""
         message = str(error).encode("utf-8", "replace").decode()
         return cls(
             case_id=case.case_id,
@@ -560,7 +560,7 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
 
 
 def is_error(values: Json) -> bool:
-    """True if a stored result is a :class:`PairError`; otherwise it is a :class:`PairRecord`."""
+    """Return True if a stored result is a :class:`PairError`; otherwise it is a :class:`PairRecord`."""
     return "kind" in values
 
 
@@ -665,7 +665,7 @@ def _require_shared(record: PairRecord, name: str, arm: ArmRecord) -> None:
 
 
 def _is_entry(value: Json) -> bool:
-    """True if this is an entry of a schedule, as ``Entry.to_dict`` writes it."""
+    """Return True if this is an entry of a schedule, as ``Entry.to_dict`` writes it."""
     if not _named(value.get("trigger"), "type"):
         return False
     if value.keys() == {"trigger", "change"}:

@@ -122,7 +122,7 @@ class Rollout:
 
     @classmethod
     def start(cls, stage: Stage, arms: Sequence[Arm] = (Arm(BASE),)) -> Rollout:
-        """A rollout from the beginning: reset, shared setup, settle steps.
+        """Return a rollout from the beginning: reset, shared setup, settle steps.
 
         The policy is told that an episode begins right before its first query, after what a schedule does at
         the start.
@@ -140,7 +140,7 @@ class Rollout:
 
     @classmethod
     def resume(cls, branch: BranchPoint, stage: Stage, arms: Sequence[Arm] = (Arm(BASE),)) -> Rollout:
-        """The rollout that goes on from a branch point; world and policy are there already.
+        """Return the rollout that goes on from a branch point; world and policy are there already.
 
         Where the world has been altered since, its new digest goes into the hash chain first. Without an
         alteration the rollout is the one that was branched from.
@@ -186,7 +186,7 @@ class Rollout:
         return self._stage.observed()
 
     def item(self) -> BatchItem:
-        """The query that is due with all that an answer may depend on."""
+        """Return the query that is due with all that an answer may depend on."""
         return BatchItem(self.observed(), self._require_due(), self._stage.episode)
 
     def answer(self, actions: ArrayLike, notes: Mapping[str, int] | None = None) -> None:
@@ -253,7 +253,7 @@ class Rollout:
                 self._part(happening)
 
     def branch(self) -> BranchPoint:
-        """The rollout as it is now, as a value.
+        """Return the rollout as it is now, as a value.
 
         Raises:
             AdapterError: The policy's snapshot raised.
@@ -285,7 +285,7 @@ class Rollout:
         return self._due
 
     def _next_query(self) -> Query:
-        """The next query; what is needed to ask it again is kept, where it will be."""
+        """Return the next query; what is needed to ask it again is kept, where it will be."""
         stage, trajectory = self._stage, self.trajectory
         index = len(trajectory.queries)
         if stage.spec.repeatable and (self._may_part or index % SAMPLE_INTERVAL == 0):
@@ -337,7 +337,7 @@ class Rollout:
         self._may_part = any(arm.schedule[done:] != arms[0].schedule[done:] for arm in arms)
 
     def _happening(self) -> list[Entry]:
-        """The next entries of the arms whose moment is now."""
+        """Return the next entries of the arms whose moment is now."""
         entries = [entry for entry, _ in self._groups if entry is not None]
         if not entries:
             return []
@@ -370,7 +370,7 @@ class Rollout:
 
 
 def _by_next_entry(arms: Sequence[Arm], done: int) -> list[tuple[Entry | None, tuple[Arm, ...]]]:
-    """The arms by what happens next in them; None where nothing does."""
+    """Return the arms by what happens next in them; None where nothing does."""
     groups: list[tuple[Entry | None, tuple[Arm, ...]]] = []
     for arm in arms:
         entry = arm.schedule[done] if done < len(arm.schedule) else None

@@ -43,7 +43,7 @@ class PairSettings:
 
     Attributes:
         prefix: Way of an arm to the branch point; see :func:`return_to`.
-        fingerprints: What could change a result, for the record: versions, substrate, scene.
+        fingerprints: Versions, substrate, scene: whatever could change a result, for the record.
         watch: Told what begins, so that it can end what takes too long.
         probes: The probes that read every arm; see
             :func:`~pytest_libero_max.pairing.probes.registry.probes_called`.
@@ -60,7 +60,7 @@ class Pair:
     """A measured case with its trajectories.
 
     Attributes:
-        record: What is kept of it.
+        record: The record of the pair.
         rollouts: By name of the arm. Arms that ended as one have the same object.
     """
 
@@ -178,7 +178,7 @@ _Playing = Generator[Rollout, None, Pair]
 
 
 def _driven(playing: _Playing) -> Pair:
-    """A pair whose queries the policy of its stage answers, one by one."""
+    """Return a pair whose queries the policy of its stage answers, one by one."""
     try:
         rollout = next(playing)
         while True:

@@ -120,7 +120,7 @@ class Stage:
         )
 
     def query(self, index: int, step: int) -> Query:
-        """The query of that number in the episode, from 0, after so many policy steps."""
+        """Return the query of that number in the episode, from 0, after so many policy steps."""
         return Query(index, step, self.instruction, query_seed(self.case.policy_seed, index))
 
     def ask(self, query: Query) -> QueryResult:
@@ -169,7 +169,7 @@ class Stage:
 
     @contextmanager
     def _policy_acts(self, where: str) -> Iterator[None]:
-        """The block calls the policy, which must leave the world and its own spec as they are.
+        """Call the policy in the block, which must leave the world and the policy's spec unchanged.
 
         Args:
             where: Name of the call, for a message.

@@ -37,7 +37,7 @@ class ArmTrace:
 
 
 def traces_of(pair: Pair) -> dict[str, ArmTrace]:
-    """The trace of each arm that was played, by name."""
+    """Return the trace of each arm that was played, by name."""
     return {name: _trace(pair.rollouts[name]) for name, arm in pair.record.arms.items() if arm.shares is None}
 
 

@@ -22,17 +22,17 @@ from pytest_libero_max.worlds.contract import Array
 
 
 def first_link(digest: bytes) -> bytes:
-    """The chain's beginning: 32 bytes over the world's digest when the policy takes over."""
+    """Return the chain's beginning: 32 bytes over the world's digest when the policy takes over."""
     return hashlib.sha256(b"libero-max-chain" + digest).digest()
 
 
 def next_link(link: bytes, action: NDArray[np.float64], digest: bytes) -> bytes:
-    """The link after one more step: 32 bytes over the last one, the (7,) action and the world's digest."""
+    """Return the link after a step: 32 bytes over the last one, the (7,) action and the world's digest."""
     return hashlib.sha256(link + action.tobytes() + digest).digest()
 
 
 def event_link(link: bytes, digest: bytes) -> bytes:
-    """The link after an event: 32 bytes over the previous one and the world's digest right after it."""
+    """Return the link after an event: 32 bytes over the last one and the world's digest after it."""
     return hashlib.sha256(link + b"event" + digest).digest()
 
 
@@ -132,7 +132,7 @@ class Trajectory:
 
     @classmethod
     def begin(cls, query_interval: int, digest: bytes, distance_m: float) -> Trajectory:
-        """The trajectory before the first step.
+        """Return the trajectory before the first step.
 
         Args:
             query_interval: Q.
@@ -198,7 +198,7 @@ class Trajectory:
         return np.array([step.entity for step in self.executed])
 
     def stepped(self, step: Step, digest: bytes) -> Trajectory:
-        """The trajectory after one more step, which left the world with this digest."""
+        """Return the trajectory after one more step, which left the world with this digest."""
         # Written out, as in :meth:`answered`: replace() takes four times as long, and this is every step.
         return Trajectory(
             self.query_interval,
@@ -213,7 +213,7 @@ class Trajectory:
         )
 
     def answered(self, result: QueryResult) -> Trajectory:
-        """The trajectory after a query, whose first Q actions are queued."""
+        """Return the trajectory after a query, whose first Q actions are queued."""
         return Trajectory(
             self.query_interval,
             self.first,
@@ -227,17 +227,17 @@ class Trajectory:
         )
 
     def fired(self, entry: Entry, applied: Applied, digest: bytes) -> Trajectory:
-        """The trajectory after an entry of the schedule, which left the world with this digest."""
+        """Return the trajectory after an entry of the schedule, which left the world with this digest."""
         after = self.altered(digest)
         firing = Firing(entry, self.step, len(self.queries), self.distance_m, self.proof, applied, after.link)
         return replace(after, firings=(*self.firings, firing))
 
     def altered(self, digest: bytes) -> Trajectory:
-        """The trajectory with a link for a change of the world, if it is not what it was."""
+        """Return the trajectory with a link for a change of the world, if it is not what it was."""
         if digest == self.digest:
             return self
         return replace(self, link=event_link(self.link, digest), digest=digest)
 
     def watched(self, seen: tuple[object, ...]) -> Trajectory:
-        """The trajectory with other states of the probes."""
+        """Return the trajectory with other states of the probes."""
         return replace(self, seen=seen)

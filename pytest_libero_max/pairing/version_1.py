@@ -61,7 +61,7 @@ _FIELDS = _Flat.__struct_fields__
 
 
 def from_version_1(values: Json) -> Json:
-    """The fields of a record of version 1 as version 2 spells them.
+    """Return the fields of a record of version 1 as version 2 spells them.
 
     Raises:
         ReportError: It lacks a field, or fields contradict each other.

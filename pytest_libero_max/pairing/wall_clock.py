@@ -52,7 +52,7 @@ class Watch(Protocol):
     """Is told before every call that may never return, so that it can end one that takes too long."""
 
     def query(self) -> None:
-        """A call of the policy begins: ``reset`` or ``predict``."""
+        """Note that a call of the policy begins: ``reset`` or ``predict``."""
 
     def step(self) -> None:
         """Work of the simulator begins: a reset, a step, images. It goes on until the next call."""

@@ -161,7 +161,7 @@ def asked_for(config: pytest.Config) -> list[str]:
 
 
 def chosen_by_hand(config: pytest.Config) -> bool:
-    """True if the user chooses pairs by name or marker, not by number alone."""
+    """Return True if the user chooses pairs by name or marker, not by number alone."""
     option = config.option
     return bool(option.keyword or option.markexpr or any(_names_a_pair(arg) for arg in config.args))
 
@@ -201,7 +201,7 @@ def aim_testpaths(config: pytest.Config) -> None:
 
 
 def is_run(config: pytest.Config) -> bool:
-    """True if this session plays the pairs: a policy is named, and the pairs are asked for.
+    """Return True if this session plays the pairs: a policy is named, and the pairs are asked for.
 
     A policy on the command line is always meant for the pairs. One in the ini file is also there for tests of
     the user's own, so the pairs have to be among the test paths.
@@ -213,7 +213,7 @@ def is_run(config: pytest.Config) -> bool:
 
 
 def only_lists(config: pytest.Config) -> bool:
-    """True if this session lists or plans tests and plays none."""
+    """Return True if this session lists or plans tests and plays none."""
     return any(getattr(config.option, name, False) for name in _LISTING)
 
 

@@ -313,7 +313,7 @@ class RunController:
 
 
 def _origin(substrate: Json) -> str:
-    """A substrate in the header, with the installations it plays on."""
+    """Return a substrate in the header, with the installations it plays on."""
     if "installations" not in substrate:
         return str(substrate["name"])
     origin = [*substrate["installations"], f"{substrate['semantics']} events"]

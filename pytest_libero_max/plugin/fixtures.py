@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
-    """The plugin's options as they resolved."""
+    """Return the plugin's options as they resolved."""
     return settings_of(pytestconfig)
 
 
 @pytest.fixture(scope="session")
 def libero_max_policy(libero_max_settings: Settings) -> Policy:
-    """The policy under test, loaded once a worker."""
+    """Return the policy under test, loaded once a worker."""
     from pytest_libero_max.policies.adaptive import with_adaptive_queries
     from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.loading import load_policy
@@ -70,7 +70,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
 
 @pytest.fixture(scope="session")
 def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
-    """The substrate, which builds the worlds; every scene is built once a worker."""
+    """Yield the substrate, which builds the worlds; every scene is built once a worker."""
     from pytest_libero_max.substrates.registry import open_substrate
 
     substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
@@ -80,7 +80,7 @@ def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
 
 @pytest.fixture
 def libero_max_world(libero_max_case: Case, libero_max_substrate: Substrate) -> World:
-    """The world of the case, as the last episode left it: reset it, or play a prefix."""
+    """Return the world of the case, as the last episode left it: reset it, or play a prefix."""
     return libero_max_substrate.world(libero_max_case)
 
 
@@ -88,7 +88,7 @@ def libero_max_world(libero_max_case: Case, libero_max_substrate: Substrate) -> 
 def libero_max_prefix(
     libero_max_case: Case, libero_max_world: World, libero_max_policy: Policy, libero_max_settings: Settings
 ) -> BranchPoint:
-    """The executed prefix: Base played up to the trigger, where the world now stands.
+    """Return the executed prefix: Base played up to the trigger, where the world now stands.
 
     The test is skipped where the policy never comes near the trigger entity.
     """
@@ -104,7 +104,7 @@ def libero_max_prefix(
 def libero_max_inject(
     libero_max_case: Case, libero_max_world: World, libero_max_settings: Settings
 ) -> Callable[[], Json]:
-    """Call it to let the case's event happen to the world; returns the evidence."""
+    """Return a function that lets the case's event happen to the world and returns the evidence."""
     from pytest_libero_max.pairing.runner import inject
 
     return lambda: inject(libero_max_case, libero_max_world, strength=libero_max_settings.strength)
@@ -112,7 +112,7 @@ def libero_max_inject(
 
 @pytest.fixture
 def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> PairRecord:
-    """The measured pair of the case.
+    """Return the measured pair of the case.
 
     An error of the machinery is an error of the item, recorded as such, and never a failure of the policy.
     """

@@ -15,7 +15,7 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 
 
 def pytest_libero_max_pair_stored(pair: PairRecord | PairError, config: pytest.Config) -> None:
-    """Called after a pair has been written to ``pairs.jsonl``, in the order in which pairs arrive.
+    """Follow the run: called after a pair has been written to ``pairs.jsonl``, in order of arrival.
 
     To follow a long run from elsewhere, put this in ``conftest.py``::
 
@@ -30,7 +30,7 @@ def pytest_libero_max_pair_stored(pair: PairRecord | PairError, config: pytest.C
 
 
 def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
-    """Called with the report of the run before it is written and before gates are decided.
+    """Add to the report of the run: called before it is written and before gates are decided.
 
     To add a section of your own to ``report.json``, ``report.md`` and ``report.html``, put this in
     ``conftest.py``::
@@ -51,7 +51,7 @@ def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
 def pytest_libero_max_reported(
     report: Json, numbers: dict[str, float], folder: Path, config: pytest.Config
 ) -> None:
-    """Called after the reports of the run have been written, before gates are decided.
+    """Send results elsewhere: called after the reports are written, before gates are decided.
 
     To send results elsewhere, put this in ``conftest.py``, or into an installed plugin of pytest::
 

@@ -29,26 +29,26 @@ def text(value: str) -> str:
 
 
 def positive(text: str) -> int:
-    """An integer of at least 1."""
+    """Parse an integer of at least 1."""
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ValueError("expected an integer of at least 1")
     return int(text)
 
 
 def count(text: str) -> int:
-    """An integer of at least 0."""
+    """Parse an integer of at least 0."""
     if not text.isascii() or not text.isdigit():
         raise ValueError("expected an integer of at least 0")
     return int(text)
 
 
 def positive_or_auto(text: str) -> int | None:
-    """An integer of at least 1; None for ``auto``."""
+    """Parse an integer of at least 1; None for ``auto``."""
     return None if text == "auto" else positive(text)
 
 
 def amount(text: str) -> float:
-    """A number of processors of some kind, which may be a fraction."""
+    """Parse a number of processors of some kind, which may be a fraction."""
     value = _number(text)
     if not 0 <= value <= MOST_PROCESSORS or (value > 1 and value != int(value)):
         raise ValueError("expected a number of at least 0, whole above 1")
@@ -56,7 +56,7 @@ def amount(text: str) -> float:
 
 
 def seconds(text: str) -> float:
-    """A duration, s."""
+    """Parse a duration, s."""
     duration = _number(text)
     if not 0 < duration <= LONGEST_S:
         raise ValueError(f"expected seconds, above 0 and at most {LONGEST_S}")
@@ -64,7 +64,7 @@ def seconds(text: str) -> float:
 
 
 def gibibytes(text: str) -> float | None:
-    """An amount of memory, GiB; 0 for ``none``, None for ``auto``."""
+    """Parse an amount of memory, GiB; 0 for ``none``, None for ``auto``."""
     if text == "auto":
         return None
     if text == "none":
@@ -76,7 +76,7 @@ def gibibytes(text: str) -> float | None:
 
 
 def shard(text: str) -> tuple[int, int]:
-    """Number and count of a part, both from 1."""
+    """Parse the number and count of a part, both from 1."""
     if text == "env":
         return shard_of_job(os.environ)
     index, slash, count = text.partition("/")
@@ -88,7 +88,7 @@ def shard(text: str) -> tuple[int, int]:
 
 
 def fraction(text: str) -> float:
-    """A number from 0 to 1."""
+    """Parse a number from 0 to 1."""
     value = _number(text)
     if not 0.0 <= value <= 1.0:
         raise ValueError("expected a number from 0 to 1, for example 0.5")
@@ -96,21 +96,21 @@ def fraction(text: str) -> float:
 
 
 def cadence(text: str) -> tuple[Cadence, ...]:
-    """Settings of a sweep."""
+    """Parse the settings of a sweep."""
     from pytest_libero_max.studies.cadence import parse_cadence
 
     return parse_cadence(text)
 
 
 def order(text: str) -> Order:
-    """An order of play."""
+    """Parse an order of play."""
     from pytest_libero_max.benchmark.order import Order
 
     return Order.parse(text)
 
 
 def stopping_rule(text: str) -> NamedRule:
-    """A stopping rule with its arguments."""
+    """Parse a stopping rule with its arguments."""
     from pytest_libero_max.report.stopping import parse_rule
 
     try:
@@ -120,7 +120,7 @@ def stopping_rule(text: str) -> NamedRule:
 
 
 def gate(text: str) -> Gate:
-    """A condition on the report."""
+    """Parse a condition on the report."""
     from pytest_libero_max.report.gates import parse_gate
 
     try:
@@ -130,12 +130,12 @@ def gate(text: str) -> Gate:
 
 
 def one_of(*known: str) -> Callable[[str], str]:
-    """Accepts one of a few names."""
+    """Return a parser that accepts one of a few names."""
     return known_in(known)
 
 
 def known_in(known: Collection[str]) -> Callable[[str], str]:
-    """Accepts a name of a collection, which is not looked at before."""
+    """Return a parser that accepts a name of a collection, which is not read before."""
 
     def parse(text: str) -> str:
         if text not in known:
@@ -146,7 +146,7 @@ def known_in(known: Collection[str]) -> Callable[[str], str]:
 
 
 def _number(text: str) -> float:
-    """A number, or NaN, which keeps no rule."""
+    """Return a number, or NaN, which breaks every rule."""
     try:
         return float(text)
     except ValueError:

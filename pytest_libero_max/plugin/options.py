@@ -487,7 +487,7 @@ def add_options(parser: pytest.Parser) -> None:
 
 
 def resolve(config: pytest.Config) -> Settings:
-    """Settings from the command line and the ini file.
+    """Return settings from the command line and the ini file.
 
     Raises:
         pytest.UsageError: A value is not of its option's form, or two options contradict each other.
@@ -577,7 +577,7 @@ def _track(settings: Settings, name: str | None) -> str:
 
 
 def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
-    """The study that is asked for; the track becomes that of the study where none is named.
+    """Return the study that is asked for; the track becomes that of the study where none is named.
 
     Raises:
         pytest.UsageError: Its settings are missing or those of another study, or it sets strengths itself.
@@ -612,7 +612,7 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
 
 
 def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
-    """The program of the file that is named.
+    """Return the program of the file that is named.
 
     Raises:
         pytest.UsageError: It cannot be read, or a study is asked for as well.
@@ -633,7 +633,7 @@ def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
 
 
 def in_order(config: pytest.Config) -> bool:
-    """True if pairs are to be handed out one by one, see :attr:`Settings.in_order`; known at once.
+    """Return True if pairs are to be handed out one by one, see :attr:`Settings.in_order`; known at once.
 
     Raises:
         pytest.UsageError: The order or the rule is not of its option's form.
@@ -643,12 +643,12 @@ def in_order(config: pytest.Config) -> bool:
 
 
 def policy_on_command_line(config: pytest.Config) -> bool:
-    """True if the policy is named on the command line, which alone asks for the pairs."""
+    """Return True if the policy is named on the command line, which alone asks for the pairs."""
     return config.getoption("libero_max_policy") is not None
 
 
 def policy_in_ini_file(config: pytest.Config) -> bool:
-    """True if the policy is named in the ini file, which asks for the pairs where they are collected."""
+    """Return True if the policy is named in the ini file, which asks for the pairs only where collected."""
     return bool(config.getini("libero_max_policy"))
 
 
@@ -680,5 +680,5 @@ def _parsed(option: Option, text: str, where: str) -> Any:
 
 
 def _path(config: pytest.Config, text: str) -> Path:
-    """A path as given; reports write the home folder as ``~``, and their commands are to work."""
+    """Return a path as given; reports write the home folder as ``~``, and their commands are to work."""
     return Path(config.invocation_params.dir, Path(text).expanduser())

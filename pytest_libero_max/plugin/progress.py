@@ -81,7 +81,7 @@ class RunProgress:
         session.worker_logstart = worker_logstart
 
     def began(self, item_id: str, worker: str) -> None:
-        """A worker that is not one of xdist's begins a pair."""
+        """Note that a worker that is not one of xdist's begins a pair."""
         self._workers[item_id] = worker
 
     def _choose_form(self, reporter: Any) -> None:
@@ -97,7 +97,7 @@ class RunProgress:
             self._pace = Pace(time.monotonic())
 
     def _prints_in_between(self) -> bool:
-        """True if tests write to the terminal while they run, where no line could be erased before."""
+        """Return True if tests write to the terminal while they run, where no line could be erased before."""
         config = self._config
         if config.getoption("capture", "no") == "no" or config.getoption("log_cli_level", None) is not None:
             return True

@@ -67,7 +67,7 @@ def stop_run(item: pytest.Item, reason: str) -> None:
 
     Args:
         item: The pair.
-        reason: Why every later pair would end in the same way, without a period.
+        reason: Cause that would end every later pair in the same way, without a period.
     """
     item.config.stash[_GATE].closed = True
     item.stash[STOP] = reason
@@ -151,7 +151,7 @@ class RunStop:
         """End the session at once, because no pair could be stored any more.
 
         Args:
-            message: Why.
+            message: Reason for the user.
             status: Exit status of the session.
         """
         self.status = status

@@ -67,12 +67,12 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
 
 
 def shown_identity(identity: str) -> str:
-    """A policy's identity as messages show it: a version in full, of a digest the beginning."""
+    """Return a policy's identity as messages show it: a version in full, of a digest the beginning."""
     return identity if " " in identity else identity[:12]
 
 
 def adapter_files(reference: Reference) -> tuple[Path, ...]:
-    """The adapter's file and those it imports from its own folder or package, sorted.
+    """Return the adapter's file and those it imports from its own folder or package, sorted.
 
     Raises:
         AdapterError: The reference leads nowhere.
@@ -92,7 +92,7 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
 
 
 def _scope(reference: Reference, first: Path) -> tuple[Path | None, tuple[str, ...]]:
-    """The folder in which the adapter's helpers are looked for, and how their dotted names begin."""
+    """Return the folder in which the adapter's helpers are looked for, and how their dotted names begin."""
     top, *rest = reference.target.split(".")
     if reference.is_file or (not rest and first.stem == top):
         installed = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
@@ -132,7 +132,7 @@ def _ours(names: Iterable[tuple[str, ...]], folder: Path) -> Iterator[tuple[str,
 
 
 def _files(name: tuple[str, ...], folder: Path | None, inside: tuple[str, ...]) -> Iterator[Path]:
-    """The files below ``inside`` that an import of a dotted name executes: its packages' and its own."""
+    """Yield the files below ``inside`` that an import executes: its packages' and its own."""
     for length in range(max(1, len(inside)), len(name) + 1):
         file = None if folder is None else submodule_file([str(folder)], name[:length])
         if file is not None:
@@ -165,7 +165,7 @@ def _digest_of(path: Path) -> str:
 
 
 def _plain(node: Any) -> Any:
-    """A syntax tree as nested tuples; empty fields are left out, because their number grows with Python.
+    """Return a syntax tree as nested tuples, without empty fields: their number grows with Python.
 
     Every worker does it for some 50,000 nodes before its first pair is measured.
     """
@@ -184,7 +184,7 @@ def _plain(node: Any) -> Any:
 
 
 def _is_text(node: Any) -> bool:
-    """True if a statement is nothing but a string: a docstring, or a note below a constant."""
+    """Return True if a statement is nothing but a string: a docstring, or a note below a constant."""
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)

@@ -135,7 +135,7 @@ class AdaptivePolicy(WrappedPolicy):
         return replace(memory, chunk=chunk, asked=memory.asked + 1, places=places)
 
     def _departed(self, memory: _Memory, changes: tuple[Array, ...]) -> bool:
-        """True if the world is no more what a chunk was planned for that has not ended."""
+        """Return True if the world is no more what a chunk was planned for that has not ended."""
         if not len(memory.chunk):
             return False
         if self._mode == "image":
@@ -169,7 +169,7 @@ def block_changes(before: Image, now: Image) -> Array:
 
 
 def surprise(before: Array, now: Array) -> float:
-    """The most by which a block changed more than it and its neighbours did at the look before, grey levels.
+    """Return the largest change of a block beyond that of it and its neighbours before, in grey levels.
 
     What moves steadily, as the robot does, goes on beside where it was.
     """
@@ -185,7 +185,7 @@ def places_of(world: World) -> dict[str, Array]:
 
 
 def has_moved(world: World, places: Mapping[str, Array]) -> bool:
-    """True if an object that nothing of the robot touches is elsewhere, or one is new or gone."""
+    """Return True if an object that nothing of the robot touches is elsewhere, or one is new or gone."""
     now = places_of(world)
     if now.keys() != places.keys():
         return True
@@ -194,5 +194,5 @@ def has_moved(world: World, places: Mapping[str, Array]) -> bool:
 
 
 def with_adaptive_queries(policy: Policy, mode: AdaptiveMode | None) -> Policy:
-    """A policy that is asked early as a mode says; itself for None."""
+    """Return a policy that is asked early as a mode says; itself for None."""
     return policy if mode is None else AdaptivePolicy(policy, mode)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def at_cadence(spec: PolicySpec, cadence: Cadence) -> PolicySpec:
-    """The spec with another Q, and another H where the cadence has one.
+    """Return the spec with another Q, and another H where the cadence has one.
 
     Raises:
         AdapterError: Q is larger than H.

@@ -123,12 +123,12 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
 
 
 def remembers(policy: Policy) -> bool:
-    """True if the policy's memory can be copied (see :class:`RemembersPolicy`)."""
+    """Return True if the policy's memory can be copied (see :class:`RemembersPolicy`)."""
     return hasattr(policy, "snapshot") and hasattr(policy, "restore")
 
 
 def sees(policy: Policy) -> bool:
-    """True if the policy is shown every step (see :class:`SeeingPolicy`)."""
+    """Return True if the policy is shown every step (see :class:`SeeingPolicy`)."""
     return hasattr(policy, "see")
 
 
@@ -142,12 +142,12 @@ def memory_of(policy: Policy) -> MemoryKind:
 
 
 def batches(policy: Policy) -> bool:
-    """True if the policy can answer several queries together (see :class:`BatchPolicy`)."""
+    """Return True if the policy can answer several queries together (see :class:`BatchPolicy`)."""
     return hasattr(policy, "predict_batch")
 
 
 def check_actions(value: Any, spec: PolicySpec) -> Actions:
-    """The answer to a query as a fresh C-contiguous (n, 7) float64 array, Q <= n <= H.
+    """Return the answer to a query as a fresh C-contiguous (n, 7) float64 array, Q <= n <= H.
 
     A single action may come as a (7,) vector, which counts as n = 1 and so is enough only for Q = 1.
     Components beyond +-1 are left alone: the controller clips them, as it does for LIBERO.
@@ -242,7 +242,7 @@ def show(policy: Policy, observation: Observation, step: int) -> None:
 
 
 def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
-    """The policy's checked answer to a query, (n, 7) with Q <= n <= H. One that sees is shown it first.
+    """Return the policy's checked answer, (n, 7) with Q <= n <= H. One that sees is shown it first.
 
     Raises:
         ActionError: The answer cannot be played; see :func:`check_actions`.
@@ -285,7 +285,7 @@ def _is_count(value: object) -> bool:
 
 
 def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
-    """The checked answers to several queries, of a policy that :func:`batches`; see :func:`ask`.
+    """Return the checked answers to several queries, of a policy that :func:`batches`; see :func:`ask`.
 
     Raises:
         ActionError: An answer cannot be played.
@@ -368,7 +368,7 @@ def locate(error: BaseException, file: str) -> str | None:
 
 
 def ends_the_session(error: BaseException) -> bool:
-    """True if an exception has to pass: an interrupt, a time limit, or one of pytest's own.
+    """Return True if an exception has to pass: an interrupt, a time limit, or one of pytest's own.
 
     Everything else that an adapter lets out is a fault of the adapter, also what is not an ``Exception``: an
     ``asyncio.CancelledError``, a ``SystemExit``, a ``GeneratorExit``.

@@ -104,7 +104,7 @@ class PolicySpec:
         object.__setattr__(self, "cameras", tuple(self.cameras))
 
     def supports(self, suite: str) -> bool:
-        """True if the policy can play the pairs of a suite."""
+        """Return True if the policy can play the pairs of a suite."""
         return self.suites is None or suite in self.suites
 
     def _known_suites(self) -> tuple[str, ...]:
@@ -123,7 +123,7 @@ class PolicySpec:
         return tuple(sorted({*self.suites}))
 
     def _size(self) -> ImageSize:
-        """The size of the images; one number where they are square, so that it is told in one way."""
+        """Return the size of the images; one number where they are square, so that it is told in one way."""
         value = self.image_size
         if not isinstance(value, list | tuple):
             return self._count("image_size", value)
@@ -135,7 +135,7 @@ class PolicySpec:
         return height if height == width else (height, width)
 
     def _count(self, field: str, value: Any) -> int:
-        """A number as a plain int, so that NumPy's integers can be written as JSON."""
+        """Return a number as a plain int, so that NumPy's integers can be written as JSON."""
         try:
             count = operator.index(value)
         except TypeError:
@@ -151,7 +151,7 @@ class PolicySpec:
         return count
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as JSON types; without those from ``suites`` on where they are at their defaults."""
+        """Return JSON types; without the fields from ``suites`` on where they are at their defaults."""
         values = {**asdict(self), "cameras": list(self.cameras)}
         if isinstance(self.image_size, tuple):
             values["image_size"] = list(self.image_size)
@@ -248,7 +248,7 @@ class RemembersPolicy(Policy, Protocol):
     """A policy whose memory can be copied."""
 
     def snapshot(self) -> object:
-        """A copy of everything that later answers depend on; the policy must not write to it any more."""
+        """Return a copy of everything that later answers depend on; the policy must not write to it."""
         ...
 
     def restore(self, memory: object) -> None:

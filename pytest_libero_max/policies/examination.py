@@ -91,14 +91,14 @@ def made_up(policy: Policy, world: Any, suite: str = "libero_spatial", seed: int
 
 
 def _ask(policy: Policy, shown: Shown, index: int, **changed: Any) -> Actions:
-    """The answer to query ``index``, from a copy of the observation."""
+    """Return the answer to query ``index``, from a copy of the observation."""
     observation = {key: np.array(value) for key, value in shown.observations[index].items()}
     observation.update(changed.pop("observation", {}))
     return ask(policy, observation, replace(shown.query(index), **changed))
 
 
 def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """Times, ranges, lengths and the gripper, over the first queries of an episode."""
+    """Report times, ranges, lengths and the gripper over the first queries of an episode."""
     spec = policy.spec
     start(policy, shown.episode)
     seconds, answers = [], []
@@ -317,7 +317,7 @@ def _writes(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _looks(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """True if the answer depends on what the policy is shown."""
+    """Check that the answer depends on the observation."""
     if not policy.spec.repeatable:
         return
     start(policy, shown.episode)
@@ -376,7 +376,7 @@ def _carries(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """True if an answer changes with the queries that are answered together with it."""
+    """Check that an answer does not depend on the other queries of its batch."""
     if not batches(policy) or remembers(policy) or not policy.spec.repeatable:
         return
     alone, items = [], []
@@ -413,7 +413,7 @@ def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """True if a smaller H gives the first actions of the chunk."""
+    """Check that a smaller H gives the first actions of the chunk."""
     spec = policy.spec
     if spec.horizon == spec.query_interval or not spec.repeatable:
         return
@@ -452,7 +452,7 @@ def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 @contextmanager
 def _unheard() -> Iterator[None]:
-    """A server that refuses what it is asked here is no trouble to warn of: the finding says it."""
+    """Silence the server's log: refusals provoked here are reported as findings."""
     SERVER_LOG.disabled = True
     try:
         yield

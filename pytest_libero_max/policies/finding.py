@@ -50,5 +50,5 @@ class Shown:
     observations: tuple[Observation, ...]
 
     def query(self, index: int) -> Query:
-        """The query in which ``observations[index]`` is shown."""
+        """Return the query in which ``observations[index]`` is shown."""
         return Query(index, 5 * index, self.episode.instruction, query_seed(self.episode.seed, index))

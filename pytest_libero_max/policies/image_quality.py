@@ -78,7 +78,7 @@ def assess(image: Image) -> Quality:
 
 
 def cover_of(image: Image) -> Mask:
-    """The black rectangles that cover an image."""
+    """Return the black rectangles that cover an image."""
     import cv2
 
     black = (image.max(axis=2) <= BLACK).astype(np.uint8)
@@ -98,7 +98,7 @@ def cover_of(image: Image) -> Mask:
 
 
 def noise_of(image: Image, mask: Mask) -> float:
-    """The standard deviation of the noise outside what is covered, and outside its edges, grey levels.
+    """Return the standard deviation of the noise outside what is covered, and outside its edges, grey levels.
 
     The median of the filter's answers is hardly moved by the few that come from edges of things. Noise that
     was cut off at 0 or 255 is missing from it.

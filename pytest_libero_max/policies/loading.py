@@ -193,7 +193,7 @@ def forget_adapter() -> None:
 
 
 def _module_name(path: Path) -> str:
-    """The name under which a file is executed: its own, or a private one where an import finds another."""
+    """Return the name under which to execute a file: a private one if an import of its own finds another."""
     if path.stem not in sys.modules and path.stem.isidentifier():
         spec = find_spec(path.stem)
         if spec is not None and spec.origin is not None and Path(spec.origin).resolve() == path:
@@ -210,7 +210,7 @@ def _is_inside(name: str, folder: Path) -> bool:
 
 
 def _found_elsewhere(name: str) -> bool:
-    """True if a module would be found without the adapter's folder."""
+    """Return True if a module would be found without the adapter's folder."""
     module = sys.modules.pop(name, None)
     try:
         return find_spec(name) is not None

@@ -29,7 +29,7 @@ USUAL = "rotated by 180 degrees"
 
 
 def model_inputs(policy: Policy, observation: Observation, query: Query) -> dict[str, NDArray[Any]] | None:
-    """The arrays that a policy hands to its model, by name; None where it does not tell."""
+    """Return the arrays that a policy hands to its model, by name; None where it does not tell."""
     tell = getattr(policy, "model_inputs", None)
     if tell is None:
         return None
@@ -61,7 +61,7 @@ def as_image(array: NDArray[Any]) -> Image | None:
 
 
 def marked_observation(observation: Observation) -> dict[str, NDArray[Any]]:
-    """An observation with marked images, another for each camera, and a quaternion with w < 0."""
+    """Return an observation with marked images, another for each camera, and a quaternion with w < 0."""
     marked = {key: np.array(value) for key, value in observation.items()}
     for number, camera in enumerate(CAMERAS):
         key = f"{camera}_image"
@@ -95,7 +95,7 @@ def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -
 
 
 def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str, Image]]:
-    """An image twice as wide as high is two, side by side, unless the world delivers such images."""
+    """Return an image twice as wide as high is two, side by side, unless the world delivers such images."""
     height, width = image.shape[:2]
     delivered = (value.shape[:2] for key, value in observation.items() if key.endswith("_image"))
     if width != 2 * height or any(high * 2 == wide for high, wide in delivered):
@@ -156,7 +156,7 @@ def _one_image(name: str, image: Image, observation: Observation, meant: str | N
 
 
 def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
-    """The images among what a model is shown, side by side with their names, each 256 pixels high.
+    """Return the images among what a model is shown, side by side with their names, each 256 pixels high.
 
     Args:
         told: Arrays by name; whatever is no image is left out.
@@ -182,7 +182,7 @@ def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
 
 
 def _camera_named(name: str) -> str | None:
-    """The camera that the name of an input speaks of."""
+    """Return the camera that the name of an input speaks of."""
     lower = name.lower()
     if any(word in lower for word in ("wrist", "hand")):
         return CAMERAS[1]

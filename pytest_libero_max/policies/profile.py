@@ -73,7 +73,7 @@ class Profile:
     Attributes:
         name: Of the file, without its ending.
         tables: The tables of :data:`SECTIONS`.
-        folder: Where files that it names are looked for.
+        folder: Folder in which the files that it names are looked for.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Profile:
     folder: Path
 
     def get(self, section: str, field: str, default: Any = None) -> Any:
-        """A field; ``default`` where the profile does not have it."""
+        """Return a field; ``default`` where the profile does not have it."""
         return self.tables.get(section, {}).get(field, default)
 
     @property
@@ -96,7 +96,7 @@ class Profile:
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
     def unknown(self) -> tuple[str, ...]:
-        """The fields that could not be established, for example ``policy.horizon``; ``native`` ones aside."""
+        """Return the fields that could not be established, for example ``policy.horizon``."""
         played = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
         return tuple(name for name, value in leaves(played) if value == UNKNOWN)
 
@@ -121,7 +121,7 @@ class Profile:
 
 
 def profile_names() -> tuple[str, ...]:
-    """The profiles of this package, sorted."""
+    """Return the profiles of this package, sorted."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 

@@ -30,7 +30,7 @@ modules are no reason; code that several policies share is one for each of them 
 
 
 def registry() -> Registry[str]:
-    """The reference behind each name that stands for a policy by itself.
+    """Return the reference behind each name that stands for a policy by itself.
 
     These are the policies that ship with the package and those that installed packages offer. Nothing is
     imported.
@@ -117,7 +117,7 @@ def _instead(path: Path, name: str) -> str:
 
 
 def file_of(reference: Reference) -> Path | None:
-    """The file a reference leads to, without importing anything; None for a module that is not a file.
+    """Return the file a reference leads to, without importing anything; None for a module that is not a file.
 
     Raises:
         AdapterError: There is no such file or module.
@@ -162,7 +162,7 @@ def _module_file(reference: Reference) -> Path | None:
 
 
 def submodule_file(folders: Iterable[str], parts: Iterable[str]) -> Path | None:
-    """The file of a module below a package's folders, found by its path; None where there is none."""
+    """Return the file of a module below a package's folders, found by its path; None where there is none."""
     for folder in map(Path, folders):
         place = folder.joinpath(*parts)
         for file in (place / "__init__.py", *(place.with_name(place.name + end) for end in all_suffixes())):
@@ -172,7 +172,7 @@ def submodule_file(folders: Iterable[str], parts: Iterable[str]) -> Path | None:
 
 
 def find_spec(name: str) -> ModuleSpec | None:
-    """The spec of a top-level module, which is not imported; None where there is none."""
+    """Return the spec of a top-level module, which is not imported; None where there is none."""
     try:
         return importlib.util.find_spec(name)
     except (ImportError, ValueError):
@@ -180,7 +180,7 @@ def find_spec(name: str) -> ModuleSpec | None:
 
 
 def no_module(reference: Reference, missing: str) -> AdapterError:
-    """The error for a module that is not there."""
+    """Return the error for a module that is not there."""
     if reference.text == reference.target and "." not in reference.target:
         return AdapterError.seen(
             "policy",

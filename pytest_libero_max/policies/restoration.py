@@ -33,7 +33,7 @@ RESTORE_TIME = "restore_s"
 
 
 def restore(image: Image, mask: Mask) -> Image:
-    """An image with what is covered painted over (Telea), then smoothed between its edges (bilateral filter).
+    """Return an image with covered parts painted over (Telea), then smoothed (bilateral filter).
 
     Args:
         image: (H, W, 3) uint8, in any orientation.
@@ -97,7 +97,7 @@ class RestoringPolicy(WrappedPolicy):
 
 
 def with_restoration(policy: Policy, mode: RestoreMode) -> Policy:
-    """A policy as a mode of restoration has it: itself for ``native``, otherwise wrapped.
+    """Return a policy as a mode of restoration has it: itself for ``native``, otherwise wrapped.
 
     Raises:
         AdapterError: It asks for no images, so there is nothing to restore.

@@ -58,7 +58,7 @@ class WrappedPolicy:
         self._spec = spec
 
     def reset(self, episode: Episode) -> None:
-        """A new episode begins."""
+        """Begin an episode."""
         self.inner.reset(episode)
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What has to agree: the pairs of a run with its plan and each other, and the pieces of one measurement."""
+"""Checks that pairs belong to their run, and that runs are parts of one measurement."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _OF_SOURCE = "assets"
 """Fingerprint of earlier versions: a digest of the source code that made the scenes."""
 
 _MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
-"""What makes pieces one measurement."""
+"""Parts of the provenance that must be equal in all runs of one measurement."""
 
 PLACES = ("case_set.path", "case_set.program", "policy.profile", "substrate.roots", "substrate.assets")
-"""Where things lie on a machine; what they are is told by digests."""
+"""Paths in the provenance; they may differ between machines, because digests identify the content."""
 
 
 class Agreement:
@@ -180,7 +180,7 @@ def _require_header(run: Run, record: Played) -> None:
 
 
 def run_differences(one: Run, other: Run) -> list[str]:
-    """What makes two runs two measurements, for example ``versions.numpy: '2.3', '2.4'``."""
+    """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``."""
     return [
         text
         for part in _MUST_AGREE
@@ -189,7 +189,7 @@ def run_differences(one: Run, other: Run) -> list[str]:
 
 
 def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) -> list[str]:
-    """The fields in which two objects differ, with both values; those that only one of them has included.
+    """Return the fields in which two objects differ, with both values; a missing field counts.
 
     Args:
         part: Name of the objects.

@@ -1,7 +1,6 @@
-"""Lines of ``pairs.jsonl`` that a run cannot have written: kept beside it, and their pairs played again.
+"""Damaged lines of ``pairs.jsonl`` are moved to a file beside it, and their pairs are played again.
 
-A disk that fails, a copy that broke off or an editor can damage a line. What it held cannot be trusted any
-more, and what the other lines hold is as sound as before.
+A failing disk, an interrupted copy or an editor can damage a line. The other lines stay valid.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 DAMAGED_NAME = "pairs.damaged"
-"""Where damaged lines are kept, byte for byte, in the order in which they were found."""
+"""File of damaged lines, byte for byte, in the order in which they were found."""
 
 _MOST_SAID = 3
 
@@ -24,7 +23,7 @@ class DamagedLine:
 
     Attributes:
         number: The line, from 1.
-        why: What is wrong with it.
+        why: Defect of the line.
     """
 
     number: int
@@ -36,7 +35,7 @@ class DamagedLine:
 
 @dataclass(frozen=True)
 class FileState:
-    """What tells whether a file was altered.
+    """Identity of a file's content: equal if the file was not altered.
 
     Attributes:
         inode: Number of the file.
@@ -50,7 +49,7 @@ class FileState:
 
     @classmethod
     def of(cls, path: Path) -> FileState | None:
-        """The state of a file now; None where there is none."""
+        """Return the present state of a file; None where there is none."""
         try:
             status = path.stat()
         except OSError:
@@ -59,7 +58,7 @@ class FileState:
 
 
 def damage_said(damaged: Collection[DamagedLine]) -> list[str]:
-    """What a resumed run says of damaged lines."""
+    """Return the messages of a resumed run about damaged lines."""
     if not damaged:
         return []
     count = f"{len(damaged)} damaged lines" if len(damaged) > 1 else "1 damaged line"
@@ -78,7 +77,7 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
 
     Args:
         path: A file of lines.
-        numbers: Which, from 1.
+        numbers: Line numbers, from 1.
 
     Raises:
         OSError: A file cannot be read or written.

@@ -1,7 +1,7 @@
-"""Lines at the lower end of a terminal that are drawn again and again, below whatever else is written.
+"""Lines at the lower end of a terminal that are redrawn below whatever else is written.
 
-They stand below the cursor, which stays where it is. Whoever else writes first lets them be erased, so
-nothing of them is left in the output. All movements are relative, so a terminal may scroll.
+They stand below the cursor, which stays where it is. Other writers first have them erased, so nothing of
+them is left in the output. All movements are relative, so a terminal may scroll.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class LiveText:
 
         Args:
             lines: Without line ends.
-            column: Where the cursor is, and stays. From 0, lines begin at the cursor; otherwise below it.
+            column: Column of the cursor, which stays. From 0, lines begin at the cursor; otherwise below it.
         """
         size = shutil.get_terminal_size()
         shown = [shortened(line, size.columns - 1) for line in lines[: max(size.lines - 2, 1)]]
@@ -53,12 +53,12 @@ class LiveText:
 
 
 def shortened(line: str, width: int) -> str:
-    """A line that fits; the end of one that does not is cut off."""
+    """Return a line cut off at the width."""
     return line if len(line) <= width else line[: max(width - 3, 0)] + "..."
 
 
 def understands_sequences(stream: TextIO) -> bool:
-    """Whether a stream is a terminal on which text can be drawn again."""
+    """Return True if a stream is a terminal on which text can be redrawn."""
     try:
         return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
     except ValueError:  # it is closed

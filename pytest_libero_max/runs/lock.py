@@ -1,10 +1,8 @@
-"""The mark of a run that has begun and not ended: a file in the output folder, locked while the run lives.
+"""Lock file in the output folder of a run that has begun and not ended.
 
-A run that is killed cannot say so, and what it leaves behind is not a result. It leaves the mark as well,
-which every reader of the folder respects.
-
-The first line of the mark names the process, the second one holds what the run notes of its progress, for
-whoever watches it (:func:`read_mark`).
+A run that is killed leaves the file behind, so readers do not take its folder for a result. While the run
+lives the file is locked. Its first line names the process, its second one holds the progress, for whoever
+follows the run (:func:`read_mark`).
 """
 
 from __future__ import annotations
@@ -58,7 +56,7 @@ class Mark:
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 
     def note(self, progress: Json) -> None:
-        """Note how far the run is; a disk that is full costs no more than the note."""
+        """Note the progress; a full disk costs the note alone."""
         with suppress(OSError):
             self._write(json.dumps(progress, separators=(",", ":")) + "\n")
 
@@ -69,7 +67,7 @@ class Mark:
         os.truncate(self._descriptor, len(content))
 
     def remove(self) -> None:
-        """The run has ended."""
+        """Remove the mark: the run has ended."""
         with suppress(OSError):  # the folder may be gone
             self.path.unlink()
         os.close(self._descriptor)
@@ -123,15 +121,15 @@ def require_ended(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class SeenMark:
-    """The mark of a folder as somebody sees it who does not play the run.
+    """The mark of a folder as another process sees it.
 
     Attributes:
         owner: Which process wrote it, on which machine.
-        locked: Whether a living process holds it; None where the file system does not tell.
-        here: Whether that process is one of this machine. Where it is not, and the lock is not seen, the
+        locked: True if a living process holds it; None where the file system does not tell.
+        here: True if that process is one of this machine. Where it is not, and the lock is not seen, the
             file system may not tell of locks on other machines.
         age_s: Seconds since the run last noted something.
-        noted: What it noted last; empty where it noted nothing.
+        noted: Last note; empty where there is none.
     """
 
     owner: str
@@ -142,7 +140,7 @@ class SeenMark:
 
 
 def read_mark(folder: Path) -> SeenMark | None:
-    """The mark of a folder, or None where its run has ended, or never began."""
+    """Return the mark of a folder; None where its run has ended or never began."""
     try:
         with _opened(folder / MARK_NAME) as file:
             free = _lock(file.fileno())
@@ -160,13 +158,13 @@ def read_mark(folder: Path) -> SeenMark | None:
 
 
 def _owner(folder: Path) -> str | None:
-    """Which process holds the lock of a folder's mark; None where none does."""
+    """Return the process that holds the lock of a folder's mark; None where none does."""
     mark = read_mark(folder)
     return mark.owner if mark is not None and mark.locked else None
 
 
 def _opened(mark: Path) -> BinaryIO:
-    """The mark, for writing where that is allowed: NFS locks no file that is open for reading alone."""
+    """Open the mark, for writing where allowed: NFS locks no file that is open for reading alone."""
     try:
         return mark.open("r+b")
     except PermissionError:
@@ -174,7 +172,7 @@ def _opened(mark: Path) -> BinaryIO:
 
 
 def _lock(descriptor: int) -> bool | None:
-    """Whether the file could be locked; None where the file system does not tell."""
+    """Lock the file; return False if another process holds it, None where the file system does not tell."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

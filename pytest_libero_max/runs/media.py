@@ -1,4 +1,4 @@
-"""What lies beside the pairs of a run for people to look at: traces, films and crashes, and their names."""
+"""Folders beside the pairs of a run, for people to look at: traces, films and crash logs."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ TRACES_NAME = "traces"
 FILMS_NAME = "films"
 RERUN_NAME = "rerun"
 CRASHES_NAME = "crashes"
-"""What processes said that died."""
+"""Folder of the crash logs of processes that died."""
 PICTURES_NAME = "pictures"
-"""Where a page looks for what ``libero-max show CASE --pictures`` has written."""
+"""Folder for the pictures of ``libero-max show CASE --pictures``, from which pages take them."""
 
 FILM_FORMATS = ("mp4", "webp")
 FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
 
 FILM_SELECTIONS = ("regressions", "changed", "all")
-"""Which pairs are filmed: those that only Base completes, those whose outcomes differ, all."""
+"""Selections of pairs to film: those that only Base completes, those whose outcomes differ, all."""
 
 VIEWS = ("world", "saw")
-"""What a film shows: the world through its cameras, or what the policy saw at its queries."""
+"""Views of a film: the world through its cameras, or the policy's images at its queries."""
 
 _SEPARATOR = "--"
 _SAW = f"{_SEPARATOR}saw"
 
 
 def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world") -> str:
-    """Name of the file of a film: the pair, the arms, and what it shows of them.
+    """Return the name of a film's file: the pair, the arms, and the view.
 
     Args:
         item_id: The pair.
@@ -60,7 +60,7 @@ def _films(folder: Path) -> list[Path]:
 
 
 def caption_of(path: str, item_id: str) -> str:
-    """What a film or a picture shows, from its name, for example ``base-dynamic, what the policy saw``."""
+    """Return the title of a film or picture from its file name: ``base-dynamic, what the policy saw``."""
     name = path.rpartition("/")[2].rpartition(".")[0].removeprefix(f"{item_id}{_SEPARATOR}")
     return f"{name.removesuffix(_SAW)}, what the policy saw" if name.endswith(_SAW) else name
 
@@ -74,7 +74,7 @@ def pictures_in(folder: Path) -> dict[str, list[str]]:
 
 
 def _camera_then_when(path: Path) -> tuple[str, bool]:
-    """Before comes before after."""
+    """Sort key: by camera, then ``before`` before ``after``."""
     begin, _, when = path.stem.rpartition("-")
     return begin, when != "before"
 

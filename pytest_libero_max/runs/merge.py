@@ -1,4 +1,4 @@
-"""Joining the pieces of one measurement: shards played on several machines, or runs that were resumed."""
+"""Merging the runs of one measurement: shards played on several machines, or resumed runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun, pairs_file, read_pairs
 
 _MAY_DIFFER: Json = {"platform": {}, "gl_backend": None, "git": None, "command": []}
-"""What pieces of one measurement may differ in, and what is said then."""
+"""Parts of the provenance that may differ between runs of one measurement, and their merged values."""
 
 
 def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
@@ -73,7 +73,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
 
 
 def finished(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """The folders whose run has ended, and what is to be said of the others.
+    """Return the folders whose run has ended, and messages about the others.
 
     Raises:
         ReportError: There is no such folder.

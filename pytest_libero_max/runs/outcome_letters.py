@@ -27,7 +27,7 @@ _WORDS = {
 
 
 def letter_of(pair: PairRecord) -> str:
-    """The letter of a measured pair."""
+    """Return the letter of a measured pair."""
     return LETTERS[pair.outcome] if pair.triggered else UNTRIGGERED
 
 
@@ -37,7 +37,7 @@ def status(pair: PairRecord) -> tuple[str, str, str]:
 
 
 def sentence(pair: PairRecord) -> str:
-    """What happened, on one line."""
+    """Return the outcome of a pair on one line."""
     base = f"Base {_arm(pair.base_success, pair.base_steps)}"
     if not pair.triggered:
         return f"UNTRIGGERED ({base}, never within reach: {pair.min_distance_m:.2f} m at best)"

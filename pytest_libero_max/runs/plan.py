@@ -1,4 +1,4 @@
-"""What a run set out to measure: the planned pairs, which stay in every denominator."""
+"""The plan of a run: the planned pairs, which stay in every denominator, and the provenance."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class PlannedPair(Document, frozen=True, kw_only=True):
         case_id: Unique in the manifest.
         item_id: Name of the test item.
         case_digest: SHA-256 of the case.
-        source: Where the case comes from: ``plus``, ``pro``, or ``libero`` for an unmodified task.
+        source: Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task.
         source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
         difficulty: LIBERO-Plus difficulty 1 to 5, or None.
         suite: LIBERO suite.
@@ -86,7 +86,7 @@ class PlannedPair(Document, frozen=True, kw_only=True):
 
     @property
     def kind(self) -> Kind:
-        """What its cost is expected from."""
+        """Kind of the pair, from which its cost is expected."""
         return Kind(self.suite, self.task, self.event)
 
     @classmethod
@@ -108,7 +108,7 @@ class PlannedPair(Document, frozen=True, kw_only=True):
 
 
 def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> list[PlannedPair]:
-    """The planned pairs whose suite a policy declares that it does not support.
+    """Return the planned pairs whose suite a policy declares that it does not support.
 
     Args:
         planned: Planned pairs.
@@ -201,7 +201,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
 
     Attributes:
         planned: Every assigned pair, in the order of play.
-        provenance: Where and how it is played; see :func:`~pytest_libero_max.runs.provenance.collect`.
+        provenance: Origin of the run; see :func:`~pytest_libero_max.runs.provenance.collect`.
     """
 
     NOUN: ClassVar[str] = "run"
@@ -243,7 +243,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
 
 
 def _task_number(case: Case) -> str:
-    """Which of the ten tasks of its suite a case is of. LIBERO-Plus numbers variations, named after it."""
+    """Return the index of the task in its suite; LIBERO-Plus numbers variations, named after their task."""
     if case.source != "plus":
         return str(case.task_index)
     from pytest_libero_max.tasks.libero_tasks import SUITES, tasks

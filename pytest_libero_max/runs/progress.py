@@ -1,4 +1,4 @@
-"""How far a run is, counted from what is known of its pairs so far, and said in a line.
+"""Progress of a run, counted from the pairs known so far, as a line of text.
 
 No rate of success is computed: a run that is not complete has none.
 """
@@ -23,7 +23,7 @@ class PairCounts:
     Attributes:
         planned: The pairs of the run.
         letters: By item id. A pair that was measured after an error has the letter of its record.
-        errors: How many errors there were, those of pairs that were measured afterwards included.
+        errors: Number of errors, those of pairs that were measured afterwards included.
     """
 
     planned: Sequence[PlannedPair] = ()
@@ -34,7 +34,7 @@ class PairCounts:
 
     @property
     def work(self) -> WorkLeft:
-        """What is left to do of the planned pairs."""
+        """Work left of the planned pairs."""
         if self._work is None:
             self._work = WorkLeft(self.planned)
         return self._work
@@ -54,29 +54,29 @@ class PairCounts:
 
     @property
     def measured(self) -> int:
-        """How many pairs are measured."""
+        """Number of measured pairs."""
         return sum(letter != ERROR for letter in self.letters.values())
 
     @property
     def to_play(self) -> int:
-        """How many pairs are to be played: not those of suites that the policy declares unsupported.
+        """Number of pairs to play: not those of suites that the policy declares unsupported.
 
-        What it declares is known from its first pair on.
+        The policy's declaration is known from its first pair on.
         """
         return len(self.planned) - (self._unsupported or 0)
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is at one moment.
+    """Progress of a run at one moment.
 
     Attributes:
         planned: Pairs to play in all.
         counts: The pairs that are measured, or are errors.
-        before: How many of them a resumed run had already.
-        seconds: Since this session began to play; None where that is not known.
-        playing: For how many seconds each pair has been played that is being played, by item id.
-        workers: Which worker plays it, by item id, where there are several.
+        before: Number of pairs that a resumed run had already.
+        seconds: Seconds since this session began to play; None where unknown.
+        playing: Seconds that each running pair has been played, by item id.
+        workers: Worker of each running pair, by item id, where there are several.
     """
 
     planned: int
@@ -88,7 +88,7 @@ class Progress:
 
     @property
     def done(self) -> int:
-        """Pairs that are measured, or are errors."""
+        """Number of pairs that are measured, or are errors."""
         return len(self.counts.letters)
 
     @property
@@ -99,9 +99,9 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """As the measured pairs let expect it of the others; None where nothing is known yet.
+        """Seconds left, expected from the costs of the measured pairs; None where nothing is known yet.
 
-        Where their costs are not known, at the pace of this session.
+        Where their costs are unknown, from the pace of this session.
         """
         if self.seconds:
             left = self.counts.work.seconds_left(self.before, self.seconds, self.playing)
@@ -112,10 +112,10 @@ class Progress:
 
 
 def progress_text(progress: Progress, now: float | None = None) -> str:
-    """One line: pairs done, pace, time left, outcomes, errors.
+    """Return one line: pairs done, pace, time left, outcomes, errors.
 
     Args:
-        progress: What is said.
+        progress: The progress.
         now: Seconds since the epoch, for when the run will be ready; None: leave that out.
     """
     parts = [f"{progress.done} of {progress.planned} pairs", *pace_parts(progress, now)]
@@ -123,13 +123,13 @@ def progress_text(progress: Progress, now: float | None = None) -> str:
 
 
 def pace_parts(progress: Progress, now: float | None = None) -> list[str]:
-    """Pace and time left, as far as they are known; nothing of a run that has nothing left to do."""
+    """Return pace and time left, as far as they are known; nothing for a run without pairs left."""
     left = progress.seconds_left
     return [] if left is None else pace_words(progress.per_minute, left, now)
 
 
 def pace_words(per_minute: float | None, seconds_left: float, now: float | None = None) -> list[str]:
-    """Pace and time left.
+    """Return pace and time left in words.
 
     Args:
         per_minute: Pairs a minute; None where this session has measured none.
@@ -144,7 +144,7 @@ def pace_words(per_minute: float | None, seconds_left: float, now: float | None 
 
 
 def letters_text(counts: PairCounts) -> str:
-    """How many pairs have each letter; those of no pair are left out, but never P, R, N and E."""
+    """Return the number of pairs of each letter; letters of no pair are left out, except P, R, N and E."""
     found = Counter(counts.letters.values())
     always = ("P", "R", "N", ERROR)
     words = [f"{letter} {found[letter]}" for letter in ALL_LETTERS if found[letter] or letter in always]
@@ -155,7 +155,7 @@ def letters_text(counts: PairCounts) -> str:
 
 
 def playing_lines(progress: Progress) -> list[str]:
-    """A line for each pair that is being played, the longest first."""
+    """Return a line for each running pair, the longest first."""
     by_time = sorted(progress.playing.items(), key=lambda item: -item[1])
     return [
         f"{progress.workers.get(name, '')} playing for {duration(seconds)}: {name}".strip()
@@ -164,7 +164,7 @@ def playing_lines(progress: Progress) -> list[str]:
 
 
 def duration(seconds: float) -> str:
-    """A time as people say it: ``40 s``, ``12 min``, ``3 h 05 min``."""
+    """Return a duration in words: ``40 s``, ``12 min``, ``3 h 05 min``."""
     if seconds < 90.0:
         return f"{max(seconds, 0.0):.0f} s"
     minutes = round(seconds / 60.0)
@@ -172,13 +172,13 @@ def duration(seconds: float) -> str:
 
 
 def _clock(now: float, seconds: float) -> str:
-    """Time of the day so many seconds after now; with the date where it is not today."""
+    """Return the time of day ``seconds`` after now; with the date where it is not today."""
     then, today = time.localtime(now + seconds), time.localtime(now)
     return time.strftime("%H:%M" if then[:3] == today[:3] else "%m-%d %H:%M", then)
 
 
 class Pace:
-    """Says when the next line about long work is due where lines stay: not too many of them.
+    """Schedule of the lines about long work on output that scrolls.
 
     After a minute, then every minute; after ten minutes at every tenth of the time that has passed; at least
     every ten minutes.
@@ -191,7 +191,7 @@ class Pace:
         self._began = self._last = began
 
     def due(self, now: float) -> bool:
-        """Whether a line is due; the next one is counted from then."""
+        """Return True if a line is due; the next one is counted from now."""
         if now - self._last < min(max(60.0, 0.1 * (now - self._began)), 600.0):
             return False
         self._last = now

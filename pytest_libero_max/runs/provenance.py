@@ -1,4 +1,4 @@
-"""Where a result comes from: versions, machine, code, case set, policy and command."""
+"""Provenance of a result: versions, machine, code, case set, policy and command."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ def collect(
     """Gather the provenance of a run. Imports none of the packages whose versions it names.
 
     Args:
-        policy: What was asked for: ``reference``, and the ``horizon`` and ``query_interval`` that override
+        policy: Policy as asked for: ``reference``, and the ``horizon`` and ``query_interval`` that override
             its own.
         substrate: At least ``name``.
-        scores: What the substrate's scores mean: ``comparable_with_published`` and ``note``.
+        scores: Standing of the substrate's scores: ``comparable_with_published`` and ``note``.
         case_set: At least ``name`` and ``digest``.
-        protocol: What was chosen for the run and could change a result, for example the prefix mode.
+        protocol: Options of the run that could change a result, for example the prefix mode.
         command: The command line; secrets and the home folder are taken out.
-        selection: What is played of the case set, see
+        selection: Played part of the case set, see
             :meth:`pytest_libero_max.benchmark.selection.Selection.to_dict`; None leaves it unsaid.
         order: Order of play; the planned pairs of the run are in this order.
         stopping_rule: Rule that may stop the run, as asked for; None for none.
@@ -111,11 +111,11 @@ def git_state(folder: Path) -> Json | None:
 
 
 def redacted(command: Sequence[str], environment: Mapping[str, str] | None = None) -> list[str]:
-    """A command line fit to be published: no value of a secret, no user in a URL, no home folder.
+    """Return a command line fit to be published: no value of a secret, no user in a URL, no home folder.
 
     Args:
         command: Arguments, the program first.
-        environment: Where ``HOME`` is looked up; by default the process environment.
+        environment: Environment that holds ``HOME``; by default that of the process.
     """
     return [
         "***" if index and _SECRET_OPTION.fullmatch(command[index - 1]) else _public(argument, environment)
@@ -124,7 +124,7 @@ def redacted(command: Sequence[str], environment: Mapping[str, str] | None = Non
 
 
 def _processor() -> str | None:
-    """What the processor calls itself; None where the system does not tell."""
+    """Return the processor's name; None where the system does not tell."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:

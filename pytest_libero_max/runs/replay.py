@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.runs.store import StoredRun
 
 OUTPUT = "libero-max-replay"
-"""Where the pair goes, so that the run itself is not set aside."""
+"""Output folder of the replayed pair, so that the run itself is not set aside."""
 
 _SUBSTRATE = {
     "semantics": "semantics",
@@ -23,7 +23,7 @@ _SUBSTRATE = {
 
 
 def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
-    """The command that plays one case of a run again, once the case's item id is appended.
+    """Return the command that plays one case of a run again, once the case's item id is appended.
 
     It gives the same record in the folder in which the run was started, on a machine with the same files.
     """

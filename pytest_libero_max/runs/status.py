@@ -1,4 +1,4 @@
-"""Follows a run from its folder alone, also from another machine that shares the folder. Alters nothing."""
+"""Status of a run, read from its folder alone, also from another machine that shares it. Alters nothing."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, decode_l
 State = Literal["running", "ended", "killed", "unknown"]
 
 _LONGEST_S = 1e9
-"""No run has lasted for thirty years."""
+"""Longest plausible duration: thirty years."""
 
 QUIET_S = 600.0
-"""A run that has noted nothing for so long is said to be quiet. A pair takes seconds to minutes."""
+"""A run that has noted nothing for this long is said to be quiet. A pair takes seconds to minutes."""
 
 
 def note_of(
@@ -41,14 +41,14 @@ def note_of(
     playing: Mapping[str, float],
     workers: Mapping[str, str] | None = None,
 ) -> Json:
-    """What a run notes for its watchers, in seconds since the epoch of its own clock.
+    """Return the note of a run for its watchers, in seconds since the epoch of its own clock.
 
     Args:
         began: When this session began to play.
         now: Now.
         before: Pairs that a resumed run had already.
-        playing: When each pair was begun that is being played, by item id.
-        workers: Which worker plays it, by item id, where there are several.
+        playing: Begin of each running pair, by item id.
+        workers: Worker of each running pair, by item id, where there are several.
     """
     note: Json = {"began": began, "now": now, "before": before, "playing": dict(playing)}
     return (
@@ -58,14 +58,14 @@ def note_of(
 
 @dataclass(frozen=True)
 class Seen:
-    """A run as it is seen at one moment.
+    """Status of a run at one moment.
 
     Attributes:
-        folder: Where.
+        folder: Folder of the run.
         run: Its plan and provenance.
-        progress: How far it is.
+        progress: Its progress.
         mark: Its mark; None where it has ended.
-        stopped: Why it was stopped, if nothing was played after that.
+        stopped: Reason it was stopped, if nothing was played after that.
     """
 
     folder: Path
@@ -76,7 +76,7 @@ class Seen:
 
     @property
     def state(self) -> State:
-        """Whether it plays. ``unknown``: its lock, or that of another machine, may not be seen from here."""
+        """State of the run. ``unknown``: its lock, or that of another machine, may not be seen from here."""
         if self.mark is None:
             return "ended"
         if self.mark.locked:
@@ -92,7 +92,7 @@ class Seen:
         return counts.measured >= self.progress.planned
 
     def lines(self, now: float | None = None) -> list[str]:
-        """What there is to say of it, for people.
+        """Return human-readable status lines.
 
         Args:
             now: Seconds since the epoch, for when it will be ready; None: leave that out.
@@ -109,7 +109,7 @@ class Seen:
 
     @property
     def _seems_to_play(self) -> bool:
-        """Whether it plays, or said so a short while ago where its lock cannot be seen."""
+        """True if it plays, or did a short while ago where its lock cannot be seen."""
         heard = self.mark is not None and self.mark.age_s <= QUIET_S
         return self.state == "running" or (self.state == "unknown" and heard)
 
@@ -135,10 +135,10 @@ class Seen:
 
 
 def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
-    """A line for each of several runs, for example the shards of one, and a line for all of them.
+    """Return a line for each of several runs, for example shards, and a line for all of them.
 
     Args:
-        runs: Which.
+        runs: Status of each run.
         now: Seconds since the epoch, for when they will be ready; None: leave that out.
     """
     lines = [f"{seen.lines()[0]}, {progress_text(seen.progress)}" for seen in runs]
@@ -177,7 +177,7 @@ class Follower:
         self._stopped: Stopped | None = None
 
     def look(self) -> Seen:
-        """What is to be seen now.
+        """Return the present status.
 
         Raises:
             ReportError: There is no run in the folder, or a line of it is damaged.

@@ -9,7 +9,7 @@ from pytest_libero_max.benchmark.structs import Count, Document, Positive, Text,
 
 
 class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
-    """Why a run was stopped.
+    """Reason a run was stopped.
 
     Attributes:
         reason: For people, without a period.

@@ -35,7 +35,7 @@ PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
 """The same file in a published run; it is read, never written to."""
 
 COMPUTED_NAMES = ("report.json", "report.md", "report.html", "badge.json")
-"""What is computed from the pairs and lies beside them."""
+"""Files that are computed from the pairs and lie beside them."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class StoredRun:
         records: Measured pairs in the order of the file.
         errors: Pairs that could not be measured, in the order of the file. A case played again after an
             error has both; its record counts.
-        torn: Whether the last line was cut off by a kill and has been left out.
-        damaged: Lines that cannot be what a run has written, left out as well. Only a run that is to go on
+        torn: True if the last line was cut off by a kill and has been left out.
+        damaged: Lines that no run writes, left out as well. Only a run that is to be resumed
             is read like this; to any other reader such a line is an error.
         state: Of the file when it was read, where the run is to go on.
-        stopped: Why the run was stopped, if nothing was played after that.
+        stopped: Reason the run was stopped, if nothing was played after that.
     """
 
     run: Run
@@ -78,7 +78,7 @@ class PairStore:
 
     Args:
         folder: Output folder; made if missing.
-        run: What the first line says.
+        run: Content of the first line.
 
     Raises:
         OptionError: The folder cannot be written to, or another run is in progress in it. Found here, before
@@ -108,8 +108,8 @@ class PairStore:
 
         Args:
             folder: Output folder.
-            run: What is to go on.
-            stored: What :func:`read_to_resume` has read there; None to read it now.
+            run: The run to resume.
+            stored: Result of :func:`read_to_resume`; None to read it now.
 
         Returns:
             The store and what it already holds, None for a new run.
@@ -183,7 +183,7 @@ class PairStore:
         self._write_line(line)
 
     def note(self, progress: Json) -> None:
-        """Note for whoever watches the folder how far the run is; see :class:`.following.Follower`."""
+        """Note the progress for whoever watches the folder; see :class:`.status.Follower`."""
         if self._mark is not None:
             self._mark.note(progress)
 
@@ -191,7 +191,7 @@ class PairStore:
         """End the run; one without a pair still gets its first line.
 
         Args:
-            stopped: Why it was stopped before every pair was played.
+            stopped: Reason it was stopped before every pair was played.
 
         Raises:
             DiskError: The file cannot be written any more.
@@ -233,7 +233,7 @@ class PairStore:
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 
     def _is_gone(self) -> bool:
-        """Whether somebody has removed the file, which lives on as long as it is open."""
+        """Return True if somebody has removed the file, which lives on as long as it is open."""
         assert self._file is not None
         return os.fstat(self._file.fileno()).st_nlink == 0
 
@@ -281,7 +281,7 @@ def _set_aside(path: Path) -> None:
 
 
 def pairs_file(path: Path) -> Path:
-    """The pairs of a run: those in a folder, packed where only these are there, or the file itself."""
+    """Return the path of a run's pairs: the file itself, or that in the folder, which may be packed."""
     if not path.is_dir():
         return path
     plain, packed = path / PAIRS_NAME, path / PACKED_PAIRS_NAME
@@ -297,7 +297,7 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
 
     Args:
         path: The file, or its folder.
-        ended: Whether the run has to have ended. False: read what there is of one that was stopped.
+        ended: True if the run must have ended. False: read the pairs of one that was stopped.
 
     Raises:
         ReportError: The file is missing, its run is in progress or was killed, or a line is damaged; names
@@ -373,7 +373,7 @@ def _read(path: Path) -> StoredRun:
 
 
 def read_to_resume(folder: Path) -> StoredRun | None:
-    """What a folder holds of a run that may go on; None where it holds not even the whole first line.
+    """Read a run that may be resumed; None where the folder holds not even the whole first line.
 
     Raises:
         ReportError: The first line is damaged, or another line is of another run; names the line.

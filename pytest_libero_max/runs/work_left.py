@@ -1,4 +1,4 @@
-"""How much work is left of a run, expected from the pairs that it has measured."""
+"""Work left of a run, expected from the pairs that it has measured."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class WorkLeft:
         self._left_s: float | None = None  # what all that is left takes, as long as nothing new is known
 
     def remove(self, item_id: str) -> None:
-        """A pair is done: measured, or an error."""
+        """Note that a pair is done: measured, or an error."""
         self._left_s = None
         if item_id in self._kinds:
             self._left[self._kinds[item_id]] -= 1
 
     def learn(self, record: PairRecord) -> None:
-        """Learn from a measured pair what others take."""
+        """Learn from the cost of a measured pair."""
         self._left_s = None
         kind = self._kinds.get(record.item_id)
         if kind is not None:
@@ -42,15 +42,15 @@ class WorkLeft:
             self._suites = frozenset(record.policy["suites"])
 
     def seconds_left(self, before: int, seconds: float, playing: Mapping[str, float]) -> float | None:
-        """How long the pairs that are left will take.
+        """Return the expected duration of the pairs that are left.
 
-        So many pairs at once as until now, on average, are played from now on as well. At the end the pair
-        that takes longest decides.
+        As many pairs are played at once from now on as until now, on average. At the end the longest pair
+        decides.
 
         Args:
-            before: How many of the measured pairs, the first ones, an earlier session played.
+            before: Number of measured pairs, the first ones, that an earlier session played.
             seconds: Since this session began.
-            playing: For how many seconds each pair has been played that is being played, by item id.
+            playing: Seconds that each running pair has been played, by item id.
 
         Returns:
             Seconds; None where nothing is known of costs.

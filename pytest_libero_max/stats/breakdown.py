@@ -85,7 +85,7 @@ def macro_average(groups: Sequence[Outcomes]) -> MacroAverage:
 
 
 def largest_split(events: Mapping[str, Mapping[str, Outcomes]]) -> Split | None:
-    """The event whose variants differ most in Dynamic success; the first one among equals.
+    """Return the event whose variants differ most in Dynamic success; the first one among equals.
 
     Args:
         events: Outcomes by event and variant. Variants without pairs are left out, and so are events with
@@ -103,6 +103,6 @@ def largest_split(events: Mapping[str, Mapping[str, Outcomes]]) -> Split | None:
 
 
 def at_floor(outcomes: Outcomes) -> bool | None:
-    """True if Base success leaves too little room to fall; None without pairs."""
+    """Return True if Base success leaves too little room to fall; None without pairs."""
     rate = outcomes.base.value
     return None if rate is None else rate < FLOOR_BASE_RATE

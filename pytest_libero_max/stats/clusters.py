@@ -114,7 +114,7 @@ def resampled_means(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> tuple[NDArray[np.float64], int]:
-    """The means of :func:`cluster_bootstrap` for several columns of the same cases, drawn together.
+    """Return the means of :func:`cluster_bootstrap` for several columns of the same cases, drawn together.
 
     Args:
         columns: (n, k) values, n >= 1.

@@ -211,7 +211,7 @@ def _by_group(
     intervals: Sequence[Interval | None],
     tests: Sequence[float | None],
 ) -> dict[str, tuple[GroupContrast, ...]]:
-    """The contrasts of every group; the last three hold all pairs of names of the first group, and so on."""
+    """Return the contrasts of each pair of names in every group; values of a group follow each other."""
     rows = iter(zip(differences, intervals, holm(tests), strict=True))
     return {
         group: tuple(GroupContrast(first, second, int(mask.sum()), *next(rows)) for first, second in names)
@@ -300,7 +300,7 @@ def sign_flip(differences: ArrayLike) -> float | None:
 
 
 def _family_confidence(contrasts: int) -> float:
-    """The level of one interval at which all of a family hold together with the usual one (Bonferroni)."""
+    """Return the level of an interval at which a whole family holds with the usual one (Bonferroni)."""
     return 1 - (1 - CONFIDENCE) / max(contrasts, 1)
 
 

@@ -178,7 +178,7 @@ def _by_groups(
     pools: NDArray[np.str_],
     replicates: int,
 ) -> list[GroupInterval]:
-    """The interval of each column; all are resampled together."""
+    """Return the interval of each column; all are resampled together."""
     count = len(np.unique(groups))
     changed = [len(np.unique(groups[column != 0])) for column in columns]
     intervals: list[Interval | None] = [None] * len(columns)

@@ -73,14 +73,14 @@ class Distribution:
     probabilities: NDArray[np.float64]
 
     def plus(self, other: Distribution) -> Distribution:
-        """The distribution of the sum of two independent draws (a convolution)."""
+        """Return the distribution of the sum of two independent draws (a convolution)."""
         mass = np.convolve(self.probabilities, other.probabilities)
         keep = np.flatnonzero((np.cumsum(mass) > _TAIL) & (np.cumsum(mass[::-1])[::-1] > _TAIL))
         first, last = int(keep[0]), int(keep[-1])
         return Distribution(self.start + other.start + first, mass[first : last + 1])
 
     def times(self, draws: int) -> Distribution:
-        """The distribution of the sum of ``draws`` independent draws, by repeated squaring."""
+        """Return the distribution of the sum of ``draws`` independent draws, by repeated squaring."""
         result, square = Distribution(0, np.ones(1)), self
         while draws:
             if draws & 1:

@@ -96,7 +96,7 @@ def tabulate(base: ArrayLike, dynamic: ArrayLike) -> Outcomes:
 
 
 def boolean(values: ArrayLike, name: str) -> BoolArray:
-    """A one-dimensional bool array; refuses numbers, in which a NaN or a 2 could hide.
+    """Return a one-dimensional bool array; refuses numbers, in which a NaN or a 2 could hide.
 
     Raises:
         ReportError: It is something else.

@@ -81,18 +81,18 @@ class Pairs:
         )
 
     def numbered(self) -> Pairs:
-        """The same pairs with numbers for labels, in the labels' order; statistics are faster on them."""
+        """Return the same pairs with numbers for labels, in the labels' order, for faster statistics."""
         source, task = (np.unique(labels, return_inverse=True)[1] for labels in (self.source, self.task))
         return replace(self, source=source.astype(np.int64), task=task.astype(np.int64))
 
     def at(self, places: Sequence[int]) -> Pairs:
-        """The pairs at these places, in this order."""
+        """Return the pairs at these places, in this order."""
         return Pairs(
             **{name: column[np.asarray(places, dtype=np.intp)] for name, column in vars(self).items()}
         )
 
     def where(self, mask: BoolArray) -> Pairs:
-        """The pairs for which ``mask`` is true."""
+        """Return the pairs for which ``mask`` is true."""
         return Pairs(**{name: column[mask] for name, column in vars(self).items()})
 
 

@@ -36,7 +36,7 @@ _CHUNK = 4096
 
 
 def paired_difference(losses: int, gains: int, pairs: int, confidence: float = CONFIDENCE) -> Interval | None:
-    """The interval that reports and gates use, :func:`exact` to nine decimals; None without a pair.
+    """Return the interval that reports and gates use, :func:`exact` to nine decimals; None without a pair.
 
     Raises:
         ReportError: The counts cannot be those of pairs.
@@ -120,7 +120,7 @@ class Products:
         self.norm = special.betaln(self.first, self.second)
 
     def where(self, rows: NDArray[np.intp]) -> Products:
-        """Some of them."""
+        """Return the products of some rows."""
         some = object.__new__(Products)
         some.__dict__.update({name: values[rows] for name, values in vars(self).items()})
         return some

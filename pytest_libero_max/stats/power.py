@@ -57,7 +57,7 @@ def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
 def detectable_loss(
     pairs: int, gain: float, target: float, base_rate: float = 1.0, alpha: float = ALPHA
 ) -> float | None:
-    """The smallest probability of a regression that ``pairs`` resolve with the power ``target``.
+    """Return the smallest probability of a regression that ``pairs`` resolve with the power ``target``.
 
     Args:
         pairs: Number of pairs.
@@ -84,7 +84,7 @@ def detectable_loss(
 
 
 def pairs_needed(loss: float, gain: float, target: float, alpha: float = ALPHA) -> int | None:
-    """Number of pairs that resolve a change with the power ``target``; None where a million do not.
+    """Return the number of pairs that resolve a change with the power ``target``; None above a million.
 
     Power is slightly saw-toothed in the number of pairs, so a few pairs fewer may do as well.
     """

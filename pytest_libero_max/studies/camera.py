@@ -79,10 +79,7 @@ class CameraStrength(CameraTiming):
 
 
 def first_crossing(rollout: RolloutResult, within_m: float) -> int | None:
-    """The first step that leaves the end effector within a distance of the trigger entity; None if none does.
-
-    Computed from the trajectories of both.
-    """
+    """Return the first step with the end effector within a distance of the trigger entity, or None."""
     near = (
         distance_m(hand, entity) <= within_m
         for hand, entity in zip(rollout.end_effector, rollout.entity, strict=True)

@@ -32,7 +32,7 @@ def _load(name: str) -> type[Study]:
 
 
 def _accept(name: str, found: object) -> type[Study]:
-    """The study that was registered under a name.
+    """Return the study that was registered under a name.
 
     Raises:
         ValueError: It is none, or one of its attributes breaks a rule.
@@ -61,7 +61,7 @@ STUDIES: Registry[type[Study]] = Registry("study", "pytest_libero_max.studies", 
 
 
 def make_study(name: str, settings: tuple[Cadence, ...] | None = None) -> Study:
-    """The study of that name.
+    """Return the study of that name.
 
     Args:
         name: A name of :data:`STUDIES`.

@@ -36,7 +36,7 @@ class Study(ABC):
 
     @abstractmethod
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
-        """The arms beside Base and Dynamic.
+        """Return the arms beside Base and Dynamic.
 
         Args:
             case: The case.
@@ -66,5 +66,5 @@ class Study(ABC):
         """
 
     def to_dict(self) -> Json:
-        """The study as the header of a run holds it."""
+        """Return the study as the header of a run holds it."""
         return {"name": self.name}

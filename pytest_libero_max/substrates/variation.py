@@ -136,13 +136,13 @@ def digest_of(variations: Iterable[Variation]) -> str:
 
 
 def share(*parts: object) -> float:
-    """A number above 0 and below 1 that depends on nothing but ``parts``."""
+    """Return a number above 0 and below 1 that depends on nothing but ``parts``."""
     digest = hashlib.sha256("|".join(str(part) for part in ("libero-max-source", *parts)).encode()).digest()
     return ((int.from_bytes(digest[:8], "big") >> 11) + 0.5) / 2**53
 
 
 def uniform(low: float, high: float, *parts: object) -> float:
-    """A number between ``low`` and ``high``, rounded to a millionth."""
+    """Return a number between ``low`` and ``high``, rounded to a millionth."""
     return round(low + (high - low) * share(*parts), 6)
 
 

@@ -107,12 +107,12 @@ class TaskMetadata:
         return tuple(name for name in self.supported_distractors if self.support(name) == support)
 
     def support(self, entity: str) -> str | None:
-        """The entity that ``entity`` is declared to rest on or in at the start, or None."""
+        """Return the entity that ``entity`` is declared to rest on or in at the start, or None."""
         placement = self.placements.get(entity)
         return None if placement is None else placement.support
 
     def planar(self, entity: str | None) -> bool:
-        """True if it is a movable object placed ``On`` a table or a floor, where it can be shifted."""
+        """Return True if it is a movable object placed ``On`` a table or a floor, where it can be shifted."""
         if entity is None or entity not in self.objects:
             return False
         placement = self.placements.get(entity)
@@ -122,12 +122,12 @@ class TaskMetadata:
         return surface == "floor" or "table" in surface
 
     def entity_of(self, argument: str) -> str | None:
-        """The entity a name belongs to: itself, or the longest entity name it continues with ``_``."""
+        """Return the entity a name belongs to: itself, or the longest entity name it continues with ``_``."""
         return owner(argument, [*self.objects, *self.fixtures])
 
 
 def owner(name: str, entities: Iterable[str]) -> str | None:
-    """The longest of ``entities`` that is ``name`` or that ``name`` continues with an underscore."""
+    """Return the longest of ``entities`` that is ``name`` or that ``name`` continues with an underscore."""
     owners = [entity for entity in entities if name == entity or name.startswith(f"{entity}_")]
     return max(owners, key=len, default=None)
 

@@ -378,7 +378,7 @@ SUITES = tuple(_SUITES)
 
 @cache
 def task(suite: str, index: int) -> Task:
-    """A task by suite and benchmark index.
+    """Return a task by suite and benchmark index.
 
     Raises:
         SubstrateError: The suite is none of :data:`SUITES`, or has no such task.

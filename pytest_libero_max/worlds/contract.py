@@ -202,7 +202,7 @@ class World(Protocol):
         ...
 
     def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
-        """Number of pixels of a (size, size) image that show each entity in it, occlusion included.
+        """Return the number of pixels of a (size, size) image that show each entity, occlusion included.
 
         What is drawn decides, before any pixel filter: a filter changes colours and hides no entity here.
 
@@ -212,7 +212,7 @@ class World(Protocol):
         ...
 
     def snapshot(self) -> WorldState:
-        """A copy of everything that the future of the world depends on."""
+        """Return a copy of everything that the future of the world depends on."""
         ...
 
     def restore(self, state: WorldState) -> None:
@@ -242,7 +242,7 @@ class World(Protocol):
         ...
 
     def succeeded(self) -> bool:
-        """True if the task's goal predicates hold now."""
+        """Return True if the task's goal predicates hold now."""
         ...
 
     def position(self, entity: str) -> Array:
@@ -266,7 +266,7 @@ class World(Protocol):
         ...
 
     def fingers_on(self, entity: str) -> int:
-        """Number of the gripper's fingers that touch the entity now.
+        """Return the number of the gripper's fingers that touch the entity now.
 
         Raises:
             EntityError: No such entity.

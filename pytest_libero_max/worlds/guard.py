@@ -112,7 +112,7 @@ def _leaves_of(owner: Any, path: str) -> Iterator[tuple[str, Any, str]]:
 
 
 def _value(owner: Any, name: str) -> Any:
-    """A number as it is, an array as its bytes."""
+    """Return a number as it is, an array as its bytes."""
     value = getattr(owner, name)
     return value.tobytes() if isinstance(value, np.ndarray) else value
 
@@ -122,7 +122,7 @@ def _is_filled(value: Any) -> bool:
 
 
 def word_sums(array: NDArray[Any]) -> tuple[bytes, ...]:
-    """Sums of the rows and columns of an array's 64-bit words, which another value or order changes."""
+    """Return sums of the rows and columns of an array's 64-bit words; another value or order changes them."""
     content = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
     whole = content.size // (8 * _ROW_WORDS) * 8 * _ROW_WORDS
     words = content[:whole].view(np.uint64).reshape(-1, _ROW_WORDS)

@@ -153,7 +153,7 @@ class MujocoWorld(ABC):
 
     @abstractmethod
     def _controller_state(self) -> Array:
-        """A copy of the controller and gripper state that MuJoCo does not hold, float64."""
+        """Return a copy of the controller and gripper state that MuJoCo does not hold, float64."""
 
     @abstractmethod
     def _set_controller_state(self, state: Array) -> None:
@@ -527,12 +527,12 @@ class MujocoWorld(ABC):
         self._data.qacc_warmstart[dofs] = 0.0  # the solver must not start from forces felt elsewhere
 
     def _drawn(self, camera: str, size: ImageSize) -> Image:
-        """An image as it comes from the renderer, which exists by now."""
+        """Return an image as it comes from the renderer, which exists by now."""
         assert self._renderer is not None
         return self._renderer.render(camera, size)
 
     def _segmented(self, camera: str, size: int) -> NDArray[np.intp]:
-        """The geoms that are drawn, one number for each pixel that shows one."""
+        """Return the geoms that are drawn, one number for each pixel that shows one."""
         if self._renderer is None:
             self._renderer = self._new_renderer()
         shown = self._renderer.segment(camera, size)
@@ -653,7 +653,7 @@ def _three_numbers(what: str, values: Sequence[float] | Array, unit: str) -> Arr
 
 
 def _quaternion(values: Sequence[float] | Array) -> Array:
-    """A unit quaternion, normalised as MuJoCo does it: what a simulation has produced keeps its bits."""
+    """Return a unit quaternion, normalised as MuJoCo does: one that a simulation produced keeps its bits."""
     quaternion = np.array(values, dtype=np.float64)
     length = float(np.linalg.norm(quaternion)) if quaternion.shape == (4,) else np.nan
     if not abs(length - 1.0) <= _UNIT_TOLERANCE:

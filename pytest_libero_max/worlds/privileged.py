@@ -34,7 +34,7 @@ class Fact:
     place: str | None = None
 
     def words(self) -> tuple[str, ...]:
-        """The fact as a goal spells it."""
+        """Return the fact as a goal spells it."""
         return (self.predicate, self.subject, *([] if self.place is None else [self.place]))
 
 
@@ -104,11 +104,11 @@ class PrivilegedWorld(OnMujoco, Protocol):
         ...
 
     def holds(self, fact: Fact) -> bool:
-        """True if a predicate holds now, by the rules by which success is decided."""
+        """Return True if a predicate holds now, by the rules by which success is decided."""
         ...
 
     def joints(self, name: str) -> tuple[str, ...]:
-        """The joints of a fixture, or those that a region of it moves with; none for other places."""
+        """Return the joints of a fixture, or those that a region of it moves with; none for other places."""
         ...
 
     @property

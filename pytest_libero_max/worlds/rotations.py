@@ -37,7 +37,7 @@ def about(axis: Sequence[float], angle: float) -> Quaternion:
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
-    """The rotation ``b`` followed by ``a``."""
+    """Return the rotation ``b`` followed by ``a``."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -49,7 +49,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def yawed(q: Quaternion, degrees: float) -> Quaternion:
-    """The rotation ``q`` followed by a turn about the z axis, counter-clockwise seen from above.
+    """Return the rotation ``q`` followed by a turn about the z axis, counter-clockwise seen from above.
 
     As :func:`multiply` with a rotation about z, but without its products with zero, which would turn some
     -0.0 into 0.0. The length may be off by rounding.
@@ -61,19 +61,19 @@ def yawed(q: Quaternion, degrees: float) -> Quaternion:
 
 
 def inverse(q: Quaternion) -> Quaternion:
-    """The rotation back."""
+    """Return the rotation back."""
     return q[0], -q[1], -q[2], -q[3]
 
 
 def rotate(q: Quaternion, vector: Sequence[float] | Array) -> Vector:
-    """A vector (3,) turned by ``q``."""
+    """Return a vector (3,) turned by ``q``."""
     x, y, z = (float(part) for part in vector)
     _, *turned = multiply(multiply(q, (0.0, x, y, z)), inverse(q))
     return turned[0], turned[1], turned[2]
 
 
 def between(start: Quaternion, end: Quaternion, share: float) -> Quaternion:
-    """The rotation a share (0 to 1) of the way along the shorter arc."""
+    """Return the rotation a share (0 to 1) of the way along the shorter arc."""
     cosine = _dot(start, end)
     if cosine < 0.0:
         cosine, end = -cosine, (-end[0], -end[1], -end[2], -end[3])
@@ -85,7 +85,7 @@ def between(start: Quaternion, end: Quaternion, share: float) -> Quaternion:
 
 
 def of_axes(x: Sequence[float] | Array, y: Sequence[float] | Array, z: Sequence[float] | Array) -> Quaternion:
-    """The rotation that takes the frame of the world to these axes, unit vectors (3,).
+    """Return the rotation that takes the frame of the world to these axes, unit vectors (3,).
 
     Raises:
         ValueError: It is a half turn or close to one, for which this formula has no answer.
@@ -97,7 +97,7 @@ def of_axes(x: Sequence[float] | Array, y: Sequence[float] | Array, z: Sequence[
 
 
 def _dot(p: Quaternion, q: Quaternion) -> float:
-    """The sum of the products, rounded after every operation; ``sum`` does that only before Python 3.12."""
+    """Return the sum of the products, rounded after every operation (``sum``: only before Python 3.12)."""
     return p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
 
 
@@ -117,7 +117,7 @@ def unit_fused(q: Quaternion) -> Quaternion:
 
 
 def fused_dot(a: Sequence[float] | Array, b: Sequence[float] | Array) -> float:
-    """The dot product of two short vectors; every product is added to the sum before it is rounded.
+    """Return the dot product of two short vectors; every product is added to the sum before it is rounded.
 
     It has the bits of a BLAS on processors with fused multiply-add, on every processor.
     """

@@ -189,7 +189,7 @@ class Stepper:
         return np.array([place + part for place, part in zip(self._site_pos.tolist(), delta, strict=False)])
 
     def _scaled(self, action: Array) -> list[float]:
-        """The movement that an action asks for, m and rad: the operations of ``Controller.scale_action``.
+        """Return the movement that an action asks for, m and rad, as ``Controller.scale_action`` computes it.
 
         In Python's numbers, one by one: between two passes of physics the processor has forgotten the code
         of NumPy's functions, and they take ten times as long as when they are called in a row.
@@ -205,8 +205,8 @@ class Stepper:
         Args:
             goal_pos: (3,) m, world, from :meth:`aim`.
             action: (7,); only its gripper command is used.
-            substeps: How many, at least 1.
-            settle: Whether derived data are brought up to date at the end. If not, they belong to the
+            substeps: Number of substeps, at least 1.
+            settle: True to bring derived data up to date at the end. If not, they belong to the
                 beginning of the last substep, as they do after robosuite's own step.
 
         Returns:
@@ -221,7 +221,7 @@ class Stepper:
 
 
 def _rotation(vector: list[float]) -> Array:
-    """The matrix of an axis times its angle: ``axisangle2quat`` and ``quat2mat`` of robosuite.
+    """Return the matrix of an axis times its angle: ``axisangle2quat`` and ``quat2mat`` of robosuite.
 
     The length is BLAS's, and sine and cosine are NumPy's, as there: other ones may differ in the last bit.
     """
@@ -326,7 +326,7 @@ def _control_step(
     jac_ori: Any,
     warned: Any,
 ) -> Any:
-    """The substeps of one control step: torques, ``mj_step2``, ``mj_step1``. Returns what ``play`` does."""
+    """Play the substeps of a control step: torques, ``mj_step2``, ``mj_step1``; return what ``play`` does."""
     dofs = arm_dofs.size
     mass = np.zeros((dofs, dofs)).T
     j_full = np.empty((dofs, 6)).T

@@ -50,7 +50,7 @@ def use_one_blas_thread() -> None:
 
 
 def loaded_blas() -> tuple[Blas, ...]:
-    """The OpenBLAS libraries of this process, by package; none where NumPy uses another library."""
+    """Return the OpenBLAS libraries of this process, by package; none where NumPy uses another library."""
     return tuple(
         Blas(
             package,
@@ -86,7 +86,7 @@ def _loaded() -> Iterator[tuple[str, ctypes.CDLL]]:
 
 
 def _files() -> list[Path]:
-    """The files of the OpenBLAS libraries that are loaded, sorted."""
+    """Return the files of the OpenBLAS libraries that are loaded, sorted."""
     maps = Path("/proc/self/maps")
     if maps.exists():
         mapped = {line.split(maxsplit=5)[-1] for line in maps.read_text().splitlines() if "/" in line}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Entity
 
 SCALES = (0.20, 1.80)
-"""What the light is multiplied with, by variant."""
+"""Factor of the light, by variant."""
 
 
 class IlluminationSwitch(EventKind):

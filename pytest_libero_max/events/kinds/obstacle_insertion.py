@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Entity
 
 OFFSETS_M = ([0.14, 0.0, 0.0], [0.0, -0.14, 0.0])
-"""Where it stands as seen from the trigger entity, world frame, by variant."""
+"""Position of the obstacle relative to the trigger entity, world frame, by variant."""
 
 
 class ObstacleInsertion(EventKind):

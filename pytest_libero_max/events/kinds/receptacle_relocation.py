@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Entity
 
 DISTANCES_M = (0.06, 0.12)
-"""How far it is moved along the table, by variant."""
+"""Distance of the move along the table, by variant."""
 
 
 class ReceptacleRelocation(EventKind):
@@ -37,7 +37,7 @@ class ReceptacleRelocation(EventKind):
         return Scenario(relocation(self.name, task.primary_receptacle, DISTANCES_M[variant], task, identity))
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
-        """Moves of any object but the trigger entity."""
+        """Return moves of any object but the trigger entity."""
         return relocations(
             [name for name, entity in entities.items() if entity.kind == "object" and name != trigger]
         )

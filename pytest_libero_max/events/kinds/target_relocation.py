@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Entity
 
 DISTANCES_M = (0.06, 0.12)
-"""How far it is moved along the table, by variant."""
+"""Distance of the move along the table, by variant."""
 
 
 class TargetRelocation(EventKind):
@@ -37,5 +37,5 @@ class TargetRelocation(EventKind):
         return Scenario(relocation(self.name, task.primary_target, DISTANCES_M[variant], task, identity))
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
-        """Moves of the trigger entity, which is the target."""
+        """Return moves of the trigger entity, which is the target."""
         return relocations([trigger])

@@ -29,7 +29,7 @@ class ContactTimeline(Probe[Contacts]):
     cost = "one look at the contacts, 0.05 ms a step"
 
     def start(self, view: View) -> Contacts:
-        """The contacts at the start."""
+        """Return the contacts at the start."""
         return ((0, self._touching(view)),)
 
     def step(self, state: Contacts, view: View) -> Contacts:
@@ -38,7 +38,7 @@ class ContactTimeline(Probe[Contacts]):
         return state if touching == state[-1][1] else (*state, (view.trajectory.step, touching))
 
     def columns(self, state: Contacts, view: View) -> Mapping[str, Any]:
-        """The entries as two lists of one length."""
+        """Return the entries as two lists of one length."""
         return {"step": [step for step, _ in state], "touching": [names for _, names in state]}
 
     def _touching(self, view: View) -> str:

@@ -48,7 +48,7 @@ class Column:
     optional: bool = False
 
     def checked(self, value: object) -> Value:
-        """A value as JSON types.
+        """Return a value as JSON types.
 
         Raises:
             ValueError: It is not of the column's type, or not finite.
@@ -104,7 +104,7 @@ class Probe(ABC, Generic[State]):
     has been seen already and is not shown again. No answer may depend on anything but the arguments.
 
     Attributes:
-        name: What the record and the command line call it: lower-case letters, digits and underscores.
+        name: Name in the record and on the command line: lower-case letters, digits and underscores.
         schema: The columns that it yields.
         cost: Its cost in words, for the table of probes.
         every: When :meth:`step` is called: after every policy ``step``, after every ``query``, or never, for
@@ -117,20 +117,20 @@ class Probe(ABC, Generic[State]):
     every: ClassVar[Literal["step", "query", "end"]] = "step"
 
     def start(self, view: View) -> State:
-        """The state before the first step."""
+        """Return the state before the first step."""
         return None  # type: ignore[return-value]  # the state of a probe that has none
 
     def step(self, state: State, view: View) -> State:
-        """The state after one more step or query."""
+        """Return the state after one more step or query."""
         return state
 
     @abstractmethod
     def columns(self, state: State, view: View) -> Mapping[str, Any]:
-        """The value of each column, by name, at the end of an arm."""
+        """Return the value of each column, by name, at the end of an arm."""
 
 
 def check_probe(name: str, value: object) -> Probe[Any]:
-    """A probe if a class, or an object, is one of that name.
+    """Return a probe if a class, or an object, is one of that name.
 
     Raises:
         ValueError: It is none; says which rule it breaks.
@@ -186,7 +186,7 @@ class Probes:
         return any(probe.every == "query" for probe in self._all)
 
     def start(self, view: View) -> tuple[object, ...]:
-        """The state of each before the first step.
+        """Return the state of each before the first step.
 
         Raises:
             ProbeError: One raised, altered the world, or has a state that is no immutable value.
@@ -199,7 +199,7 @@ class Probes:
         return states
 
     def after(self, what: Literal["step", "query"], view: View) -> tuple[object, ...]:
-        """The state of each after one more step or query.
+        """Return the state of each after one more step or query.
 
         Raises:
             ProbeError: One raised, or altered the world.
@@ -228,7 +228,7 @@ class Probes:
                 ) from error
 
     def columns(self, view: View) -> dict[str, dict[str, Value]]:
-        """The columns of each at the end of an arm, by name.
+        """Return the columns of each at the end of an arm, by name.
 
         Raises:
             ProbeError: One raised, altered the world, or yields something else than it declares.

@@ -49,7 +49,7 @@ PROBES: Registry[Probe[Any]] = Registry("probe", ENTRY_POINT_GROUP, _own, _accep
 
 
 def probes_called(names: Iterable[str]) -> Probes:
-    """The probes of every pair, and those with these names, each once.
+    """Return the probes of every pair, and those with these names, each once.
 
     Raises:
         OptionError: There is no such probe, or it cannot be loaded.

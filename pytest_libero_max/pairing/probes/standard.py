@@ -27,7 +27,7 @@ class Approach(Probe[None]):
     every = "end"
 
     def columns(self, state: None, view: View) -> Mapping[str, Any]:
-        """The smallest distance after a step; None where none was executed."""
+        """Return the smallest distance after a step; None where none was executed."""
         return {"min_distance_m": min((step.distance_m for step in view.trajectory.executed), default=None)}
 
 
@@ -47,7 +47,7 @@ class Clipping(Probe[None]):
     every = "end"
 
     def columns(self, state: None, view: View) -> Mapping[str, Any]:
-        """The number over all steps."""
+        """Return the number over all steps."""
         executed = view.trajectory.actions
         clipped = executed if view.control == "delta" or not executed.size else executed[:, -1]
         return {"clipped_components": int((np.abs(clipped) > 1.0).sum())}
@@ -62,7 +62,7 @@ class Contacts(Probe[None]):
     every = "end"
 
     def columns(self, state: None, view: View) -> Mapping[str, Any]:
-        """The names, sorted."""
+        """Return the names, sorted."""
         return {"contacts": view.world.contacts(view.entity)}
 
 

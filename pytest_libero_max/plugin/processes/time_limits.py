@@ -93,7 +93,7 @@ class Timer:
 
 @cache
 def _library() -> Any:
-    """The C library; in glibc before 2.34 another one has the timers."""
+    """Return the C library; in glibc before 2.34 another one has the timers."""
     for name in (None, "librt.so.1"):
         library = ctypes.CDLL(name, use_errno=True)
         if hasattr(library, "timer_create"):

@@ -145,7 +145,7 @@ class PairActor:
         return f"node {ray.util.get_node_ip_address()}"
 
     def _neighbours(self) -> int:
-        """Number of actors like this one that may share the memory of the node."""
+        """Return the number of actors like this one that may share the memory of the node."""
         import ray
 
         here = ray.get_runtime_context().get_node_id()

@@ -118,7 +118,7 @@ class Cluster:
 
 
 def actor_capacity(nodes: Iterable[Mapping[str, Any]], cpus: float, gpus: float) -> int:
-    """Number of actors that the living nodes have room for, whatever else runs there.
+    """Return the number of actors that the living nodes have room for, whatever else runs there.
 
     Args:
         nodes: As ``ray.nodes()`` lists them.
@@ -129,7 +129,7 @@ def actor_capacity(nodes: Iterable[Mapping[str, Any]], cpus: float, gpus: float)
 
 
 def actors_on(resources: Mapping[str, float], cpus: float, gpus: float) -> int:
-    """Number of actors that one node with these resources has room for."""
+    """Return the number of actors that one node with these resources has room for."""
     limits = []
     if cpus:
         limits.append(int(resources.get("CPU", 0) / cpus + _ROUNDING))

@@ -68,12 +68,12 @@ class Address:
 
 
 def server_token() -> str | None:
-    """The token that the environment holds for servers; None where it holds none."""
+    """Return the token that the environment holds for servers; None where it holds none."""
     return os.environ.get(TOKEN_VARIABLE) or None
 
 
 def is_address(text: str) -> bool:
-    """True if a reference is the address of a server."""
+    """Return True if a reference is the address of a server."""
     return _ADDRESS.match(text) is not None
 
 

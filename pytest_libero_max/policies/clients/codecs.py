@@ -51,7 +51,7 @@ class Dialect:
 
 
 def pack(value: Any, dialect: Dialect) -> bytes:
-    """A msgpack document."""
+    """Return a msgpack document."""
     import msgpack
 
     packed: bytes = msgpack.packb(value, default=_sent_as(dialect.encode))
@@ -59,7 +59,7 @@ def pack(value: Any, dialect: Dialect) -> bytes:
 
 
 def unpack(content: bytes | str, dialect: Dialect) -> Any:
-    """The value of a msgpack document.
+    """Return the value of a msgpack document.
 
     Raises:
         ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
@@ -95,7 +95,7 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
 
 
 def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
-    """A JSON document.
+    """Return a JSON document.
 
     Args:
         value: The value to write; NaN and infinities are refused.
@@ -118,7 +118,7 @@ def _sent_as(encode: Callable[[AnyArray], Any]) -> Callable[[Any], Any]:
 
 
 def from_json(content: bytes) -> Any:
-    """The value of a JSON document, arrays of the json-numpy dialect included.
+    """Return the value of a JSON document, arrays of the json-numpy dialect included.
 
     Raises:
         ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
@@ -134,27 +134,27 @@ def from_json(content: bytes) -> Any:
 
 
 def as_lists(array: AnyArray) -> Any:
-    """An array as nested lists."""
+    """Return an array as nested lists."""
     return array.tolist()
 
 
 def as_json_numpy(array: AnyArray) -> dict[str, Any]:
-    """An array as a map of the json-numpy dialect."""
+    """Return an array as a map of the json-numpy dialect."""
     return JSON_NUMPY.encode(array)
 
 
 def as_json_numpy_text(array: AnyArray) -> str:
-    """An array as a string that holds a JSON document of the json-numpy dialect."""
+    """Return an array as a string that holds a JSON document of the json-numpy dialect."""
     return json.dumps(JSON_NUMPY.encode(array))
 
 
 def shortened(text: str) -> str:
-    """The beginning of a text in quotes, on one line."""
+    """Return the beginning of a text in quotes, on one line."""
     return repr(text if len(text) <= 200 else text[:200] + "...")
 
 
 def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
-    """An array from its bytes, after a look at everything that is said about it.
+    """Return an array from its bytes, after a look at everything that is said about it.
 
     Args:
         data: C order, or Fortran order for an array of one axis or none.

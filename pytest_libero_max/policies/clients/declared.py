@@ -18,7 +18,7 @@ from pytest_libero_max.worlds.contract import Observation
 
 
 def declared_spec(greeting: Any) -> PolicySpec:
-    """The spec that a server's greeting declares.
+    """Return the spec that a server's greeting declares.
 
     Raises:
         ServerError: It declares none, or one that breaks a rule.
@@ -34,7 +34,7 @@ def declared_spec(greeting: Any) -> PolicySpec:
 
 
 def as_declared(profile: Profile, request: Request, horizon: int | None, query_interval: int | None) -> Adapt:
-    """Takes the spec from the server, and sends the images that it asks for."""
+    """Return a function that takes the spec from the server, and sends the images that it asks for."""
     layout = profile.tables.get("request")
     if not isinstance(layout, Mapping) or not isinstance(layout.get("observation"), Mapping):
         raise AdapterError("The profile lacks a [request] whose 'observation' is a table.")
@@ -145,7 +145,7 @@ class RememberingPolicy(DeclaredPolicy):
         return actions
 
     def snapshot(self) -> object:
-        """A name of the memory, which the server keeps as long as the caller keeps this."""
+        """Return a name of the memory, which the server keeps as long as the caller keeps this."""
         kept = Kept(self._at)
         self._kept.add(kept)
         return kept
@@ -201,7 +201,7 @@ class SeeingPolicy(RememberingPolicy):
         return actions
 
     def snapshot(self) -> object:
-        """A name of the memory, with what the server does not know yet."""
+        """Return a name of the memory, with what the server does not know yet."""
         kept = Kept(self._at, self._frames)
         self._kept.add(kept)
         return kept

@@ -16,7 +16,7 @@ from pytest_libero_max.policies.profile import Profile, load_profile, profile_na
 def load_served(
     text: str, profile_text: str | None, horizon: int | None = None, query_interval: int | None = None
 ) -> ServedPolicy:
-    """The policy at an address, connected.
+    """Return the policy at an address, connected.
 
     Args:
         text: The address.
@@ -77,7 +77,7 @@ def load_served(
 
 
 def require_profile(text: str, profile_text: str | None) -> Profile:
-    """The profile for an address.
+    """Return the profile for an address.
 
     Raises:
         AdapterError: None is named, there is none of that name, or it is for another protocol.
@@ -103,5 +103,5 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
 
 
 def _fitting(address: Address) -> str:
-    """The profiles of this package for an address, for messages."""
+    """Return the profiles of this package for an address, for messages."""
     return ", ".join(name for name in profile_names() if load_profile(name).protocol == address.protocol)

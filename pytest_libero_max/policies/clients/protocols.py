@@ -31,9 +31,9 @@ class Opening:
     """A policy behind a server that is about to be connected to.
 
     Attributes:
-        address: Where the server is.
-        profile: How the policy is asked.
-        spec: What the profile declares, with the options of the run.
+        address: Address of the server.
+        profile: Profile of the policy.
+        spec: Spec that the profile declares, with the options of the run.
         request: Makes requests.
         horizon: H, the chunk size, where the run sets it.
         query_interval: Q, the execution horizon, where the run sets it.
@@ -89,7 +89,7 @@ class ServerProtocol(ABC):
         """Return the class of the policy.
 
         Args:
-            greeting: What the server says about itself; empty before it is connected to.
+            greeting: The server's description of itself; empty before it is connected to.
         """
         from pytest_libero_max.policies.clients.served import ServedPolicy
 
@@ -119,7 +119,7 @@ def _load(scheme: str) -> ServerProtocol:
 
 
 def _accept(scheme: str, found: object) -> ServerProtocol:
-    """The protocol that was registered under a scheme, from its class or an instance of it.
+    """Return the protocol that was registered under a scheme, from its class or an instance of it.
 
     Raises:
         ValueError: It is none, or one of its attributes breaks a rule.

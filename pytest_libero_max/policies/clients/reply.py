@@ -45,7 +45,7 @@ class Reply:
             )
 
     def read(self, reply: Any, least: int, most: int) -> Actions:
-        """The actions of a reply, (n, 7) float64, with ``least`` <= n <= ``most``.
+        """Return the actions of a reply, (n, 7) float64, with ``least`` <= n <= ``most``.
 
         More than ``most`` are cut to the first ones, which are the next to be executed.
 

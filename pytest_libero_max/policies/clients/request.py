@@ -73,14 +73,14 @@ class Request:
         self.seeded = "seed" in set(_named(self._layout))
 
     def cameras_of(self, layout: Any) -> tuple[str, ...]:
-        """The cameras whose images a layout needs."""
+        """Return the cameras whose images a layout needs."""
         needed = {source for name in _named(layout) for source in self._sources(name)}
         return tuple(camera for camera in CAMERAS if f"{camera}_image" in needed)
 
     def build(
         self, observation: Observation, query: Query, episode: Episode, layout: Any = None
     ) -> dict[str, Any]:
-        """The request of a query.
+        """Return the request of a query.
 
         Args:
             observation: The world's observation.
@@ -191,7 +191,7 @@ def _input(name: str, table: Any) -> Input:
 
 
 def _named(layout: Any) -> list[str]:
-    """The names that a layout refers to with a dollar, in order."""
+    """Return the names that a layout refers to with a dollar, in order."""
     if isinstance(layout, Mapping):
         return [name for value in layout.values() for name in _named(value)]
     if isinstance(layout, list):

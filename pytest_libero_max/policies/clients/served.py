@@ -83,7 +83,7 @@ class ServedPolicy:
         return self._request.build(observation, query, self._episode, self._layout)
 
     def read(self, reply: Any) -> Actions:
-        """The actions of a reply; notes in how large a batch they were computed.
+        """Return the actions of a reply; notes in how large a batch they were computed.
 
         Raises:
             ServerError: There are none that can be played.
@@ -94,7 +94,7 @@ class ServedPolicy:
         return actions
 
     def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
-        """The arrays of the request, by the names that the profile gives them, for a look at them.
+        """Return the arrays of the request, by the names that the profile gives them, for a look at them.
 
         Raises:
             AdapterError: An input cannot be made.

@@ -132,7 +132,7 @@ class VlaEvalProtocol(ServerProtocol):
 
 
 def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
-    """The request as the server's greeting asks for it.
+    """Return the request as the server's greeting asks for it.
 
     The wrist image and the state are left out where they are not asked for; the state keeps the sign of the
     quaternion where the server says ``quat_no_antipodal``.
@@ -174,7 +174,7 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
 
 def returns_poses(greeting: Any) -> bool:
-    """True if the server's greeting says that its actions are poses in the world.
+    """Return True if the server's greeting says that its actions are poses in the world.
 
     Raises:
         ServerError: The greeting is damaged.
@@ -184,7 +184,7 @@ def returns_poses(greeting: Any) -> bool:
 
 
 def _declared(greeting: Any) -> tuple[dict[Any, Any], dict[Any, Any]]:
-    """Inputs that a server asks for, and its description of its actions."""
+    """Return inputs that a server asks for, and its description of its actions."""
     return _flags(greeting, "observation_params"), _map(greeting, "action_spec")
 
 
@@ -196,7 +196,7 @@ def _flags(greeting: Any, name: str) -> dict[Any, Any]:
 
 
 def _map(greeting: Any, name: str) -> dict[Any, Any]:
-    """A part of a greeting; empty where there is none."""
+    """Return a part of a greeting; empty where there is none."""
     part = greeting.get(name)
     if part is None:
         return {}
@@ -206,7 +206,7 @@ def _map(greeting: Any, name: str) -> dict[Any, Any]:
 
 
 def _format(formats: dict[Any, Any], name: str) -> str | None:
-    """The format of one part of the actions; None where the server does not say."""
+    """Return the format of one part of the actions; None where the server does not say."""
     part = formats.get(name)
     word = part.get("format") if isinstance(part, dict) else None
     if word is not None and not isinstance(word, str):

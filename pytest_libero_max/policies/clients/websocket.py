@@ -69,7 +69,7 @@ class Socket:
             raise Unreachable(f"the connection was lost ({error})") from error
 
     def receive(self) -> bytes | str:
-        """The next message.
+        """Return the next message.
 
         Raises:
             Unreachable: The connection was lost, or nothing came in time.

@@ -117,7 +117,7 @@ class Desk(Generic[Question, Answer]):
                         waiting.answer.set_exception(error)
 
     def _batch(self) -> list[Waiting[Question, Answer]]:
-        """The next questions to be answered together; none at the end."""
+        """Return the next questions to be answered together; none at the end."""
         first = self._queue.get()
         if first is None or self._closed.is_set():
             return self._ended(first)

@@ -150,7 +150,7 @@ class Host:
 
     @contextmanager
     def client(self) -> Iterator[None]:
-        """A client is there as long as the block lasts."""
+        """Count a client while the block lasts."""
         self._count(1)
         try:
             yield
@@ -190,7 +190,7 @@ class Host:
                 waiting.answer.set_exception(outcome)
 
     def _outcomes(self, questions: list[Question]) -> list[Answer | BaseException]:
-        """The answers in the order of the questions; those of one cadence are found together."""
+        """Return the answers in the order of the questions; those of one cadence are found together."""
         found: dict[int, Answer | BaseException] = {}
         for cadence in dict.fromkeys(question.cadence for question in questions):
             places = [place for place, question in enumerate(questions) if question.cadence == cadence]
@@ -204,7 +204,7 @@ class Host:
         return [found[place] for place in range(len(questions))]
 
     def _together(self, questions: list[Question]) -> list[Answer | BaseException]:
-        """The answers to several questions; where one of them makes trouble, each is asked alone."""
+        """Return the answers to several questions; where one of them makes trouble, each is asked alone."""
         items = [question.item for question in questions]
         if self._batching.pad:
             items += items[:1] * (self._batching.size - len(items))

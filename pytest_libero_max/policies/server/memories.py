@@ -37,7 +37,7 @@ class Place:
 
     @classmethod
     def read(cls, value: Any) -> Place:
-        """The place that a request names.
+        """Return the place that a request names.
 
         Raises:
             ServerError: It is none.
@@ -80,7 +80,7 @@ class Memories:
         return sum(len(client.memories) for client in self._clients.values())
 
     def find(self, place: Place) -> object:
-        """The memory that a query begins with, which has a name.
+        """Return the memory that a query begins with, which has a name.
 
         Raises:
             ServerError: It is not here.

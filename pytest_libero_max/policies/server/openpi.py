@@ -31,7 +31,7 @@ CLOSE_AFTER_ERROR = 1011
 
 
 def greeting(host: Host) -> dict[str, Any]:
-    """The metadata that a client gets first."""
+    """Return the metadata that a client gets first."""
     batching = host.batching
     return {
         "libero_max": 1,
@@ -44,7 +44,7 @@ def greeting(host: Host) -> dict[str, Any]:
 
 
 def answer(host: Host, request: Any) -> dict[str, Any]:
-    """The reply to a request.
+    """Return the reply to a request.
 
     Raises:
         ServerError: The request is not that of the profile ``served``.
@@ -116,7 +116,7 @@ def _cadence(request: Any) -> Cadence | None:
 
 
 def _frames(request: Any) -> tuple[tuple[Observation, int], ...]:
-    """Steps that a policy that sees every step has to be shown first.
+    """Return steps that a policy that sees every step has to be shown first.
 
     Raises:
         ServerError: They are no list of maps with an observation and a step.

@@ -82,7 +82,7 @@ def serving(
 def _respond(
     connection: ServerConnection, request: Request, host: Host, token: str | None
 ) -> Response | None:
-    """The page that a request gets; None for a WebSocket."""
+    """Return the page that a request gets; None for a WebSocket."""
     path = _path(request)
     if path in HEALTH:
         return connection.respond(HTTPStatus.OK, "OK\n")
@@ -110,7 +110,7 @@ def _metrics(connection: ServerConnection, host: Host) -> Response:
 
 
 def _knows(sent: list[str], token: str) -> bool:
-    """True if one of the headers holds the token; takes the same time for every wrong one."""
+    """Return True if one of the headers holds the token; takes the same time for every wrong one."""
     accepted = [f"{scheme} {token}".encode() for scheme in ("Api-Key", "Bearer")]
     return any(
         hmac.compare_digest(header.encode("utf-8", "surrogateescape"), known)
@@ -124,7 +124,7 @@ def _path(request: Request) -> str:
 
 
 def _quiet() -> logging.Logger:
-    """A log for what clients do wrong on the wire, shown from INFO on."""
+    """Return a log for what clients do wrong on the wire, shown from INFO on."""
     log = logging.getLogger("pytest_libero_max.servers.wire")
     log.setLevel(logging.CRITICAL)
     return log

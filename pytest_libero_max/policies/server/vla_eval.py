@@ -61,7 +61,7 @@ class Session:
         self._memory: str | None = None
 
     def greeting(self) -> dict[str, Any]:
-        """The server's description of itself.
+        """Return the server's description of itself.
 
         Raises:
             AdapterError: The policy is shown every step.
@@ -224,7 +224,7 @@ def _opened(message: Any) -> tuple[str, Mapping[str, Any], int]:
 
 
 def _whole(value: Any) -> int:
-    """An integer that a message holds; 0 where it holds none."""
+    """Return an integer that a message holds; 0 where it holds none."""
     if value is None:
         return 0
     if not isinstance(value, int) or isinstance(value, bool):

@@ -45,32 +45,32 @@ def clip(actions: Array) -> Array:
 
 
 def gripper_from_opening(actions: Array) -> Array:
-    """The gripper from 0 (close) to 1 (open) as LIBERO's sign: ``-sign(2 g - 1)``, 0 for exactly a half."""
+    """Convert the gripper from 0 (close) to 1 (open) to LIBERO's sign: ``-sign(2 g - 1)``, 0 for a half."""
     return _with_gripper(actions, -np.sign(actions[:, -1] - 0.5) + 0.0)
 
 
 def gripper_from_open_flag(actions: Array) -> Array:
-    """The gripper from a flag, 1 for open, as LIBERO's sign: ``1 - 2 (g > 0.5)``."""
+    """Convert the gripper from a flag, 1 for open, to LIBERO's sign: ``1 - 2 (g > 0.5)``."""
     return _with_gripper(actions, 1.0 - 2.0 * (actions[:, -1] > 0.5))
 
 
 def gripper_from_close_flag(actions: Array) -> Array:
-    """The gripper from a flag or probability, 1 for close, as LIBERO's sign: +1 above a half, else -1."""
+    """Convert the gripper from a flag or probability of close to LIBERO's sign: 1 above a half, else -1."""
     return _with_gripper(actions, np.where(actions[:, -1] > 0.5, 1.0, -1.0))
 
 
 def gripper_sign(actions: Array) -> Array:
-    """The gripper as -1 where it is negative, else +1."""
+    """Set the gripper to -1 where it is negative, else to +1."""
     return _with_gripper(actions, np.where(actions[:, -1] < 0.0, -1.0, 1.0))
 
 
 def gripper_inverted(actions: Array) -> Array:
-    """The gripper with its sign changed."""
+    """Change the sign of the gripper."""
     return _with_gripper(actions, 0.0 - actions[:, -1])
 
 
 def gripper_flag_below_half(actions: Array) -> Array:
-    """The gripper as 0 below a half, else 1, which some models are given before un-normalisation."""
+    """Set the gripper to 0 below a half, else to 1, as some models need before un-normalisation."""
     return _with_gripper(actions, np.where(actions[:, -1] < 0.5, 0.0, 1.0))
 
 

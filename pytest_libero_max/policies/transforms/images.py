@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def rotate_180(image: Image) -> Image:
-    """The image turned by half a turn, ``[::-1, ::-1]``, which most models were trained on.
+    """Turn the image by half a turn, ``[::-1, ::-1]``, as most models were trained.
 
     Raises:
         AdapterError: It is no image.
@@ -29,7 +29,7 @@ def rotate_180(image: Image) -> Image:
 
 
 def flip_rows(image: Image) -> Image:
-    """The image with its rows in reverse order, ``[::-1]``: upright for a person, and not a rotation.
+    """Reverse the order of the rows, ``[::-1]``: upright for a person, and not a rotation.
 
     Raises:
         AdapterError: It is no image.
@@ -38,7 +38,7 @@ def flip_rows(image: Image) -> Image:
 
 
 def resize_with_pad(image: Image, side_px: int) -> Image:
-    """The whole image in a square, its proportions kept, black where nothing is; bilinear, as in openpi.
+    """Fit the whole image into a square, its proportions kept, padded with black; bilinear, as in openpi.
 
     A size that does not come out whole is rounded down, and so is the border above and on the left.
 
@@ -64,7 +64,7 @@ def resize_with_pad(image: Image, side_px: int) -> Image:
 
 
 def resize_bilinear(image: Image, side_px: int) -> Image:
-    """The image as a square; bilinear with antialiasing, as Pillow computes it.
+    """Resize the image to a square; bilinear with antialiasing, as Pillow computes it.
 
     Raises:
         AdapterError: It is no image, or the side is not at least 1.
@@ -73,7 +73,7 @@ def resize_bilinear(image: Image, side_px: int) -> Image:
 
 
 def resize_bicubic(image: Image, side_px: int) -> Image:
-    """The image as a square; bicubic with antialiasing, which is Pillow's default.
+    """Resize the image to a square; bicubic with antialiasing, which is Pillow's default.
 
     Raises:
         AdapterError: It is no image, or the side is not at least 1.
@@ -82,7 +82,7 @@ def resize_bicubic(image: Image, side_px: int) -> Image:
 
 
 def resize_lanczos(image: Image, side_px: int) -> Image:
-    """The image as a square; Lanczos (three lobes) with antialiasing, as Pillow computes it.
+    """Resize the image to a square; Lanczos (three lobes) with antialiasing, as Pillow computes it.
 
     Raises:
         AdapterError: It is no image, or the side is not at least 1.
@@ -91,7 +91,7 @@ def resize_lanczos(image: Image, side_px: int) -> Image:
 
 
 def resize_area(image: Image, side_px: int) -> Image:
-    """The image as a square; every pixel the mean of the area it covers, as OpenCV's ``INTER_AREA``.
+    """Resize the image to a square; every pixel the mean of the area it covers, as OpenCV's ``INTER_AREA``.
 
     Raises:
         AdapterError: It is no image, or the side is not at least 1.
@@ -103,7 +103,7 @@ def resize_area(image: Image, side_px: int) -> Image:
 
 
 def centre_crop(image: Image, share: float) -> Image:
-    """The middle of a square image, with ``share`` of its area: the side is ``int(side * sqrt(share))``.
+    """Crop a square image to its middle, ``share`` of its area: the side is ``int(side * sqrt(share))``.
 
     Args:
         image: (S, S, 3) uint8.
@@ -124,7 +124,7 @@ def centre_crop(image: Image, share: float) -> Image:
 
 
 def jpeg_round_trip(image: Image, quality: int = 95) -> Image:
-    """The image after it has been a JPEG file, for models whose training images were.
+    """Compress the image as JPEG and unpack it, for models whose training images were JPEG files.
 
     Args:
         image: (H, W, 3) uint8.
@@ -142,7 +142,7 @@ def jpeg_round_trip(image: Image, quality: int = 95) -> Image:
 
 
 def png_file(image: Image) -> bytes:
-    """The content of a PNG file of the image, without loss.
+    """Return the image as the content of a PNG file, without loss.
 
     Raises:
         AdapterError: It is no image.
@@ -165,7 +165,7 @@ def side_by_side(*images: Image) -> Image:
 
 
 def to_unit(image: Image) -> NDArray[np.float32]:
-    """The image as float32 from 0 to 1.
+    """Scale the image to float32 from 0 to 1.
 
     Raises:
         AdapterError: It is no image.
@@ -174,7 +174,7 @@ def to_unit(image: Image) -> NDArray[np.float32]:
 
 
 def to_signed(image: Image) -> NDArray[np.float32]:
-    """The image as float32 from -1 to 1.
+    """Scale the image to float32 from -1 to 1.
 
     Raises:
         AdapterError: It is no image.

@@ -294,7 +294,7 @@ def _skin(
 
 
 def _table(arena: Arena, assets: ET.Element, surface: ET.Element) -> None:
-    """The collision solids of a table, its top (textured) and its legs (plain)."""
+    """Add the collision solids of a table, its top (textured) and its legs (plain)."""
     for number, solid in enumerate(arena.solids):
         attributes = {
             "name": "table_collision" if number == 0 else f"table_collision{number}",
@@ -315,7 +315,7 @@ def _plain_table() -> tuple[Mesh, Mesh]:
 
 
 def _coffee_table() -> tuple[Mesh, Mesh]:
-    """A top with cut corners over a box."""
+    """Return a top with cut corners over a box."""
     (x0, y0, z0), (x1, y1, z1) = (-0.82417, -0.82139, 0.41308), (0.33873, 0.90069, 0.43676)
     (cut_x0, cut_x1), (cut_y0, cut_y1) = (-0.66675, 0.16675), (-0.61932, 0.7241)
     outline = [

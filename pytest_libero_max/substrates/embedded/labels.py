@@ -63,11 +63,11 @@ class Label:
         self._width, self._height = width, height
 
     def band(self, top: float, bottom: float, colour: Rgb) -> Label:
-        """A horizontal stripe."""
+        """Return a horizontal stripe."""
         return self.block(0.0, top, 1.0, bottom, colour)
 
     def block(self, left: float, top: float, right: float, bottom: float, colour: Rgb) -> Label:
-        """A rectangle."""
+        """Return a rectangle."""
         return self._fill(
             (left, top, right, bottom),
             lambda x, y: (x >= left) & (x < right) & (y >= top) & (y < bottom),
@@ -75,7 +75,7 @@ class Label:
         )
 
     def disc(self, x: float, y: float, radius: float, colour: Rgb, squeeze: float = 1.0) -> Label:
-        """A disc; ``radius`` in parts of the width, ``squeeze`` its height over its width in pixels."""
+        """Return a disc; ``radius`` in parts of the width, ``squeeze`` is height over width in pixels."""
         high = radius * squeeze * self._width / self._height
         bounds = (x - radius, y - high, x + radius, y + high)
         return self._fill(
@@ -83,7 +83,7 @@ class Label:
         )
 
     def polygon(self, points: Sequence[tuple[float, float]], colour: Rgb) -> Label:
-        """A filled polygon, by the even-odd rule."""
+        """Return a filled polygon, by the even-odd rule."""
         xs, ys = [x for x, _ in points], [y for _, y in points]
 
         def inside(px: Array, py: Array) -> Mask:
@@ -137,7 +137,7 @@ class Label:
 
 
 def box_atlas(faces: Mapping[str, Image], cell: int = 96) -> Image:
-    """The six pictures of a box, in the layout that :func:`.meshes.box` expects.
+    """Return the six pictures of a box, in the layout that :func:`.meshes.box` expects.
 
     Args:
         faces: Picture by face name; a face that is absent takes the picture of ``front``.
@@ -148,7 +148,7 @@ def box_atlas(faces: Mapping[str, Image], cell: int = 96) -> Image:
 
 
 def _resized(picture: Image, size: int) -> Image:
-    """The picture stretched to a square, every new pixel the mean of the area it covers."""
+    """Return the picture stretched to a square, every new pixel the mean of the area it covers."""
     result = picture.astype(np.float64)
     for axis in (0, 1):
         fine = math.lcm(result.shape[axis], size)

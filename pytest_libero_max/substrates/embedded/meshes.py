@@ -53,7 +53,7 @@ class Mesh:
     def moved(
         self, offset: Point = (0.0, 0.0, 0.0), scale: Point = (1.0, 1.0, 1.0), turn: Array | None = None
     ) -> Mesh:
-        """A copy, scaled along the axes, then turned by a (3, 3) rotation, then shifted by ``offset``."""
+        """Return a copy, scaled along the axes, turned by a (3, 3) rotation, then shifted by ``offset``."""
         rotation = np.eye(3) if turn is None else turn
         normals = self.normals / np.asarray(scale)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -77,7 +77,7 @@ def join(*meshes: Mesh) -> Mesh:
 
 
 def panel(corners: Sequence[Point], texcoords: Sequence[Point] = ((0, 0), (1, 0), (1, 1), (0, 1))) -> Mesh:
-    """A flat convex polygon, its corners counter-clockwise as seen from its visible side."""
+    """Return a flat convex polygon, its corners counter-clockwise as seen from its visible side."""
     vertices = np.asarray(corners, dtype=np.float64)
     normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
     normal /= np.linalg.norm(normal)
@@ -106,7 +106,7 @@ def atlas_cell(face: str) -> tuple[float, float, float, float]:
 
 
 def box(half: Point, chamfer: float = 0.0, atlas: bool = True, tile: float | None = None) -> Mesh:
-    """A box around the origin whose twelve edges are cut off by ``chamfer`` metres.
+    """Return a box around the origin whose twelve edges are cut off by ``chamfer`` metres.
 
     Args:
         half: Half sizes in m.
@@ -143,7 +143,7 @@ _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def _bevels(rims: dict[str, tuple[Array, Array]]) -> list[Mesh]:
-    """The cut edges and corners of a box, each vertex shaded like the face it touches."""
+    """Return the cut edges and corners of a box, each vertex shaded like the face it touches."""
     points: list[Array] = []
     uvs: list[Array] = []
     owners: list[str] = []
@@ -183,7 +183,7 @@ def _bevels(rims: dict[str, tuple[Array, Array]]) -> list[Mesh]:
 
 
 def _around(spokes: Array, axis: Array) -> list[int]:
-    """Indices of ``spokes`` in counter-clockwise order seen against ``axis``."""
+    """Return indices of ``spokes`` in counter-clockwise order seen against ``axis``."""
     axis = axis / np.linalg.norm(axis)
     first = spokes[0] - axis * (spokes[0] @ axis)
     first /= np.linalg.norm(first)
@@ -247,7 +247,7 @@ def revolve(profile: Sequence[tuple[float, float]], segments: int = 24, crease_d
 
 
 def tube(path: Sequence[Point], half_width: float, half_depth: float, segments: int = 8) -> Mesh:
-    """A bent rod with an elliptic cross-section and closed ends.
+    """Return a bent rod with an elliptic cross-section and closed ends.
 
     Args:
         path: Points (x, y, z) in m, all in one plane that contains the z axis, none straight above each other
@@ -291,7 +291,7 @@ def tube(path: Sequence[Point], half_width: float, half_depth: float, segments: 
 
 
 def faceted(mesh: Mesh) -> Mesh:
-    """The same surface with every triangle shaded flat."""
+    """Return the same surface with every triangle shaded flat."""
     corners = mesh.vertices[mesh.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

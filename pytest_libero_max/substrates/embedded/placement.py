@@ -54,7 +54,7 @@ _PRESS = 2e-6
 
 
 def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init: int) -> Array:
-    """An initial state of a scene, at rest.
+    """Return an initial state of a scene, at rest.
 
     Args:
         scene: The scene that ``model`` was compiled from.
@@ -142,7 +142,7 @@ def _lay_out(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, draw: _Dr
 
 
 def _supports_first(scene: Scene) -> Iterator[Fact]:
-    """The objects' places, each after the object that it rests on."""
+    """Yield the objects' places, each after the object that it rests on."""
     waiting = [fact for fact in scene.task.start if fact.subject in scene.task.objects]
     placed: set[str | None] = {name for name, entity in scene.entities.items() if entity.kind != "object"}
     while waiting:
@@ -291,7 +291,7 @@ def _rounded(scene: Scene, model: mujoco.MjModel, qpos: Array) -> Array:
 
 
 def _defect(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, qpos: Array) -> str:
-    """The defect of a settled state, in words; empty if it has none."""
+    """Return the defect of a settled state, in words; empty if it has none."""
     import mujoco
 
     if not np.isfinite(qpos).all():

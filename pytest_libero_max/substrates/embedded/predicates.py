@@ -24,7 +24,7 @@ class Predicate(Protocol):
 
 
 def all_hold(goal: Sequence[Predicate], model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """True if every predicate of a conjunction holds."""
+    """Return True if every predicate of a conjunction holds."""
     return all(predicate.holds(model, data) for predicate in goal)
 
 
@@ -110,7 +110,7 @@ class Joints:
 
 
 def touching(model: mujoco.MjModel, data: mujoco.MjData, first: str, second: str) -> bool:
-    """True if any geom under the root body ``first`` is in contact with one under ``second``."""
+    """Return True if any geom under the root body ``first`` is in contact with one under ``second``."""
     one, other = model.body(first).id, model.body(second).id
     roots = model.body_rootid[model.geom_bodyid[data.contact.geom[: data.ncon]]]
     if len(roots) == 0:

@@ -71,7 +71,7 @@ class Remodel:
 
 
 def remodelled(scene: Scene, plan: Remodel) -> Scene:
-    """The scene of a task, altered as ``plan`` says.
+    """Return the scene of a task, altered as ``plan`` says.
 
     Raises:
         SubstrateError: The plan names an instance, a category or a surface that does not exist.

@@ -71,7 +71,7 @@ def _lighten(robot: ET.Element) -> None:
 
 
 def _visual_twin(body: str, collision: ET.Element) -> ET.Element | None:
-    """A geom to draw in place of a collision geom; None for those that something else stands for."""
+    """Return a geom to draw in place of a collision geom; None for those that something else stands for."""
     mesh = collision.get("mesh", "")
     if mesh == f"{GRIPPER}_finger" or collision.get("name", "").endswith("pad_collision"):
         return None  # the fingers keep their own visual meshes
@@ -123,7 +123,7 @@ def stl_vertices(path: Path) -> NDArray[np.float64]:
 
 
 def outline(points: NDArray[np.float64], directions: int) -> NDArray[np.float64]:
-    """The points that reach farthest in evenly spread directions: corners of a light convex hull.
+    """Return the points that reach farthest in evenly spread directions: corners of a light convex hull.
 
     Args:
         points: (n, 3).

@@ -146,7 +146,7 @@ def joint_state(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str
 
 
 def joints_of(name: str, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> tuple[str, ...]:
-    """The joints of a fixture, or those that a region of it moves with."""
+    """Return the joints of a fixture, or those that a region of it moves with."""
     if name in regions:
         return regions[name].joints
     return tuple(f"{name}_{joint}" for joint in _joint_names(category(_entity(name, entities).category).root))
@@ -169,7 +169,7 @@ def _entities(row: Task, arena: Arena) -> dict[str, Entity]:
 
 
 def _owner(place: str, row: Task) -> str:
-    """The entity that a place belongs to."""
+    """Return the entity that a place belongs to."""
     if place in row.places:
         return row.places[place].surface
     return next(
@@ -188,7 +188,7 @@ def _regions(row: Task) -> dict[str, Region]:
 
 
 def links(link: Link) -> list[Link]:
-    """A link and everything attached to it, depth first."""
+    """Return a link and everything attached to it, depth first."""
     return [link, *(deeper for child in link.links for deeper in links(child))]
 
 

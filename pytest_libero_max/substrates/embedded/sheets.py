@@ -60,7 +60,7 @@ def write_contact_sheet(
 
 
 def _short(task: Task) -> str:
-    """The part of an instruction that tells it from the others of its suite."""
+    """Return the part of an instruction that tells it from the others of its suite."""
     if task.suite not in ("libero_spatial", "libero_object"):
         return task.language
     words = task.language.removeprefix("pick up the ").removeprefix("black bowl ")
@@ -111,7 +111,7 @@ def write_pro_sheet(
 
 
 def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
-    """A variation of that level, of the task if it has one, in the middle of those there are."""
+    """Return a variation of that level, of the task if it has one, in the middle of those there are."""
     found = [one for one in plus_suite(suite) if (one.category, one.difficulty) == (category, level)]
     own = [one for one in found if one.base_index == index] or found
     return own[len(own) // 2]

@@ -68,7 +68,7 @@ class EmbeddedWorld(RobosuiteWorld):
         self.reset(0)
 
     def varied(self, variation: Variation | None) -> EmbeddedWorld:
-        """The same scene under a source variation, which every reset applies.
+        """Return the same scene under a source variation, which every reset applies.
 
         All worlds that come from one scene share its simulator: play them one after the other, each from
         its own reset.
@@ -91,11 +91,11 @@ class EmbeddedWorld(RobosuiteWorld):
         }
 
     def holds(self, fact: Fact) -> bool:
-        """True if a predicate holds now, by the rules of the goal."""
+        """Return True if a predicate holds now, by the rules of the goal."""
         return self._predicate(fact).holds(self._model, self._data)
 
     def joints(self, name: str) -> tuple[str, ...]:
-        """The joints of a fixture, or those that a region of it moves with; none for other places."""
+        """Return the joints of a fixture, or those that a region of it moves with; none for other places."""
         if name in self._task.regions or self._entities[name].kind == "fixture":
             return joints_of(name, self._task.entities, self._task.regions)
         return ()
@@ -147,7 +147,7 @@ class EmbeddedWorld(RobosuiteWorld):
         return self._starts[init]
 
     def _adapted(self, start: Mapping[str, Array]) -> Array:
-        """The unmodified scene's initial state in this one, joint by joint; what was added keeps qpos0."""
+        """Return the unmodified scene's initial state in this one, joint by joint; additions keep qpos0."""
         qpos: Array = self._model.qpos0.copy()
         for name, values in start.items():
             address = int(self._model.joint(self._plan.renamed(name)).qposadr[0])
@@ -175,7 +175,7 @@ class EmbeddedSubstrate:
         return self.varied_world(variation_of(case))
 
     def varied_world(self, variation: Variation) -> EmbeddedWorld:
-        """The world that plays a source variation."""
+        """Return the world that plays a source variation."""
         plan = Remodel.from_dict(variation.scene)
         return self._world(variation.suite, variation.base_index, plan).varied(variation)
 

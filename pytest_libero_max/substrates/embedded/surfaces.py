@@ -40,7 +40,7 @@ def marble(ground: Rgb, vein: Rgb, seed: int) -> Image:
 
 
 def fabric(warp: Rgb, weft: Rgb, seed: int, threads: int = 64) -> Image:
-    """A plain weave of two yarns."""
+    """Return a plain weave of two yarns."""
     y, x = np.mgrid[0:_SIZE, 0:_SIZE] * threads / _SIZE
     over = (np.floor(x) + np.floor(y)) % 2
     bulge = np.sin(np.pi * (y % 1)) * np.sin(np.pi * (x % 1))
@@ -51,7 +51,7 @@ def fabric(warp: Rgb, weft: Rgb, seed: int, threads: int = 64) -> Image:
 
 
 def checked(light: Rgb, dark: Rgb, seed: int, squares: int = 4) -> Image:
-    """A chequered tablecloth: half tones where a light and a dark stripe cross."""
+    """Return a chequered tablecloth: half tones where a light and a dark stripe cross."""
     stripe = (np.arange(_SIZE) * squares * 2 // _SIZE) % 2
     tone = (stripe[:, None] + stripe[None, :]) / 2
     return blend(tone + 0.06 * (noise(_SIZE, _SIZE, seed, 2) - 0.5), light, dark)
@@ -130,5 +130,5 @@ SURFACES: Mapping[str, Callable[[], Image]] = {
 
 
 def shown(name: str) -> str:
-    """The name of a surface's texture in a scene."""
+    """Return the name of a surface's texture in a scene."""
     return PREFIX + name

@@ -104,7 +104,7 @@ class InstalledCatalogue:
 
         Args:
             variation: The task.
-            models: Whether LIBERO-Plus's own models, and what its motion blur needs, count where they are.
+            models: True to count LIBERO-Plus's own models and what its motion blur needs.
         """
         if variation.source == "plus":
             needs = self._needs if models else PlusNeeds(False, False, False, False)
@@ -174,7 +174,7 @@ def _required(installations: Sequence[Installation], source: str, flavour: Flavo
 def _metadata(
     name: str, language: str, found: Description, reserved: frozenset[str] = frozenset()
 ) -> TaskMetadata:
-    """A description in the words of the embedded catalogues."""
+    """Return a description in the words of the embedded catalogues."""
     named: list[str] = [*found.objects, *found.fixtures]
     placements: dict[str, Any] = {}
     for predicate, *arguments in found.initial:

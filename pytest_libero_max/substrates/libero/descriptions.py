@@ -53,7 +53,7 @@ def describe(text: str) -> Description:
 
 
 def _typed(words: list[Any]) -> Iterator[tuple[str, str]]:
-    """``a b - kind c - other`` as pairs of name and kind."""
+    """Yield the pairs of name and kind in ``a b - kind c - other``."""
     names: list[str] = []
     kinds = iter(words)
     for word in kinds:

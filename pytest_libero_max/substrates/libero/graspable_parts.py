@@ -46,7 +46,7 @@ of the object's body, and its width, m."""
 
 
 def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, GraspablePart]:
-    """Handles and knobs by name; a fixture whose parts cannot be made out has none.
+    """Return handles and knobs by name; a fixture whose parts cannot be made out has none.
 
     Args:
         env: The package's environment.
@@ -75,7 +75,7 @@ def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Graspabl
 
 
 def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array) -> GraspablePart:
-    """The foremost box of a joint's body; ``out`` is in the frame of that body."""
+    """Return the foremost box of a joint's body; ``out`` is in the frame of that body."""
     body = int(model.jnt_bodyid[joint])
     boxes = _solid(model, body)
     turns = {box: _matrix(model.geom_quat[box]) for box in boxes}
@@ -100,14 +100,14 @@ def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array)
 
 
 def _solid(model: mujoco.MjModel, body: int) -> list[int]:
-    """The geoms of a body that something can touch; LIBERO's microwave is touched and touches nothing."""
+    """Return the geoms of a body that can be touched; LIBERO's microwave is touched and touches nothing."""
     touchable = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     solid: list[int] = np.flatnonzero((model.geom_bodyid == body) & touchable).tolist()
     return solid
 
 
 def _outside(model: mujoco.MjModel, joint: int) -> Array:
-    """Unit vector through a closed door, away from the fixture behind it, in the frame of its body."""
+    """Return the unit vector through a closed door, away from its fixture, in the frame of its body."""
     body = int(model.jnt_bodyid[joint])
     pane = max(_solid(model, body), key=lambda geom: float(np.prod(model.geom_size[geom])))
     fixture = np.mean(model.geom_pos[_solid(model, int(model.body_parentid[body]))], axis=0)

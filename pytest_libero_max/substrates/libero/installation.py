@@ -223,7 +223,7 @@ def missing_requirements(module: str = "libero") -> list[str]:
 
 
 def importable(name: str) -> bool:
-    """True if a module can be found, without importing it."""
+    """Return True if a module can be found, without importing it."""
     if name in sys.modules:
         return True
     try:
@@ -233,7 +233,7 @@ def importable(name: str) -> bool:
 
 
 def usable(name: str) -> bool:
-    """True if a module can be imported. Wand is tried: it can be there without the library that it needs."""
+    """Return True if a module can be imported. Wand is tried: the library that it needs may be missing."""
     package = name.partition(".")[0]
     if package != "wand" or not importable(package):
         return importable(package)
@@ -245,7 +245,7 @@ def usable(name: str) -> bool:
 
 
 def installed_assets() -> Path | None:
-    """The models of LIBERO and LIBERO-PRO, if all the packages that they come in are installed."""
+    """Return the models of LIBERO and LIBERO-PRO, if all the packages that they come in are installed."""
     if not importable(_ASSETS_PACKAGE):
         return None
     spec = importlib.util.find_spec(_ASSETS_PACKAGE)
@@ -340,13 +340,13 @@ def _digest(items: Iterable[tuple[Path, bytes]]) -> str:
 
 
 def _finds_its_assets(package: Path) -> bool:
-    """True if the inner package is that of LIBERO-PRO's distribution, whose models are in other packages."""
+    """Return True if the inner package is LIBERO-PRO's distribution, whose models are in other packages."""
     source = (package / "__init__.py").read_text(encoding="utf-8", errors="replace")
     return _ASSETS_PACKAGE in source
 
 
 def _packaged_version(flavour: Flavour, root: Path) -> str | None:
-    """The version of the distribution that installed this folder, if one did."""
+    """Return the version of the distribution that installed this folder, if one did."""
     try:
         found = distribution(_DISTRIBUTIONS[flavour])
     except (KeyError, PackageNotFoundError):
@@ -355,7 +355,7 @@ def _packaged_version(flavour: Flavour, root: Path) -> str | None:
 
 
 def _commit(root: Path) -> str | None:
-    """The commit that a checkout is at, read from its files: git itself may not be there."""
+    """Return the commit that a checkout is at, read from its files: git itself may not be there."""
     folder = root / ".git"
     try:
         if folder.is_file():  # a work tree names the repository it belongs to

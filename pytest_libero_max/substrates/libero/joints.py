@@ -27,7 +27,7 @@ class Joints:
 
     @classmethod
     def of(cls, model: Any) -> Joints:
-        """The joints of a ``mujoco.MjModel``."""
+        """Return the joints of a ``mujoco.MjModel``."""
         positions = [*model.jnt_qposadr.tolist(), model.nq]
         velocities = [*model.jnt_dofadr.tolist(), model.nv]
         spans = {
@@ -38,7 +38,7 @@ class Joints:
 
 
 def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Array:
-    """Initial states of one scene for another that has more joints.
+    """Convert initial states of one scene to another that has more joints.
 
     Args:
         states: (n, 1 + nq + nv) of the first.

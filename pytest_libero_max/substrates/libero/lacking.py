@@ -55,12 +55,12 @@ _ARCHIVE = "unpack assets.zip of the data set Sylvest/LIBERO-plus, and name its 
 
 
 def plus_category(name: str) -> str | None:
-    """The category of a task of LIBERO-Plus; None for one that is not of the registry."""
+    """Return the category of a task of LIBERO-Plus; None for one that is not of the registry."""
     return next((category for category, ending in PLUS_NAMES if ending.search(name)), None)
 
 
 def first_of(installations: Sequence[Installation], source: str) -> Installation | None:
-    """The installation that plays cases of a source; None if none can."""
+    """Return the installation that plays cases of a source; None if none can."""
     order = (found for flavour in PLAYED_BY[source] for found in installations if found.flavour == flavour)
     return next(order, None)
 
@@ -150,6 +150,6 @@ def _reason(case: Case, found: Installation | None, needs: PlusNeeds | None) -> 
 
 
 def _noise(name: str) -> int:
-    """The number of a task's noise: ten levels of each kind, motion blur first; 0 where there is none."""
+    """Return the number of a task's noise: ten levels of each kind, motion blur first; 0 for none."""
     found = re.search(r"_noise_(\d+)$", name)
     return 0 if found is None else int(found.group(1))

@@ -151,7 +151,7 @@ def overlapping(world: LiberoWorld) -> list[tuple[str, str]]:
 
 
 def pressed(world: LiberoWorld, entity: str) -> bool:
-    """True if an entity is pressed into something that has a name and is not the table or the floor."""
+    """Return True if an entity is pressed into something named that is not the table or the floor."""
     contact = world.data.contact
     own = set(world.geoms(entity).tolist())
     for geoms, distance in zip(contact.geom, contact.dist, strict=True):
@@ -169,7 +169,7 @@ def radius(world: LiberoWorld, entity: str) -> float:
 
 
 def objects(world: LiberoWorld) -> list[str]:
-    """The movable objects."""
+    """Return the movable objects."""
     return [entity.name for entity in world.entities.values() if entity.kind == "object"]
 
 

@@ -72,7 +72,7 @@ class PlusTask(Task):
 
 
 def plus_task(installation: Installation, suite: str, index: int, name: str | None = None) -> PlusTask:
-    """A task by its place in the registry's own order.
+    """Return a task by its place in the registry's own order.
 
     Args:
         installation: A LIBERO-Plus.
@@ -104,7 +104,7 @@ def base_name(name: str) -> str:
 
 
 def description_file(installation: Installation, suite: str, name: str) -> Path:
-    """The BDDL file that a task of the registry is made from, which need not exist."""
+    """Return the BDDL file that a task of the registry is made from, which need not exist."""
     return installation.bddl / suite / f"{name.partition('_view_')[0]}.bddl"
 
 

@@ -147,7 +147,7 @@ def _atom(word: str) -> float | str:
 
 
 def published_config(category: str, suite: str, index: int, world: LiberoWorld) -> Config:
-    """The values of LIBERO-PRO's own task file, for a scene that is built without it.
+    """Return the values of LIBERO-PRO's own task file, for a scene that is built without it.
 
     Args:
         category: One of those that change LIBERO's own scene.
@@ -219,7 +219,7 @@ def interests(world: LiberoWorld) -> list[str]:
 
 
 def tinted(world: LiberoWorld) -> tuple[str, ...]:
-    """The goal's destinations; where it has none but the work surface, what it is about."""
+    """Return the goal's destinations; where it has none but the work surface, what it is about."""
     destinations: list[str] = []
     subjects: list[str] = []
     for predicate, *arguments in world.problem["goal_state"]:
@@ -231,6 +231,6 @@ def tinted(world: LiberoWorld) -> tuple[str, ...]:
 
 
 def owner(world: LiberoWorld, name: str) -> str:
-    """The entity of that name, or the one whose region it is."""
+    """Return the entity of that name, or the one whose region it is."""
     owners = [entity for entity in world.entities if name == entity or name.startswith(f"{entity}_")]
     return max(owners, key=len)

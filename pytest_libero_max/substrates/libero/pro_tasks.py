@@ -86,7 +86,7 @@ class ProTask(Task):
 
 
 def pro_task(installation: Installation, case: Case) -> ProTask:
-    """The task that a case of LIBERO-PRO plays.
+    """Return the task that a case of LIBERO-PRO plays.
 
     Args:
         installation: Any; its folders may or may not hold the data set's files.
@@ -124,7 +124,7 @@ def pro_task(installation: Installation, case: Case) -> ProTask:
 
 
 def has_own_files(installation: Installation, category: str, suite: str, index: int) -> bool:
-    """True if a task of LIBERO-PRO has the files that its category cannot do without."""
+    """Return True if a task of LIBERO-PRO has the files that its category cannot do without."""
     if category not in _OWN_STATES:
         return True
     names = places(category, suite, task_name(installation, suite, index))
@@ -171,7 +171,7 @@ def _require(installation: Installation, category: str, path: Path) -> None:
 
 
 def with_occluder(text: str) -> str:
-    """A BDDL text with the object that LIBERO-PRO hides the target behind, as its own files add it."""
+    """Return a BDDL text with the object that LIBERO-PRO hides the target behind, as its own files add it."""
     surface = re.search(r"\(:fixtures\s.*?(\S+)\s+-\s+\S*(?:table|floor)(?=[\s)])", text, re.DOTALL)
     if surface is None:
         raise SubstrateError("The task's BDDL file has no table and no floor. Restore it from the package.")

@@ -22,7 +22,7 @@ from pytest_libero_max.worlds.contract import Array
 
 
 def read_states(path: Path) -> Array:
-    """The initial states in a file, (n, 1 + nq + nv) float64: time, joint positions, velocities.
+    """Return the initial states in a file, (n, 1 + nq + nv) float64: time, joint positions, velocities.
 
     Args:
         path: A ``.pruned_init``, ``.init``, ``.npz`` or ``.npy`` file. A single state counts as one row. An

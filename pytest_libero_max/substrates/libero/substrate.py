@@ -76,7 +76,7 @@ class LiberoSubstrate:
         self._worlds: dict[str, LiberoWorld] = {}
 
     def installation_for(self, source: str) -> Installation:
-        """The installation that plays cases of a source.
+        """Return the installation that plays cases of a source.
 
         Raises:
             SubstrateError: None of them can.
@@ -103,7 +103,7 @@ class LiberoSubstrate:
         return self.task_world(case.suite, case.task_index, case.policy_seed).varied(None)
 
     def task_world(self, suite: str, index: int, seed: int) -> LiberoWorld:
-        """The world of an unmodified task, its fixtures placed as ``seed`` places them.
+        """Return the world of an unmodified task, its fixtures placed as ``seed`` places them.
 
         Raises:
             SubstrateError: The installation cannot build it.
@@ -112,7 +112,7 @@ class LiberoSubstrate:
         return self._world(installation, task_of(installation, suite, index), seed)
 
     def plus_world(self, suite: str, index: int, seed: int, name: str | None = None) -> LiberoWorld:
-        """The world of a task of LIBERO-Plus's registry; see :func:`.plus.plus_task`.
+        """Return the world of a task of LIBERO-Plus's registry; see :func:`.plus.plus_task`.
 
         Raises:
             SubstrateError: LIBERO-Plus is not installed, or cannot build it.
@@ -121,7 +121,7 @@ class LiberoSubstrate:
         return self._world(installation, plus_task(installation, suite, index, name), seed)
 
     def varied_world(self, variation: Variation, seed: int) -> LiberoWorld:
-        """The world of a task under a source variation of the package's own.
+        """Return the world of a task under a source variation of the package's own.
 
         Raises:
             SubstrateError: The variation is not made by changes at reset alone.
@@ -135,7 +135,7 @@ class LiberoSubstrate:
         return self.task_world(variation.suite, variation.base_index, seed).varied(variation.apply)
 
     def pro_world(self, case: Case) -> LiberoWorld:
-        """The world of a case of LIBERO-PRO; see :mod:`.pro` and :func:`.pro_tasks.pro_task`.
+        """Return the world of a case of LIBERO-PRO; see :mod:`.pro` and :func:`.pro_tasks.pro_task`.
 
         Raises:
             SubstrateError: The installation lacks a file, or cannot build it.
@@ -205,7 +205,7 @@ class LiberoSubstrate:
 
 
 def _states(installation: Installation, task: Task, built: Built, seed: int) -> Array:
-    """The initial states of a task as its scene takes them."""
+    """Return the initial states of a task as its scene takes them."""
     states = read_states(task.states)
     joints = Joints.of(built.env.sim.model._model)
     if isinstance(task, ProTask) and states.shape[1] != 1 + joints.nq + joints.nv:

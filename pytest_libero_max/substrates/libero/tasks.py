@@ -60,7 +60,7 @@ class Task:
 
 
 def text_of(file: Path) -> str:
-    """The text of a file of the package.
+    """Return the text of a file of the package.
 
     Raises:
         SubstrateError: It cannot be read, or is no text.
@@ -72,7 +72,7 @@ def text_of(file: Path) -> str:
 
 
 def words_of(bddl: Path) -> str:
-    """The instruction in a BDDL file.
+    """Return the instruction in a BDDL file.
 
     Raises:
         SubstrateError: It has none.
@@ -84,7 +84,7 @@ def words_of(bddl: Path) -> str:
 
 
 def sentence(name: str) -> str:
-    """The instruction that the benchmark makes of a task's name."""
+    """Return the instruction that the benchmark makes of a task's name."""
     words = name
     if words[:1].isupper():  # LIBERO-100 puts the scene before the sentence
         words = words.partition("SCENE")[2].lstrip("0123456789").removeprefix("_")
@@ -92,7 +92,7 @@ def sentence(name: str) -> str:
 
 
 def task_of(installation: Installation, suite: str, index: int) -> Task:
-    """A task by its place in the benchmark's order.
+    """Return a task by its place in the benchmark's order.
 
     Raises:
         SubstrateError: There is no such suite or task, or its files are missing.
@@ -107,7 +107,7 @@ def task_of(installation: Installation, suite: str, index: int) -> Task:
 
 
 def states_file(path: Path) -> Path:
-    """The file of initial states, which some packages keep in NumPy's own form: ``.pruned_init.npz``."""
+    """Return the file of initial states; some packages keep NumPy's own form, ``.pruned_init.npz``."""
     packed = path.with_name(f"{path.name}.npz")
     return packed if packed.is_file() and not path.is_file() else path
 
@@ -126,7 +126,7 @@ def check_name(installation: Installation, task: Task, name: str | None) -> None
 
 
 def task_name(installation: Installation, suite: str, index: int) -> str:
-    """A task's name by its place in the registry.
+    """Return a task's name by its place in the registry.
 
     Raises:
         SubstrateError: There is no such suite or task.
@@ -138,7 +138,7 @@ def task_name(installation: Installation, suite: str, index: int) -> str:
 
 
 def task_names(installation: Installation, suite: str) -> tuple[str, ...]:
-    """The names of all tasks of a suite, in the registry's order.
+    """Return the names of all tasks of a suite, in the registry's order.
 
     Raises:
         SubstrateError: There is no such suite.

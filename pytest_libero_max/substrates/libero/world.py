@@ -131,11 +131,11 @@ class LiberoWorld(RobosuiteWorld):
         return {"goal": self._env.parsed_problem["goal_state"], "graspable_parts": parts}
 
     def holds(self, fact: Fact) -> bool:
-        """True if a predicate holds now; the package decides."""
+        """Return True if a predicate holds now; the package decides."""
         return bool(self._env._eval_predicate(list(fact.words())))
 
     def joints(self, name: str) -> tuple[str, ...]:
-        """The joints of a fixture, or those that a region of it moves with; none for other places.
+        """Return the joints of a fixture, or those that a region of it moves with; none for other places.
 
         Raises:
             EntityError: There is no such entity or region.
@@ -176,7 +176,7 @@ class LiberoWorld(RobosuiteWorld):
         self._pinned[:] = (address, *self._data.qpos[address : address + 7])
 
     def radius(self, entity: str) -> float | None:
-        """The package's nominal radius of an object in the horizontal plane, m; None for other entities."""
+        """Return the package's nominal horizontal radius of an object, m; None for other entities."""
         item = self._env.objects_dict.get(self._known(entity))
         return None if item is None else float(np.ravel(item.horizontal_radius)[0])
 
@@ -261,7 +261,7 @@ class LiberoWorld(RobosuiteWorld):
         self._asked = False  # what a step returns is always that look, so it does not matter when one is due
 
     def _begin(self, action: Array) -> tuple[Array, int]:
-        """The goal of the step, and how many substeps have been played to get it."""
+        """Return the goal of the step, and how many substeps have been played to get it."""
         stepper = self._stepper
         if not self._stale:
             return stepper.aim(action, self._control), 0
@@ -282,7 +282,7 @@ class LiberoWorld(RobosuiteWorld):
         return goal, 1
 
     def _sample_earlier(self) -> None:
-        """A look out of turn since the last step makes all later ones earlier by a substep."""
+        """Shift later sampling times by one substep if an alteration was observed since the last step."""
         if self._asked and self._semantics == "published":
             self._sample_at = (self._sample_at - 2) % self._stepper.substeps + 1
         self._asked = False
@@ -413,7 +413,7 @@ def entities_of(env: Any) -> dict[str, Entity]:
 
 
 def _supports(problem: Mapping[str, Any]) -> dict[str, str]:
-    """The entity that each one is declared to rest on, from the task's initial facts."""
+    """Return the entity that each one is declared to rest on, from the task's initial facts."""
     regions = problem["regions"]
     supports = {}
     for predicate, *arguments in problem["initial_state"]:

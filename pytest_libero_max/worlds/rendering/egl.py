@@ -51,7 +51,7 @@ class Device:
 
 
 def preferred(devices: Sequence[Device], asked: str | None, visible: str | None) -> list[Device]:
-    """The devices to try, best first.
+    """Return the devices to try, best first.
 
     What ``MUJOCO_EGL_DEVICE_ID`` asks for, and nothing else. Otherwise the GPU that CUDA calls 0, which is
     the first of ``CUDA_VISIBLE_DEVICES``; where that shows none, the processor. Otherwise in EGL's order.
@@ -80,7 +80,7 @@ def preferred(devices: Sequence[Device], asked: str | None, visible: str | None)
 
 @cache
 def chosen() -> tuple[Device, int]:
-    """The device that draws in this process, and how many there are.
+    """Return the device that draws in this process, and how many there are.
 
     Raises:
         OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.
@@ -143,7 +143,7 @@ def _environment(value: str | None) -> Iterator[None]:
 
 
 def answers() -> bool:
-    """True if some device gives a display: libEGL alone is not a driver."""
+    """Return True if some device gives a display: libEGL alone is not a driver."""
     egl = _loaded()
     return egl is not None and any(egl.opens(number) for number in range(len(egl.handles)))
 
@@ -172,7 +172,7 @@ class _Egl:
         return ctypes.CFUNCTYPE(*types)(address) if address else None
 
     def opens(self, number: int) -> bool:
-        """True if a device gives a display that initialises."""
+        """Return True if a device gives a display that initialises."""
         shown = self._display and self._display(_PLATFORM_DEVICE, self.handles[number], None)
         return bool(shown and self._initialize(shown, None, None))
 

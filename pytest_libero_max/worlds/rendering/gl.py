@@ -61,7 +61,7 @@ def check() -> None:
 
 
 def require() -> str:
-    """The backend for images.
+    """Return the backend for images.
 
     Raises:
         SimulatorError: No backend loads; the message names the packages that would cure it.
@@ -85,7 +85,7 @@ def import_robosuite() -> None:
 
 
 def fingerprint() -> dict[str, str]:
-    """The backend and what draws with it, for the record: pictures depend on both.
+    """Return the backend and what draws with it, for the record: pictures depend on both.
 
     Raises:
         OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.
@@ -97,7 +97,7 @@ def fingerprint() -> dict[str, str]:
 
 @cache
 def _choice() -> tuple[str, str]:
-    """The backend settled on, and what ``MUJOCO_GL`` said before."""
+    """Return the backend settled on, and what ``MUJOCO_GL`` said before."""
     asked = _asked()
     tried = () if asked in DISABLED else (asked,) if asked else OFFSCREEN
     # With none, MuJoCo must be told so: it would raise while it is imported, and physics needs no backend.
@@ -108,7 +108,7 @@ def _choice() -> tuple[str, str]:
 
 
 def _asked() -> str:
-    """The backend that ``MUJOCO_GL`` names; empty where it is not set."""
+    """Return the backend that ``MUJOCO_GL`` names; empty where it is not set."""
     asked = os.environ.get(VARIABLE, "").lower().strip()
     if asked and asked not in (*OFFSCREEN, *DISABLED):
         raise OptionError(
@@ -119,7 +119,7 @@ def _asked() -> str:
 
 
 def loads(backend: str) -> bool:
-    """True if the libraries of ``backend`` load and, for EGL, one of its devices answers."""
+    """Return True if the libraries of ``backend`` load and, for EGL, one of its devices answers."""
     platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
     if platform and platform != backend:
         return False  # PyOpenGL takes one platform per process, and somebody has chosen another

@@ -69,7 +69,7 @@ class Renderer:
         return self._draw(height, width)
 
     def segment(self, camera: str, size: int) -> NDArray[np.intp]:
-        """The geom that each pixel shows, (size, size), bottom row first; -1 where there is none.
+        """Return the geom that each pixel shows, (size, size), bottom row first; -1 where there is none.
 
         It is drawn without samples between pixels, so each shows one geom. The errors are those of
         :meth:`render`.
@@ -167,11 +167,11 @@ class _Uploaded:
             ) from error
 
     def suits(self, size: int, shadows: bool) -> bool:
-        """True if images of this size can be drawn, with shadows or without."""
+        """Return True if images of this size can be drawn, with shadows or without."""
         return size <= self._side and shadows == self._shadows
 
     def holds(self, model: mujoco.MjModel) -> bool:
-        """True if a model has these very textures, meshes and other shapes."""
+        """Return True if a model has these very textures, meshes and other shapes."""
         return self._shapes == _shapes(model) and all(
             np.array_equal(_bytes(self.model, name), _bytes(model, name)) for name in _UPLOADS
         )
@@ -200,7 +200,7 @@ _UPLOADS = tuple(
 
 
 def _bytes(model: mujoco.MjModel, name: str) -> NDArray[np.uint8]:
-    """An array of a model as its bytes: some hold NaN, which is not equal to itself."""
+    """Return an array of a model as its bytes: some hold NaN, which is not equal to itself."""
     values: NDArray[np.uint8] = getattr(model, name).reshape(-1).view(np.uint8)
     return values
 
@@ -262,7 +262,7 @@ _ONE_BALL = """<mujoco><worldbody>
 
 @cache
 def _shared_context() -> Any:
-    """The GL context of this process. Everything is drawn into framebuffer objects, so its size is none."""
+    """Return the GL context of this process; it needs no size, as all drawing is into framebuffer objects."""
     backend = gl.require()
     try:
         if backend == "egl":

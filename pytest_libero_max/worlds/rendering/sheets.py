@@ -18,7 +18,7 @@ LETTER_PX = 5.4
 
 
 def captioned(image: Image, *lines: str) -> Image:
-    """A picture, (H, W, 3) uint8 upright, under some lines of text."""
+    """Return a picture, (H, W, 3) uint8 upright, under some lines of text."""
     import cv2
 
     strip = np.full((_LINE_PX * len(lines), image.shape[1], 3), _PAPER, np.uint8)
@@ -31,7 +31,7 @@ def captioned(image: Image, *lines: str) -> Image:
 
 
 def resized(image: Image, size: int) -> Image:
-    """A square picture at another size, (size, size, 3) uint8."""
+    """Return a square picture at another size, (size, size, 3) uint8."""
     import cv2
 
     small: Image = cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA).astype(np.uint8)
@@ -39,7 +39,7 @@ def resized(image: Image, size: int) -> Image:
 
 
 def wrapped(text: str, width_px: int) -> list[str]:
-    """A caption in lines that fit a picture of this width."""
+    """Return a caption in lines that fit a picture of this width."""
     return wrap(text, int(width_px / LETTER_PX))
 
 

@@ -143,7 +143,7 @@ def _points(link: Link, origin: Array, turn: Array, opened: frozenset[str]) -> I
 
 
 def footprint_at(name: str, x: float, y: float, yaw: float = 0.0, slack: float = 0.0) -> Footprint:
-    """The footprint of a category whose origin is at (x, y)."""
+    """Return the footprint of a category whose origin is at (x, y)."""
     return _placed(extent(name), x, y, yaw, slack, name in _ROUND)
 
 
@@ -200,7 +200,7 @@ class Floorplan:
         return min(gaps, default=math.inf)
 
     def inside(self, footprint: Footprint) -> bool:
-        """True if all of it is on the surface and in view."""
+        """Return True if all of it is on the surface and in view."""
         low_x, high_x, low_y, high_y = _AREA
         if self.arena.solids:
             top = max(self.arena.solids, key=lambda solid: solid.half[0] * solid.half[1])
@@ -210,7 +210,7 @@ class Floorplan:
         return all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in footprint.corners())
 
     def in_view(self, footprint: Footprint) -> bool:
-        """True if ``agentview`` sees all of it."""
+        """Return True if ``agentview`` sees all of it."""
         place, turn = (np.array(part) for part in self.arena.agentview)
         axes = rotations.matrix((turn[0], turn[1], turn[2], turn[3]))
         for x, y in footprint.corners():
@@ -220,7 +220,7 @@ class Floorplan:
         return True
 
     def reachable(self, x: float, y: float) -> bool:
-        """True if the robot gets there with its tool pointing down."""
+        """Return True if the robot gets there with its tool pointing down."""
         base = self.arena.robot_base_pos
         return MIN_REACH_M <= math.hypot(x - base[0], y - base[1]) <= MAX_REACH_M
 
@@ -290,13 +290,13 @@ def _site(link: Link, origin: Array, name: str) -> Array:
 
 
 def owner_of(task: Task, name: str) -> str:
-    """The instance that a region belongs to; an instance belongs to itself."""
+    """Return the instance that a region belongs to; an instance belongs to itself."""
     names = (*task.objects, *task.fixtures)
     return max((one for one in names if name == one or name.startswith(f"{one}_")), key=len)
 
 
 def start_of(task: Task, name: str) -> tuple[float, float]:
-    """The middle of the place in which an instance starts, m, world."""
+    """Return the middle of the place in which an instance starts, m, world."""
     put = next(fact.place for fact in task.start if fact.subject == name and fact.place in task.places)
     place = task.places[put or ""]
     x0, y0, x1, y1 = place.box

@@ -50,7 +50,7 @@ def catalogue(source: str) -> tuple[Variation, ...]:
 
 
 def variation_of(case: Case) -> Variation:
-    """The variation that a case plays on the embedded substrate.
+    """Return the variation that a case plays on the embedded substrate.
 
     Raises:
         SubstrateError: The case names none of the embedded catalogues': it belongs to the genuine LIBERO-Plus

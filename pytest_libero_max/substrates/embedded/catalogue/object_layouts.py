@@ -77,7 +77,7 @@ _ATTEMPTS = 400
 
 
 def added_objects(task: Task, number: int) -> tuple[list[tuple[str, str]], tuple[Json, ...]]:
-    """The ``number``-th set of confounders, from 1; each six sets have one object more, up to five.
+    """Return the ``number``-th set of confounders, from 1; each six sets have one object more, up to five.
 
     Returns:
         Instance and category of each, and the changes that put them on the surface.
@@ -102,7 +102,7 @@ def added_objects(task: Task, number: int) -> tuple[list[tuple[str, str]], tuple
 def _free_spot(
     plan: Floorplan, name: str, taken: list[Footprint], seed: tuple[object, ...]
 ) -> tuple[float, float]:
-    """The first free slot in an order of its own; a node of the grid where none is free."""
+    """Return the first free slot in an order of its own; a node of the grid where none is free."""
     for spots in (_SLOTS[plan.task.suite], _GRID):
         for x, y in sorted(spots, key=lambda spot: share(*seed, *spot)):
             # Turned by an eighth, a rectangle covers about what it would at any smaller angle.
@@ -141,7 +141,7 @@ def _shift(
     seed: tuple[object, ...],
     target: bool,
 ) -> tuple[float, float]:
-    """A shift that leaves things as far apart as they were, or far enough."""
+    """Return a shift that leaves things as far apart as they were, or far enough."""
     others = [other for key, other in now.items() if key != name]
     before = min((now[name].gap(other) for other in others), default=math.inf)
     x, y = start_of(plan.task, name)

@@ -111,7 +111,7 @@ def plus_suite(suite: str) -> tuple[Variation, ...]:
 
 
 def _chosen(suite: str, base: int, category: str) -> Iterator[tuple[int, _Candidate]]:
-    """The candidates that a hash keeps, with their numbers, from 1, within the category."""
+    """Yield the candidates that a hash keeps, with their numbers, from 1, within the category."""
     task = task_of(suite, base)
     number = 0
     for kind in KINDS_OF[category]:
@@ -139,7 +139,7 @@ def _difficulties(suite: str, category: str, magnitudes: list[float]) -> list[in
 
 @cache
 def _room(kind: str) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
-    """The material of a room's work surface, and what that and the walls look like."""
+    """Return the material of a room's work surface, and what that and the walls look like."""
     arena = ARENAS[kind]
     material, picture = ("room_table", arena.top()) if arena.solids else ("room_floor", arena.floor())
     return material, _mean_and_spread(picture), _mean_and_spread(arena.wall())
@@ -241,7 +241,7 @@ def _gloss(strength: float, where: tuple[object, ...]) -> SetLamps:
 
 
 def _shadow(strength: float, where: tuple[object, ...]) -> SetLamps:
-    """A main lamp in front that casts shadows, longer ones in stronger variations."""
+    """Return a main lamp in front that casts shadows, longer ones in stronger variations."""
     azimuth = round(_FROM_THE_FRONT_DEG + uniform(-25.0, 25.0, *where, "azimuth"), 6)
     tilt = round(-20.0 + 28.0 * strength, 6)
     return SetLamps(azimuth_degrees=azimuth, tilt_degrees=tilt, cast_shadows=True)

@@ -433,7 +433,7 @@ _MAKERS: Mapping[str, Callable[[Task], Parts]] = {
 
 @cache
 def pro_suite(category: str, suite: str) -> tuple[Variation, ...]:
-    """The ten variations of a category and a suite, in the order of its tasks.
+    """Return the ten variations of a category and a suite, in the order of its tasks.
 
     Raises:
         SubstrateError: The suite does not exist.

@@ -36,7 +36,7 @@ _FRONT_M = tuple((x / 100, y / 100) for x in (8, 9, 10, 11, 12, 13, 14, 16) for 
 
 
 def exchanged(task: Task, takes_place_of: Mapping[str, str]) -> tuple[Json, ...]:
-    """The changes by which instances take each other's places, as near to them as there is room.
+    """Return the changes by which instances take each other's places, as near to them as there is room.
 
     Args:
         task: The task.
@@ -79,7 +79,7 @@ def _nudged(
     shift: tuple[float, float],
     waiting: Iterable[str],
 ) -> tuple[float, float]:
-    """The shift, or the least departure from it, that keeps clear of everything but what moves later."""
+    """Return the shift, or the least departure from it that keeps clear of what does not move later."""
     ignoring = {name, *waiting}
     x, y = plan.centre(name)
     for must_be_reachable in (True, False):
@@ -99,7 +99,7 @@ def _clear(footprint: Footprint, now: Mapping[str, Footprint], ignoring: Iterabl
 
 
 def started_elsewhere(task: Task, target: str) -> tuple[Json, ...]:
-    """The changes by which a target starts elsewhere and turned, together with what carries it."""
+    """Return the changes by which a target starts elsewhere and turned, together with what carries it."""
     plan = floorplan(task.suite, task.index)
     carrier = plan.carrier(target)
     x, y = plan.centre(carrier)
@@ -121,7 +121,7 @@ def started_elsewhere(task: Task, target: str) -> tuple[Json, ...]:
 
 
 def _shifts() -> Iterator[tuple[float, float]]:
-    """The shift itself, then turned and at other lengths, the longer ones first."""
+    """Yield the shift itself, then turned and at other lengths, the longer ones first."""
     length, direction = math.hypot(*START_SHIFT_M), math.atan2(START_SHIFT_M[1], START_SHIFT_M[0])
     for factor in _RADII:
         for angle in _ANGLES_DEG:
@@ -134,7 +134,7 @@ def _moves(names: Iterable[str], dx: float, dy: float) -> list[Json]:
 
 
 def occluded(task: Task, target: str) -> tuple[Json, ...]:
-    """The changes that put the occluder between the target and the camera, as near as there is room.
+    """Return the changes that put the occluder between the target and the camera, as near as there is room.
 
     Where one movable object is all that stands in its way, that makes room, as LIBERO-PRO has it.
     """
@@ -175,7 +175,7 @@ def _put_occluder(plan: Floorplan, carrier: str, footprint: Footprint) -> Json:
 
 
 def _away(plan: Floorplan, name: str, now: Mapping[str, Footprint]) -> tuple[float, float] | None:
-    """The least shift by which an object gets out of the way, within reach; None if there is none."""
+    """Return the least shift by which an object gets out of the way, within reach; None if there is none."""
     x, y = plan.centre(name)
     for must_be_seen in (True, False):
         for length in (percent / 100 for percent in range(6, 34, 2)):

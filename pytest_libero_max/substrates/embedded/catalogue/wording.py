@@ -108,7 +108,7 @@ _START = ("turn on", "switch on", "start", "activate")
 
 
 def _command(step: Step, seed: Sequence[object]) -> str:
-    """A step as an imperative, verbs drawn anew."""
+    """Return a step as an imperative, verbs drawn anew."""
     if step.verb == "move":
         take, leave = pick(_TAKE, *seed, "take"), pick(_LEAVE, *seed, "leave")
         return f"{take} {step.thing} and {leave} {step.pronoun} {step.place}"

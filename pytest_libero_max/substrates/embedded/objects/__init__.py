@@ -62,7 +62,7 @@ CATEGORIES = tuple(sorted(_BUILDERS))
 
 @cache
 def category(name: str) -> Category:
-    """The design of a category, or of a relative of one (see :mod:`.restyled`).
+    """Return the design of a category, or of a relative of one (see :mod:`.restyled`).
 
     Raises:
         SubstrateError: There is none of that name.

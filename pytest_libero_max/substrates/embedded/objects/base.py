@@ -190,7 +190,7 @@ def assets(category: Category) -> tuple[list[ET.Element], dict[str, Image]]:
 
 
 def body(category: Category, instance: str, pos: Sequence[float], quat: Quaternion) -> ET.Element:
-    """The ``<body>`` of one instance at a pose in the world frame; free to move unless it is a fixture."""
+    """Return the ``<body>`` of one instance at a world pose; free to move unless it is a fixture."""
     root = _body(category, category.root, instance)
     root.set("pos", _numbers(pos))
     root.set("quat", _numbers(quat))
@@ -202,21 +202,21 @@ def body(category: Category, instance: str, pos: Sequence[float], quat: Quaterni
 
 @cache
 def drawn(draw: Callable[[], Image]) -> Image:
-    """The picture that a function draws, drawn once per process and read-only from then on."""
+    """Return the picture that a function draws, drawn once per process and read-only from then on."""
     picture = draw()
     picture.setflags(write=False)
     return picture
 
 
 def texture_element(name: str, picture: Image) -> ET.Element:
-    """A texture of the right size; the picture itself is written into the compiled model."""
+    """Return a texture of the right size; the picture itself is written into the compiled model."""
     height, width, _ = picture.shape
     attributes = {"name": name, "type": "2d", "builtin": "flat", "width": str(width), "height": str(height)}
     return ET.Element("texture", {**attributes, "rgb1": "1 1 1"})
 
 
 def mesh_element(name: str, mesh: Mesh) -> ET.Element:
-    """A mesh asset with its data inline."""
+    """Return a mesh asset with its data inline."""
     return ET.Element(
         "mesh",
         {
@@ -232,7 +232,7 @@ def mesh_element(name: str, mesh: Mesh) -> ET.Element:
 
 
 def skin_geom(name: str, pos: Sequence[float] = (0.0, 0.0, 0.0)) -> ET.Element:
-    """The visual geom of a mesh and a material that share a name."""
+    """Return the visual geom of a mesh and a material that share a name."""
     attributes = {"type": "mesh", "mesh": name, "material": name, "pos": _numbers(pos)}
     return ET.Element("geom", {**attributes, "group": "1", "contype": "0", "conaffinity": "0", "mass": "0"})
 
@@ -240,7 +240,7 @@ def skin_geom(name: str, pos: Sequence[float] = (0.0, 0.0, 0.0)) -> ET.Element:
 def site_element(
     name: str, pos: Sequence[float], half: Sequence[float], quat: Quaternion = IDENTITY
 ) -> ET.Element:
-    """An invisible box site."""
+    """Return an invisible box site."""
     attributes = {
         "name": name,
         "type": "box",
@@ -252,7 +252,7 @@ def site_element(
 
 
 def slab(low: Vector, high: Vector) -> Solid:
-    """The box between two opposite corners."""
+    """Return the box between two opposite corners."""
     centre = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
     half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
     return Solid(centre, half)  # type: ignore[arg-type]
@@ -275,7 +275,7 @@ def _rotation(quat: Quaternion) -> np.ndarray | None:
 def wall_ring(
     count: int, foot: tuple[float, float], rim: tuple[float, float], thickness: float
 ) -> tuple[Solid, ...]:
-    """A round wall as a ring of slabs.
+    """Return a round wall as a ring of slabs.
 
     Args:
         count: Slabs; a multiple of four puts one square to each horizontal axis, where fingers close.

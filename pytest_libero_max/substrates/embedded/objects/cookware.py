@@ -22,7 +22,7 @@ _ALUMINIUM, _BLACK, _IRON = (0.74, 0.75, 0.77), (0.07, 0.07, 0.08), (0.17, 0.17,
 
 
 def moka_pot() -> Category:
-    """An eight-sided aluminium coffee pot with a black handle (-y) and knob, 152 mm high."""
+    """Return an eight-sided aluminium coffee pot with a black handle (-y) and knob, 152 mm high."""
     bottom, waist, collar, lid, top = -0.0661, 0.0000, 0.0580, 0.0685, 0.0857
     base, neck, crown, knob = 0.0400, 0.0265, 0.0330, 0.0090
     solids = [
@@ -102,7 +102,7 @@ def moka_pot() -> Category:
 
 
 def _octagon(apothem: float, low: float, high: float) -> list[Solid]:
-    """An eight-sided prism whose flat sides face the axes, as four crossing slabs."""
+    """Return an eight-sided prism whose flat sides face the axes, as four crossing slabs."""
     reach, middle, half = apothem * math.tan(math.pi / 8), (low + high) / 2, (high - low) / 2
     return [
         Solid((0.0, 0.0, middle), (apothem, reach, half), rotations.about((0, 0, 1), k * math.pi / 4))
@@ -111,14 +111,14 @@ def _octagon(apothem: float, low: float, high: float) -> list[Solid]:
 
 
 def _eight_sided(profile: list[tuple[float, float]]) -> Mesh:
-    """A surface of revolution with eight flat sides, those of :func:`_octagon`; radii are apothems."""
+    """Return a surface of revolution with eight flat sides, those of :func:`_octagon`; radii are apothems."""
     corner = 1 / math.cos(math.pi / 8)
     turn = rotations.matrix(rotations.about((0, 0, 1), math.pi / 8))
     return revolve([(radius * corner, z) for radius, z in profile], 8).moved(turn=turn)
 
 
 def _spout(start: float, end: float, low: float, high: float) -> Mesh:
-    """A beak: a triangular channel that widens upwards along +y."""
+    """Return a beak: a triangular channel that widens upwards along +y."""
     import numpy as np
 
     lip, tip = np.array([0.0, end, high + 0.001]), np.array([0.0, start - 0.003, low])
@@ -129,7 +129,7 @@ def _spout(start: float, end: float, low: float, high: float) -> Mesh:
 
 
 def chefmate_8_frypan() -> Category:
-    """A black frying pan, 200 mm wide, its handle along +y."""
+    """Return a black frying pan, 200 mm wide, its handle along +y."""
     bottom, rim, foot, edge, wall = 0.0008, 0.0480, 0.0740, 0.1015, 0.004
     solids = [
         Solid((0.0, 0.0, bottom + 0.002), (0.68 * foot, 0.68 * foot, 0.002)),

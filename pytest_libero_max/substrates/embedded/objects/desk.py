@@ -26,7 +26,7 @@ _OCCLUDER = (0.030, 0.100, 0.115)
 
 
 def black_book() -> Category:
-    """A black book standing on its lower edge, 29 mm thick, 110 mm deep and 134 mm high, its spine at +y."""
+    """Return a black book standing on its lower edge, 29 x 110 x 134 mm, its spine at +y."""
     low, high = (-0.0148, -0.0673, 0.0022), (0.0139, 0.0430, 0.1366)
     cover = slab(low, high)
     x, y, z = cover.pos
@@ -81,7 +81,7 @@ def _cover() -> Image:
 
 
 def desk_caddy() -> Category:
-    """A wooden desk organiser, 0.43 m wide, with a box at each end.
+    """Return a wooden desk organiser, 0.43 m wide, with a box at each end.
 
     Between them are a tall compartment at the back (+x), where a book stands, and a low one in front of it.
     """
@@ -129,7 +129,7 @@ def desk_caddy() -> Category:
 
 
 def occluder_book() -> Category:
-    """A black book that stands upright, its cover towards ``agentview``."""
+    """Return a black book that stands upright, its cover towards ``agentview``."""
     return packet("occluder_book", _OCCLUDER, 0.18, _occluder_cover, _OCCLUDER[2] / 2, 0.03, IDENTITY)
 
 

@@ -15,7 +15,7 @@ _QUARTER_TURN = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 
 def akita_black_bowl() -> Category:
-    """A glossy black bowl, 107 mm wide and 51 mm high: a flaring lower wall and an almost upright rim."""
+    """Return a glossy black bowl, 107 mm wide and 51 mm high: a flaring lower wall, an almost upright rim."""
     bottom, top = 0.0016, 0.0521
     foot, waist, rim, wall = 0.029, 0.0490, 0.0535, 0.003
     shell = [
@@ -52,7 +52,7 @@ def akita_black_bowl() -> Category:
 
 
 def plate() -> Category:
-    """A white plate with a blue line on its raised rim, 138 mm wide and 19 mm high."""
+    """Return a white plate with a blue line on its raised rim, 138 mm wide and 19 mm high."""
     bottom, top, rim = -0.0025, 0.0164, 0.0687
     face = [
         (0.0, bottom + 0.001),
@@ -84,7 +84,7 @@ def plate() -> Category:
 
 
 def glazed_rim_porcelain_ramekin() -> Category:
-    """A small straight white baking dish with a caramel rim, 89 mm wide and 42 mm high."""
+    """Return a small straight white baking dish with a caramel rim, 89 mm wide and 42 mm high."""
     bottom, top, rim, base, wall = 0.0007, 0.0427, 0.0446, 0.0400, 0.0042
     shell = [
         (0.0, bottom + 0.001),
@@ -126,7 +126,7 @@ def _black_glaze() -> Image:
 
 
 def _rings(ground: Rgb, line: Rgb, spans: Sequence[tuple[float, float]]) -> Image:
-    """A plain glaze with coloured lines at parts of the profile's length."""
+    """Return a plain glaze with coloured lines at parts of the profile's length."""
     shade = (ground[0] - 12, ground[1] - 12, ground[2] - 12)
     picture = textures.blend(0.5 + 0.5 * textures.noise(256, 16, 71, 8), shade, ground)
     for low, high in spans:

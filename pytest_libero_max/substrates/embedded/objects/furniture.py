@@ -36,7 +36,7 @@ _KNOB_STATES = {
 
 
 def wooden_cabinet() -> Category:
-    """A brown cabinet with three drawers, 0.25 m wide and 0.22 m high; the drawers slide out along -y."""
+    """Return a brown cabinet, 0.25 m wide and 0.22 m high; its three drawers slide out along -y."""
     return _cabinet(
         "wooden_cabinet",
         lambda: textures.wood(128, (112, 66, 34), (158, 100, 56), seed=5),
@@ -46,7 +46,7 @@ def wooden_cabinet() -> Category:
 
 
 def white_cabinet() -> Category:
-    """The same cabinet painted white, with steel handles."""
+    """Return the same cabinet painted white, with steel handles."""
     return _cabinet(
         "white_cabinet",
         lambda: textures.blend(textures.noise(128, 128, 87, 8), (222, 222, 218), (242, 242, 238)),
@@ -56,7 +56,7 @@ def white_cabinet() -> Category:
 
 
 def _cabinet(name: str, wood: Callable[[], Image], front: Callable[[], Image], steel: Colour) -> Category:
-    """A cabinet, its two pictures and the colour of its handles."""
+    """Return a cabinet, its two pictures and the colour of its handles."""
     left, right, near, back, bottom, top = -0.1234, 0.1312, -0.086, 0.1117, 0.0046, 0.223
     wall = 0.005
     case = (
@@ -127,7 +127,7 @@ def _drawer(name: str, middle: float, steel: Colour) -> Link:
 
 
 def _framed(picture: Image) -> Image:
-    """The front of a drawer: a picture with two grooves around it."""
+    """Return the front of a drawer: a picture with two grooves around it."""
     for inset, tone in ((0, 0.55), (10, 0.8)):
         frame = slice(inset, 128 - inset)
         for edge in (inset, inset + 1, 126 - inset, 127 - inset):
@@ -137,7 +137,7 @@ def _framed(picture: Image) -> Image:
 
 
 def flat_stove() -> Category:
-    """A table-top stove: a dark plate with one burner, and a knob at its left end."""
+    """Return a table-top stove: a dark plate with one burner, and a knob at its left end."""
     plate = Solid((0.0, 0.0, 0.0), (0.095, 0.095, 0.02))
     casing = box((0.095, 0.095, 0.0195), 0.003, atlas=False)
     coil = revolve([(0.074, 0.0195), (0.074, 0.0208), (0.0, 0.0208)], 28)
@@ -185,7 +185,7 @@ def flat_stove() -> Category:
 
 
 def _coil() -> Image:
-    """The burner seen along the profile of its disc: turns of a heating coil on black."""
+    """Return the burner seen along the profile of its disc: turns of a heating coil on black."""
     import numpy as np
 
     v = np.arange(128) / 128
@@ -195,7 +195,7 @@ def _coil() -> Image:
 
 
 def basket() -> Category:
-    """An open wicker basket, 0.17 m wide and 0.14 m high, its walls leaning outwards."""
+    """Return an open wicker basket, 0.17 m wide and 0.14 m high, its walls leaning outwards."""
     bottom, top = 0.0046, 0.1457
     low, high = (0.0700, 0.0765), (0.0787, 0.0848)
     wall, floor = 0.006, 0.010

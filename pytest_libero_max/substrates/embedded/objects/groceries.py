@@ -16,50 +16,50 @@ _QUARTER_TURN: Quaternion = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
 
 
 def cookies() -> Category:
-    """A flat red box with chocolate-chip cookies on it."""
+    """Return a flat red box with chocolate-chip cookies on it."""
     return packet("cookies", (0.0826, 0.0621, 0.0188), 0.009643, _cookies_label, 0.0094, 0.025, _QUARTER_TURN)
 
 
 def cream_cheese() -> Category:
-    """A silver packet with a blue oval and a white curl."""
+    """Return a silver packet with a blue oval and a white curl."""
     return packet(
         "cream_cheese", (0.0812, 0.0427, 0.0179), 0.006194, _cream_cheese_label, 0.0089, 0.03, _HALF_TURN
     )
 
 
 def butter() -> Category:
-    """A yellow packet with a sliced block of butter."""
+    """Return a yellow packet with a sliced block of butter."""
     return packet("butter", (0.0762, 0.0395, 0.0174), 0.005247, _butter_label, 0.0087, 0.02, _HALF_TURN)
 
 
 def chocolate_pudding() -> Category:
-    """A brown box with a cup of pudding and whipped cream."""
+    """Return a brown box with a cup of pudding and whipped cream."""
     size = (0.0802, 0.0463, 0.0274)
     return packet("chocolate_pudding", size, 0.010186, _pudding_label, 0.0131, 0.025, _HALF_TURN)
 
 
 def milk() -> Category:
-    """A white and blue carton with a splash."""
+    """Return a white and blue carton with a splash."""
     return carton("milk", (0.0525, 0.0531, 0.1312), 0.031666, _milk_label, 0.0697, 0.03)
 
 
 def orange_juice() -> Category:
-    """An orange carton with a cut orange."""
+    """Return an orange carton with a cut orange."""
     return carton("orange_juice", (0.0525, 0.0531, 0.1312), 0.031666, _juice_label, 0.0697, 0.025)
 
 
 def alphabet_soup() -> Category:
-    """A tin with a yellow label, a bowl of soup and loose letters."""
+    """Return a tin with a yellow label, a bowl of soup and loose letters."""
     return can("alphabet_soup", 0.0313, 0.0762, 0.025851, _soup_label, 0.0384)
 
 
 def tomato_sauce() -> Category:
-    """A tin with a red label and a tomato."""
+    """Return a tin with a red label and a tomato."""
     return can("tomato_sauce", 0.0311, 0.0762, 0.026633, _tomato_label, 0.0384)
 
 
 def ketchup() -> Category:
-    """A red squeeze bottle with a white cap."""
+    """Return a red squeeze bottle with a white cap."""
     return bottle(
         "ketchup",
         (0.0368, 0.0562, 0.1456),
@@ -75,7 +75,7 @@ def ketchup() -> Category:
 
 
 def bbq_sauce() -> Category:
-    """A short dark bottle with a flame."""
+    """Return a short dark bottle with a flame."""
     return bottle(
         "bbq_sauce",
         (0.0291, 0.0470, 0.1071),
@@ -93,7 +93,7 @@ def bbq_sauce() -> Category:
 
 
 def salad_dressing() -> Category:
-    """A tall creamy bottle with green leaves and a green cap."""
+    """Return a tall creamy bottle with green leaves and a green cap."""
     return bottle(
         "salad_dressing",
         (0.0355, 0.0527, 0.1456),

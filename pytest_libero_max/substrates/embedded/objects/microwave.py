@@ -22,7 +22,7 @@ _FEET = 0.020
 
 
 def microwave() -> Category:
-    """A table-top oven, 0.35 m wide, whose door opens towards -y and to the left.
+    """Return a table-top oven, 0.35 m wide, whose door opens towards -y and to the left.
 
     It stands on feet of 2 cm: LIBERO's oven hovers that high over the table.
     """
@@ -83,7 +83,7 @@ def microwave() -> Category:
 
 
 def _door() -> Link:
-    """A pane in a frame, hinged at its left edge, with an upright bar to pull at."""
+    """Return a pane in a frame, hinged at its left edge, with an upright bar to pull at."""
     width, low, high = 0.2585, -0.0925, 0.0925
     pane = slab((0.0, -0.025, low), (width, -0.002, high))
     bar = slab((0.2300, -0.0640, -0.065), (0.2450, -0.0500, 0.065))
@@ -120,7 +120,7 @@ def _door() -> Link:
 
 
 def _lining(low: tuple[float, float, float], high: tuple[float, float, float]) -> list[Mesh]:
-    """The inside of a box that is open towards -y."""
+    """Return the inside of a box that is open towards -y."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     e = 0.0004
     return [

@@ -60,7 +60,7 @@ class _Shape:
 
 
 def porcelain_mug() -> Category:
-    """A plain white mug, 96 mm wide and 106 mm high, its handle along +y."""
+    """Return a plain white mug, 96 mm wide and 106 mm high, its handle along +y."""
     # Its lowest point is its origin, as LIBERO draws it; LIBERO's collision shape ends 2.4 mm above that, and
     # ours would stand on our plate with its origin under the plate's, where On does not hold.
     shape = _Shape(-0.0121, 0.0480, 0.0440, 0.0, 0.1085, 0.0647)
@@ -68,13 +68,13 @@ def porcelain_mug() -> Category:
 
 
 def red_coffee_mug() -> Category:
-    """A tall red mug, white inside, 93 mm wide and 133 mm high, its handle along -y."""
+    """Return a tall red mug, white inside, 93 mm wide and 133 mm high, its handle along -y."""
     shape = _Shape(0.0141, 0.0466, 0.0430, -0.0018, 0.1308, -0.0622)
     return _mug("red_coffee_mug", shape, 0.029353, _red, (0.74, 0.07, 0.07), (0.95, 0.93, 0.90))
 
 
 def white_yellow_mug() -> Category:
-    """A white mug, yellow below and inside, 106 mm wide and 103 mm high, its yellow handle along -y."""
+    """Return a white mug, yellow below and inside, 106 mm wide and 103 mm high, its handle along -y."""
     shape = _Shape(0.0182, 0.0530, 0.0470, -0.0001, 0.1031, -0.0685)
     return _mug("white_yellow_mug", shape, 0.030912, _white_yellow, (0.95, 0.72, 0.10), (0.96, 0.78, 0.20))
 
@@ -124,7 +124,7 @@ def _mug(
 
 
 def _solids(shape: _Shape) -> list[Solid]:
-    """A ring of slabs, a floor that alone touches the table, and a handle of three bars."""
+    """Return a ring of slabs, a floor that alone touches the table, and a handle of three bars."""
     low, half = shape.bottom, 0.62 * shape.foot
     y, far = shape.middle, shape.end - shape.side * _HANDLE_DEPTH
     solids = [slab((-half, y - half, low), (half, y + half, low + _FLOOR))]
@@ -143,7 +143,7 @@ def _between(a: tuple[float, float, float], b: tuple[float, float, float]) -> So
 
 
 def _ear(shape: _Shape) -> Mesh:
-    """The handle as it is seen: a flat rod bent to a D."""
+    """Return the handle as it is seen: a flat rod bent to a D."""
     reach = shape.end - shape.side * _HANDLE_DEPTH / 2
     path = []
     for k in range(11):
@@ -156,7 +156,7 @@ def _ear(shape: _Shape) -> Mesh:
 
 
 def _grips(shape: _Shape) -> tuple[Grip, ...]:
-    """The handle from outside, and the rim from above: across from the handle and at both sides of it."""
+    """Return grips of the handle from outside, and of the rim from above: opposite the handle, beside it."""
     bar = (0.0, shape.end - shape.side * _HANDLE_DEPTH / 2, shape.height(0.54))
     radius, z = shape.rim - _WALL / 2, shape.top - 0.010
     up = (0.0, 0.0, 1.0)

@@ -30,7 +30,7 @@ def packet(
     margin: float,
     upright: Quaternion,
 ) -> Category:
-    """A box with a box-atlas label whose origin lies ``height`` above the bottom."""
+    """Return a box with a box-atlas label whose origin lies ``height`` above the bottom."""
     half = (size[0] / 2, size[1] / 2, size[2] / 2)
     lift = half[2] - height
     skin = Skin(box(half, chamfer=0.0012).moved((0.0, 0.0, lift)), texture="label")
@@ -41,7 +41,7 @@ def packet(
 def carton(
     name: str, size: Vector, mass: float, label: Callable[[], Image], height: float, margin: float
 ) -> Category:
-    """A drink carton with a gabled top; ``height`` as in :func:`packet`."""
+    """Return a drink carton with a gabled top; ``height`` as in :func:`packet`."""
     half_x, half_y = size[0] / 2, size[1] / 2
     shoulder, ridge, top = size[2] * 0.76 - height, size[2] * 0.925 - height, size[2] - height
     body = (half_x, half_y, (shoulder + height) / 2)
@@ -60,7 +60,7 @@ def carton(
 def can(
     name: str, radius: float, length: float, mass: float, label: Callable[[], Image], height: float
 ) -> Category:
-    """A tin; its round wall collides as four crossing slabs that stand on a square foot."""
+    """Return a tin; its round wall collides as four crossing slabs that stand on a square foot."""
     bottom, top = -height, length - height
     middle, half = (bottom + top) / 2, (top - bottom) / 2
     reach = radius * math.tan(math.pi / 8)
@@ -106,7 +106,7 @@ def bottle(
     margin: float = 0.025,
     upright: Quaternion = BOTTLE_UPRIGHT,
 ) -> Category:
-    """A flattened bottle; ``height`` as in :func:`packet`.
+    """Return a flattened bottle; ``height`` as in :func:`packet`.
 
     Args:
         name: LIBERO's category.
@@ -177,7 +177,7 @@ def _superellipse(mesh: Mesh, radius: float) -> Mesh:
 
 
 def _roof(half_x: float, half_y: float, gable: float, low: float, ridge: float, top: float) -> Mesh:
-    """The slopes, the folded ends and the sealed edge of a carton; the ridge runs along y."""
+    """Return the slopes, the folded ends and the sealed edge of a carton; the ridge runs along y."""
     u0, v0, u1, v1 = atlas_cell("top")
     u0, u1, v0, v1 = u0 + 0.01, u1 - 0.01, v0 + 0.01, v1 - 0.01
     side_u, _, _, side_v = atlas_cell("right")

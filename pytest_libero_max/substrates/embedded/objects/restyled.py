@@ -66,7 +66,7 @@ def style_of(name: str) -> Style | None:
 
 
 def relative(name: str, style: Style, original: Category) -> Category:
-    """The category ``name``: its original in another colour, another size or both."""
+    """Return the category ``name``: its original in another colour, another size or both."""
     kind = original
     if style.colour is not None:
         kind = _coloured(kind, style.colour)
@@ -97,13 +97,13 @@ def _painted_skins(link: Link, colour: Colour) -> tuple[Skin, ...]:
 
 
 def _shade(colour: Colour, brightness: float) -> Colour:
-    """A colour as dark as what it replaces, but never so dark that it could not be told."""
+    """Return a colour as dark as what it replaces, but never so dark that it could not be told."""
     r, g, b = (part * (0.45 + 0.55 * brightness) for part in colour)
     return r, g, b
 
 
 def _painted(picture: Image, colour: Colour) -> Image:
-    """The picture in shades of one colour: lettering stays legible by its brightness."""
+    """Return the picture in shades of one colour: lettering stays legible by its brightness."""
     grey = picture.astype(np.float64).max(axis=2, keepdims=True) / 255.0
     shades = np.asarray(colour) * (0.45 + 0.55 * grey)
     painted: Image = np.rint(shades * 255.0).clip(0, 255).astype(np.uint8)
@@ -121,7 +121,7 @@ def _sized(kind: Category, scale: Vector) -> Category:
 
 
 def _each(link: Link, change: Callable[[Link], Link]) -> Link:
-    """A link with ``change`` made to it and to everything attached to it."""
+    """Return a link with ``change`` made to it and to everything attached to it."""
     changed = change(link)
     return replace(changed, links=tuple(_each(child, change) for child in link.links))
 

@@ -24,7 +24,7 @@ _HALF_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 def wine_bottle() -> Category:
-    """A slim green bottle with a cream label and a red capsule, 43 mm wide and 157 mm high."""
+    """Return a slim green bottle with a cream label and a red capsule, 43 mm wide and 157 mm high."""
     bottom, top, radius = 0.0011, 0.1580, 0.0217
     body_top, neck_low, neck = bottom + 0.088, bottom + 0.112, 0.0090
     middle, half = (body_top + bottom) / 2, (body_top - bottom) / 2
@@ -106,7 +106,7 @@ _FEET = 0.020
 
 
 def wine_rack() -> Category:
-    """A wooden rack with two sloping tiers of three slots, 0.27 m wide and 0.33 m high, on four feet.
+    """Return a wooden rack with two sloping tiers of three slots, 0.27 m wide and 0.33 m high, on four feet.
 
     A bottle lies in a slot with its bottom against the rail at the lower end (-y) and its neck up. The feet
     are an addition: LIBERO's rack hovers two centimetres over the table.
@@ -160,7 +160,7 @@ def wine_rack() -> Category:
 
 
 def _slots() -> Image:
-    """A tier from above, its lower end at the bottom: the outline of a bottle burnt into every slot."""
+    """Return a tier seen from above, its lower end at the bottom: a bottle's outline in every slot."""
     label = Label((0, 0, 0), 256, 160)
     label.image[:] = textures.wood(256, (176, 122, 70), (226, 174, 114), seed=15)[:160]
     for slot in (-2, -1, 0, 1, 2):
@@ -180,7 +180,7 @@ def _surface(y: float, z: float) -> Mesh:
 
 
 def _tier(y: float, z: float) -> tuple[list[Solid], list[Solid]]:
-    """A sloping board whose surface begins at (y, z), and the ridges and the rail that are on it."""
+    """Return a sloping board whose surface begins at (y, z), and the ridges and the rail that are on it."""
     cos, sin = math.cos(_TIER_SLOPE), math.sin(_TIER_SLOPE)
     turn = rotations.about((1, 0, 0), _TIER_SLOPE)
 
