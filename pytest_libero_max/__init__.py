@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.identity import Identity
     from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
     from pytest_libero_max.benchmark.tracks import load_track
-    from pytest_libero_max.changes.base import Change, Evidence
+    from pytest_libero_max.changes.change import Change, Evidence
     from pytest_libero_max.errors import LiberoMaxError
     from pytest_libero_max.events.kind import EventKind, Scenario
     from pytest_libero_max.events.new_case import make_case
@@ -145,7 +145,7 @@ _TO_EXTEND = {
     "events.kind": ("EventKind", "Scenario"),
     "benchmark.identity": ("Identity",),
     "tasks.contents": ("TaskMetadata",),
-    "changes.base": ("Change", "Evidence"),
+    "changes.change": ("Change", "Evidence"),
     "events.triggers": ("Trigger", "Moment"),
     "pairing.probes.probe": ("Probe",),
     "studies.study": ("Study",),

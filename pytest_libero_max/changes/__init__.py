@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.changes.base import Change, Evidence, Factor
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
+from pytest_libero_max.changes.change import Change, Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, Vector3, number, strength_of, text, vector3
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, Vector3, items, number, place, strength_of, text
 from pytest_libero_max.changes.reversal import Reversal, altered_rows
 from pytest_libero_max.errors import ChangeError, did_you_mean

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
     ManifestFields,
     Vector3,

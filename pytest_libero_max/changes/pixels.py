@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.changes import image_corruptions
-from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of, text
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.reversal import Reversal, added_filters

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
     FARTHEST_M,
     ManifestFields,

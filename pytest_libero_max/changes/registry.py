@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any, ClassVar, Protocol, cast
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.changes.base import Change
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
+from pytest_libero_max.changes.change import Change
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
@@ -69,7 +69,7 @@ def _accept(name: str, found: object) -> ChangeType:
     for method in ("from_dict", "apply", "scaled", "reverted", "to_dict"):
         if not callable(getattr(found, method, None)):
             raise ValueError(
-                f"{found!r} has no {method}(): a change follows pytest_libero_max.changes.base.Change; "
+                f"{found!r} has no {method}(): a change follows pytest_libero_max.changes.change.Change; "
                 "pytest_libero_max.changes.fields.ManifestFields offers from_dict() and to_dict()"
             )
     return cast(ChangeType, found)

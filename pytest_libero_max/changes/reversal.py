@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from pytest_libero_max.changes.base import Evidence, Factor
+from pytest_libero_max.changes.change import Evidence, Factor
 from pytest_libero_max.changes.fields import all_or_nothing
 from pytest_libero_max.changes.measuring import filter_records, measure_poses
 from pytest_libero_max.changes.nothing import Nothing
@@ -15,7 +15,7 @@ from pytest_libero_max.worlds.contract import AlterableWorld, Goal
 from pytest_libero_max.worlds.robot import ROBOT
 
 if TYPE_CHECKING:
-    from pytest_libero_max.changes.base import Change
+    from pytest_libero_max.changes.change import Change
 
 Row = tuple[str, "str | int | None", Any]
 """Model field, which row of it (a camera's name, a number, None: the whole field), values."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pytest_libero_max.changes.base import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, flag, items, number, strength_of
 from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.errors import ChangeError

@@ -46,7 +46,7 @@ def add_command(commands: Commands) -> None:
 
 def _bench(options: argparse.Namespace) -> None:
     from pytest_libero_max.bench.pair_runner import measure_pairs
-    from pytest_libero_max.bench.stepping import measure_stepping
+    from pytest_libero_max.bench.step_speed import measure_stepping
 
     suite, _, index = options.scene.partition("/")
     print("\n".join(measure_stepping(suite, int(index or 0), steps=options.steps).lines()), flush=True)
@@ -68,7 +68,7 @@ def _bench_scenes(options: argparse.Namespace) -> None:
 
 
 def _bench_genuine(options: argparse.Namespace) -> None:
-    from pytest_libero_max.bench.genuine import measure_genuine
+    from pytest_libero_max.bench.genuine_speed import measure_genuine
 
     substrate = _genuine(options)
     times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)

@@ -43,7 +43,7 @@ def add_command(commands: Commands) -> None:
 
 def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.examiner import Examiner
-    from pytest_libero_max.construction.genuine import TRACKS, build_genuine
+    from pytest_libero_max.construction.genuine_tracks import TRACKS, build_genuine
     from pytest_libero_max.construction.overview import overview_lines, write_overview
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verification import verify

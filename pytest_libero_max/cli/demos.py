@@ -70,8 +70,8 @@ def add_command(commands: Commands) -> None:
 
 
 def _demos(options: argparse.Namespace) -> None:
-    from pytest_libero_max.demos.collection import Settings, collect
     from pytest_libero_max.demos.episodes import planned
+    from pytest_libero_max.demos.folder import Settings, collect
     from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 
     if options.lerobot is not None:

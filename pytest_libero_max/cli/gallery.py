@@ -36,7 +36,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _gallery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.sheets import write_event_sheet, write_page_pictures
+    from pytest_libero_max.construction.event_sheets import write_event_sheet, write_page_pictures
     from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
 
     kind, told = SUBSTRATES[options.substrate], substrate_options(options)

@@ -17,7 +17,7 @@ from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity, seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.construction.selection import Examine
+from pytest_libero_max.construction.case_selection import Examine
 from pytest_libero_max.construction.splits import VERSION, protocol
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event

@@ -21,10 +21,10 @@ from pytest_libero_max.benchmark.tracks import (
     write_checksums,
     write_frozen,
 )
+from pytest_libero_max.construction.case_selection import select
 from pytest_libero_max.construction.certificates import Certificate, Ending
 from pytest_libero_max.construction.original import select_original
 from pytest_libero_max.construction.preflight import Check, Preflight, Problem
-from pytest_libero_max.construction.selection import select
 from pytest_libero_max.construction.splits import SPLITS, full
 from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.worlds.contract import CAMERAS

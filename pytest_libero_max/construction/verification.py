@@ -20,6 +20,12 @@ from pytest_libero_max.benchmark.tracks import (
     read_checksums,
     track_names,
 )
+from pytest_libero_max.construction.case_selection import (
+    LEVELS,
+    PLUS_PER_CELL,
+    PRO_PER_CELL,
+    cells_of,
+)
 from pytest_libero_max.construction.configurations import Cell, Configuration, cell_of, hosts
 from pytest_libero_max.construction.matching import levelled
 from pytest_libero_max.construction.original import build_original
@@ -32,12 +38,6 @@ from pytest_libero_max.construction.release import (
     read_rejected,
     read_sights,
     read_unexamined,
-)
-from pytest_libero_max.construction.selection import (
-    LEVELS,
-    PLUS_PER_CELL,
-    PRO_PER_CELL,
-    cells_of,
 )
 from pytest_libero_max.construction.splits import SPLITS
 from pytest_libero_max.errors import ManifestError, SubstrateError

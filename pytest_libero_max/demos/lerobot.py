@@ -20,8 +20,8 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.demos.collection import load
 from pytest_libero_max.demos.episodes import Demonstration
+from pytest_libero_max.demos.folder import load
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.policies.transforms.states import axis_angle

@@ -26,7 +26,7 @@ from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.triggers import StepsAfter, Trigger, trigger_from_dict
 
 if TYPE_CHECKING:
-    from pytest_libero_max.changes.base import Change
+    from pytest_libero_max.changes.change import Change
 
 
 @dataclass(frozen=True)

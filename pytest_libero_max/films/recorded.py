@@ -13,7 +13,7 @@ from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
-from pytest_libero_max.films.files import available_format, write_film
+from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, saw
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PairRecord

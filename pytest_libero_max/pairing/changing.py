@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.changes.base import Change, Evidence
+from pytest_libero_max.changes.change import Change, Evidence
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError

@@ -306,7 +306,7 @@ def inject(case: Case, world: World, spec: PolicySpec | None = None, strength: f
         strength: Share of the event's change, see :func:`~pytest_libero_max.events.schedules.change_of`.
 
     Returns:
-        The change's evidence (see :class:`pytest_libero_max.changes.base.Evidence`) with ``pixel_change``,
+        The change's evidence (see :class:`pytest_libero_max.changes.change.Evidence`) with ``pixel_change``,
         the mean absolute difference of each of those cameras' images, 0 to 255.
 
     Raises:

@@ -31,9 +31,10 @@ from pytest_libero_max.plugin.collection import (
     settings_of,
 )
 from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, result_of
-from pytest_libero_max.plugin.progress import RunProgress
+from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_space
 from pytest_libero_max.plugin.run_end import RunEnd
+from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import (
     MEASURED,
     MEASURED_INPUT,
@@ -42,7 +43,6 @@ from pytest_libero_max.plugin.stash_keys import (
     RESULT_ATTRIBUTE,
     STOP_ATTRIBUTE,
 )
-from pytest_libero_max.plugin.stopping import RunStop
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report.exit_status import INCOMPLETE

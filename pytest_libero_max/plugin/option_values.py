@@ -97,7 +97,7 @@ def fraction(text: str) -> float:
 
 def cadence(text: str) -> tuple[Cadence, ...]:
     """Parse the settings of a sweep."""
-    from pytest_libero_max.studies.cadence import parse_cadence
+    from pytest_libero_max.studies.cadence_sweep import parse_cadence
 
     return parse_cadence(text)
 

@@ -15,7 +15,7 @@ from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.plugin.collection import only_lists
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
-from pytest_libero_max.plugin.stopping import RunStop
+from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore

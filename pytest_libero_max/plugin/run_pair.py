@@ -18,8 +18,8 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
+from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
-from pytest_libero_max.plugin.stopping import stop_run
 from pytest_libero_max.runs.media import FILMS_NAME, TRACES_NAME
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ def configure(config: pytest.Config) -> None:
 
 def _be_worker(config: pytest.Config) -> None:
     from pytest_libero_max.plugin.processes.pair_process import keep_from_children
-    from pytest_libero_max.plugin.stopping import PairGate
+    from pytest_libero_max.plugin.run_stop import PairGate
 
     keep_from_children(config)
     config.pluginmanager.register(PairGate(config))

@@ -33,7 +33,7 @@ from pytest_libero_max.stats.breakdown import (
     macro_average,
 )
 from pytest_libero_max.stats.intervals import CONFIDENCE, wilson
-from pytest_libero_max.stats.outcomes import Outcomes, Ratio, tabulate
+from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 from pytest_libero_max.substrates.registry import scores_of
 

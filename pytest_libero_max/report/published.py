@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib import resources
 
 from pytest_libero_max.report.formats import percent, points
-from pytest_libero_max.stats.outcomes import Outcomes
+from pytest_libero_max.stats.outcome_table import Outcomes
 
 NOTE = (
     "Published results on the genuine substrate (LIBERO-Plus and LIBERO-PRO). Results of the embedded "

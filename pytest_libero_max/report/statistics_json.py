@@ -8,7 +8,7 @@ from pytest_libero_max.stats.clusters import TaskInterval
 from pytest_libero_max.stats.comparison import ChangeContrast, Contrast, GroupContrast
 from pytest_libero_max.stats.exposure import Exposure
 from pytest_libero_max.stats.intervals import Interval, MeanChange
-from pytest_libero_max.stats.outcomes import Outcomes, Ratio
+from pytest_libero_max.stats.outcome_table import Outcomes, Ratio
 from pytest_libero_max.stats.paired import PairedResult
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.comparison import contrasts
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, wilson
-from pytest_libero_max.stats.outcomes import BoolArray, Ratio
+from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcomes import Outcomes
+from pytest_libero_max.stats.outcome_table import Outcomes
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure_groups
 
 FLOOR_BASE_RATE = 0.2

@@ -13,7 +13,7 @@ from scipy import special
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
-from pytest_libero_max.stats.outcomes import BoolArray, boolean
+from pytest_libero_max.stats.outcome_table import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, holm, log_fair_coins, mcnemar
 

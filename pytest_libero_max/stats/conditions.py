@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
-from pytest_libero_max.stats.outcomes import BoolArray, boolean
+from pytest_libero_max.stats.outcome_table import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
 
 Differences = NDArray[np.int64]

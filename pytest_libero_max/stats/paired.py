@@ -12,7 +12,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.clusters import TaskInterval, task_interval
 from pytest_libero_max.stats.exposure import Exposure, expose
 from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change, wilson
-from pytest_libero_max.stats.outcomes import BoolArray, Outcomes, Ratio, boolean, tabulate
+from pytest_libero_max.stats.outcome_table import BoolArray, Outcomes, Ratio, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, mcnemar
 

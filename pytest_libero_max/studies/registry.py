@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 _CADENCE = "cadence"
 
 _OWN = {
-    "camera-timing": "camera:CameraTiming",
-    "camera-strength": "camera:CameraStrength",
-    _CADENCE: "cadence:CadenceSweep",
+    "camera-timing": "camera_study:CameraTiming",
+    "camera-strength": "camera_study:CameraStrength",
+    _CADENCE: "cadence_sweep:CadenceSweep",
 }
 _NAME = re.compile(r"[a-z][a-z0-9-]*")
 
@@ -76,7 +76,7 @@ def make_study(name: str, settings: tuple[Cadence, ...] | None = None) -> Study:
                 "The study cadence needs its settings. Add --libero-max-cadence=2,4,8 (Q), or "
                 "--libero-max-cadence=2/2,4/4,8/8 (H/Q)."
             )
-        from pytest_libero_max.studies.cadence import CadenceSweep
+        from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 
         return CadenceSweep(settings)
     if settings is not None:
@@ -92,7 +92,7 @@ def study_from_dict(values: Any) -> Study:
     Raises:
         ReportError: It has another form, or is of a study that this version does not know.
     """
-    from pytest_libero_max.studies.cadence import parse_cadence
+    from pytest_libero_max.studies.cadence_sweep import parse_cadence
 
     try:
         name, settings = values["name"], values.get("settings")

@@ -10,7 +10,7 @@ from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.changes import Change, InsertObstacle, MoveObject, RemoveObject, ShiftCamera
-from pytest_libero_max.changes.base import Evidence
+from pytest_libero_max.changes.change import Evidence
 from pytest_libero_max.construction.configurations import Cell, Configuration
 from pytest_libero_max.construction.preflight import preflight
 from pytest_libero_max.events.kind import Scenario

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.films import files, recorded
+from pytest_libero_max.films import encoding, recorded
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.worlds.contract import Image
 from tests.films.short_run import leave_out_shadows
@@ -15,7 +15,7 @@ from tests.films.short_run import leave_out_shadows
 Run = Callable[..., pytest.RunResult]
 
 # An in-process run forgets what it imported, and PyAV and NumPy cannot be imported twice.
-IMPORTED_ONCE = (files, recorded)
+IMPORTED_ONCE = (encoding, recorded)
 with suppress(ImportError):
     import av  # noqa: F401
 

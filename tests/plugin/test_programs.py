@@ -10,7 +10,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.films.recorded import open_recorded
-from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import tiny_manifest
 

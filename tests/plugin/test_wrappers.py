@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import REACHER, tiny_manifest
 

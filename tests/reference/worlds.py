@@ -34,7 +34,7 @@ POSES = (
     (
         "3 to 5",
         "Orientation of the grip site, axis times angle in rad, world frame. `grip_site_quaternion` of "
-        "`pieces.states` makes it of `robot0_eef_quat`, that of the hand, a quarter turn about z away.",
+        "`transforms.states` makes it of `robot0_eef_quat`, that of the hand, a quarter turn about z away.",
     ),
     ("6", "Gripper: above 0 closes it, below 0 opens it."),
 )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from pytest_libero_max.stats.intervals import Interval, mean_change, wilson
-from pytest_libero_max.stats.outcomes import Ratio
+from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import Bounds, FloatArray, exact
 from tests.stats.other_intervals import agresti_min, exact_holds, newcombe, tango, tango_score
 from tests.stats.unconditional import tables, tail_probabilities

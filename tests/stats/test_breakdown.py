@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.breakdown import at_floor, breakdown, largest_split, macro_average
-from pytest_libero_max.stats.outcomes import Outcomes
+from pytest_libero_max.stats.outcome_table import Outcomes
 from pytest_libero_max.stats.paired import Pairs, measure
 
 FATES = st.lists(st.tuples(st.integers(0, 5), st.sampled_from(["plus", "pro"])), max_size=40)

@@ -11,7 +11,7 @@ from scipy import stats
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import mean_change, resampled_total, wilson
-from pytest_libero_max.stats.outcomes import Ratio
+from pytest_libero_max.stats.outcome_table import Ratio
 
 DIFFERENCES = st.lists(st.integers(-1, 1), min_size=1, max_size=40)
 

@@ -9,7 +9,7 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import EntityError, SubstrateError
-from pytest_libero_max.substrates.embedded.robot import outline
+from pytest_libero_max.substrates.embedded.panda import outline
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
 from pytest_libero_max.worlds.contract import NOOP_ACTION, World

@@ -24,8 +24,8 @@ from pytest_libero_max.plugin.processes.crash_log import CrashLog, Death, read_d
 from pytest_libero_max.plugin.processes.pair_process import PairProcess
 from pytest_libero_max.plugin.processes.retries import keep_text, pair_error
 from pytest_libero_max.plugin.run_pair import BROKEN_POLICY, Unsupported, explain, play
+from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import NOTE, POLICY_PHASE, RESULT
-from pytest_libero_max.plugin.stopping import stop_run
 
 _PARENT_DEATH_SIGNAL = 1
 """Operation of ``prctl``: which signal a process gets when its parent dies."""

@@ -14,8 +14,8 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.pair_reports import CRASH_PHASE
 from pytest_libero_max.plugin.processes.crash_log import Death
+from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
-from pytest_libero_max.plugin.stopping import RunStop
 from pytest_libero_max.runs.media import CRASHES_NAME
 
 RETRIED = "retried"

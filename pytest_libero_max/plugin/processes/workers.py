@@ -17,7 +17,7 @@ from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.crash_log import Death, read_death
 from pytest_libero_max.plugin.processes.pair_process import CRASH_LOG_INPUT
 from pytest_libero_max.plugin.processes.retries import Retries
-from pytest_libero_max.plugin.stopping import RunStop
+from pytest_libero_max.plugin.run_stop import RunStop
 
 DISTS = ("worksteal", "load")
 """Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""

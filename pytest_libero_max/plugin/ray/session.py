@@ -21,11 +21,11 @@ from pytest_libero_max.plugin.collection import PairItem, only_lists
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.crash_log import Death
 from pytest_libero_max.plugin.processes.retries import Retries
-from pytest_libero_max.plugin.progress import RunProgress
+from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.ray.connection import Cluster
 from pytest_libero_max.plugin.ray.remote import identity
 from pytest_libero_max.plugin.ray.work_stealing import WorkQueue
-from pytest_libero_max.plugin.stopping import RunStop
+from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 
 CARRIED = (

@@ -29,7 +29,7 @@ from pytest_libero_max.report.statistics_json import (
 from pytest_libero_max.runs.agreement import PLACES
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.breakdown import breakdown
 from pytest_libero_max.stats.clusters import task_interval

@@ -14,7 +14,7 @@ from pytest_libero_max.report.page.evidence import details_of, error_details, pl
 from pytest_libero_max.report.page.packing import labelled, packed
 from pytest_libero_max.runs.media import PICTURES_NAME, caption_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.substrates.registry import SUBSTRATES
 

@@ -22,7 +22,7 @@ from pytest_libero_max.report.statistics_json import interval_json, number, rati
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, REPLICATES, cluster_bootstrap
 from pytest_libero_max.stats.intervals import Interval
-from pytest_libero_max.stats.outcomes import Ratio
+from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
 
 NATIVE, ALWAYS, GATED = MODES = ("native", "always", "gated")

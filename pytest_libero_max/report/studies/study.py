@@ -12,9 +12,9 @@ from pytest_libero_max.report.statistics_json import rate_json
 from pytest_libero_max.report.studies.study_cadence import cadence_json
 from pytest_libero_max.report.studies.study_camera import camera_json
 from pytest_libero_max.stats.intervals import wilson
-from pytest_libero_max.stats.outcomes import Ratio
-from pytest_libero_max.studies.cadence import CadenceSweep
-from pytest_libero_max.studies.camera import CameraTiming
+from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.studies.cadence_sweep import CadenceSweep
+from pytest_libero_max.studies.camera_study import CameraTiming
 from pytest_libero_max.studies.registry import study_from_dict
 
 

@@ -21,9 +21,9 @@ from pytest_libero_max.report.statistics_json import (
 from pytest_libero_max.stats.best import Best, best_of
 from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import mean_change, wilson
-from pytest_libero_max.stats.outcomes import BoolArray, Ratio, tabulate
+from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
-from pytest_libero_max.studies.cadence import CadenceSweep, setting_arm
+from pytest_libero_max.studies.cadence_sweep import CadenceSweep, setting_arm
 
 
 @dataclass(frozen=True)

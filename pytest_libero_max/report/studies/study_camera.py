@@ -21,8 +21,8 @@ from pytest_libero_max.stats.conditions import (
     contrasts_of_contrasts,
 )
 from pytest_libero_max.stats.intervals import MeanChange, mean_change
-from pytest_libero_max.stats.outcomes import BoolArray
-from pytest_libero_max.studies.camera import RESET, CameraTiming, at_strength
+from pytest_libero_max.stats.outcome_table import BoolArray
+from pytest_libero_max.studies.camera_study import RESET, CameraTiming, at_strength
 
 
 def camera_json(study: CameraTiming, records: Sequence[PairRecord], tasks: Sequence[str]) -> Json:

@@ -19,7 +19,7 @@ from pytest_libero_max.report.writers.figures import FIGURES
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.media import TRACES_NAME, VIEWS, films_in, kept_beside, pictures_in
-from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 
 REPORT_NAME = "report.json"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.meshes import Mesh, box, join, panel
-from pytest_libero_max.substrates.embedded.objects.base import (
+from pytest_libero_max.substrates.embedded.objects.parts import (
     Colour,
     Solid,
     Vector,

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from pytest_libero_max.substrates.embedded.panda import add_robot
 from pytest_libero_max.substrates.embedded.predicates import all_hold
-from pytest_libero_max.substrates.embedded.robot import add_robot
 from pytest_libero_max.substrates.embedded.scene import Scene
 from pytest_libero_max.substrates.embedded.textures import upload
 from pytest_libero_max.worlds.contract import CONTROL_HZ, WorldState

@@ -54,19 +54,19 @@ def _scene_of(options: SubstrateOptions, case: Case) -> tuple[Any, ...]:
 
 
 def _draw_scenes(path: Path, substrate: Any) -> None:
-    from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet
+    from pytest_libero_max.substrates.embedded.scene_sheets import write_contact_sheet
 
     write_contact_sheet(path)
 
 
 def _draw_plus(path: Path, substrate: Any) -> None:
-    from pytest_libero_max.substrates.embedded.sheets import write_plus_sheet
+    from pytest_libero_max.substrates.embedded.scene_sheets import write_plus_sheet
 
     write_plus_sheet(path, substrate)
 
 
 def _draw_pro(path: Path, substrate: Any) -> None:
-    from pytest_libero_max.substrates.embedded.sheets import write_pro_sheet
+    from pytest_libero_max.substrates.embedded.scene_sheets import write_pro_sheet
 
     write_pro_sheet(path, substrate)
 

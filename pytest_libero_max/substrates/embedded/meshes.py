@@ -2,7 +2,7 @@
 
 Every mesh carries its own normals and texture coordinates, one of each for every vertex, so that sharp
 edges and label seams are plain: where something changes abruptly, the vertex exists twice. Lengths are in
-metres, the frame is the one in which an object is designed (see :mod:`.objects.base`).
+metres, the frame is the one in which an object is designed (see :mod:`.objects.parts`).
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
-from pytest_libero_max.substrates.embedded.objects import base, category
-from pytest_libero_max.substrates.embedded.objects.base import Category, drawn
+from pytest_libero_max.substrates.embedded.objects import category, parts
+from pytest_libero_max.substrates.embedded.objects.parts import Category, drawn
 from pytest_libero_max.substrates.embedded.scene import Region, Scene, resolve
 from pytest_libero_max.substrates.embedded.surfaces import SURFACES, shown
 from pytest_libero_max.worlds.contract import Entity, Image
@@ -127,7 +127,7 @@ def _recast(
     pos, quat = (
         [float(part) for part in (element.get(attribute) or "").split()] for attribute in ("pos", "quat")
     )
-    worldbody[place] = base.body(kind, new, pos, (quat[0], quat[1], quat[2], quat[3]))
+    worldbody[place] = parts.body(kind, new, pos, (quat[0], quat[1], quat[2], quat[3]))
 
     def name(text: str) -> str:
         return new + text[len(old) :] if text == old or text.startswith(f"{old}_") else text
@@ -153,7 +153,7 @@ def _add(
 ) -> dict[str, Entity]:
     if instance in entities:
         raise SubstrateError(f"{instance!r} is in the scene already and cannot be added to it.")
-    worldbody.append(base.body(kind, instance, waiting_place(number), kind.upright))
+    worldbody.append(parts.body(kind, instance, waiting_place(number), kind.upright))
     surface = next(entity.name for entity in entities.values() if entity.kind == "surface")
     body = f"{instance}_{kind.root.name}"
     return {**entities, instance: Entity(instance, kind.name, "object", body, surface)}
@@ -166,7 +166,7 @@ def waiting_place(number: int) -> tuple[float, float, float]:
 
 def _add_assets(assets: ET.Element, kind: Category) -> dict[str, Image]:
     known = {(element.tag, element.get("name")) for element in assets}
-    elements, pictures = base.assets(kind)
+    elements, pictures = parts.assets(kind)
     assets.extend(element for element in elements if (element.tag, element.get("name")) not in known)
     return pictures
 
@@ -175,5 +175,5 @@ def _add_surface(assets: ET.Element, surface: str) -> dict[str, Image]:
     if surface not in SURFACES:
         raise SubstrateError.seen("surface", surface, f" does not exist. {did_you_mean(surface, SURFACES)}")
     name, picture = shown(surface), drawn(SURFACES[surface])
-    assets.append(base.texture_element(name, picture))
+    assets.append(parts.texture_element(name, picture))
     return {name: picture}

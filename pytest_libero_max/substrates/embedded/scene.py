@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena, furnish
-from pytest_libero_max.substrates.embedded.objects import base, category
-from pytest_libero_max.substrates.embedded.objects.base import Link
+from pytest_libero_max.substrates.embedded.objects import category, parts
+from pytest_libero_max.substrates.embedded.objects.parts import Link
 from pytest_libero_max.substrates.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
 from pytest_libero_max.tasks.libero_tasks import Task, category_of, task
 from pytest_libero_max.worlds import rotations
@@ -128,7 +128,9 @@ def _entity(name: str, entities: Mapping[str, Entity]) -> Entity:
     return entities[name]
 
 
-def joint_state(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> base.JointState:
+def joint_state(
+    fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Region]
+) -> parts.JointState:
     """Predicate of open, closed, on or off for the joints of a fixture or of one of its regions.
 
     Raises:
@@ -216,9 +218,9 @@ def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
     for place in row.places.values():
         x0, y0, x1, y1 = place.box
         centre = ((x0 + x1) / 2, (y0 + y1) / 2, arena.region_z)
-        surface.append(base.site_element(place.name, centre, ((x1 - x0) / 2, (y1 - y0) / 2, 0.007)))
+        surface.append(parts.site_element(place.name, centre, ((x1 - x0) / 2, (y1 - y0) / 2, 0.007)))
     for name in dict.fromkeys(category_of(instance) for instance in (*row.objects, *row.fixtures)):
-        elements, shared = base.assets(category(name))
+        elements, shared = parts.assets(category(name))
         assets.extend(elements)
         pictures |= shared
     _order_textures_first(assets)
@@ -227,13 +229,13 @@ def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
         kind = category(category_of(instance))
         # Objects wait in a row beside the scene until an initial state puts them in their places.
         waiting = (2.0, -1.0 + 0.3 * number, arena.top_z + 0.5)
-        worldbody.append(base.body(kind, instance, waiting, kind.upright))
+        worldbody.append(parts.body(kind, instance, waiting, kind.upright))
     for instance in row.fixtures:
         place = row.places[starts[instance] or ""]
         x0, y0, x1, y1 = place.box
         kind = category(category_of(instance))
         pos = ((x0 + x1) / 2, (y0 + y1) / 2, arena.fixture_z + kind.lift)
-        worldbody.append(base.body(kind, instance, pos, rotations.about((0, 0, 1), place.yaw)))
+        worldbody.append(parts.body(kind, instance, pos, rotations.about((0, 0, 1), place.yaw)))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode"), pictures
 

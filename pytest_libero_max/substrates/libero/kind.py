@@ -45,7 +45,7 @@ def _installations(options: SubstrateOptions) -> tuple[Installation, ...]:
 
 
 def _catalogue(options: SubstrateOptions) -> Catalogue:
-    from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
+    from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
 
     if options.variations == "own":
         raise SubstrateError(

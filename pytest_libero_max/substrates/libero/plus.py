@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.libero.environment import Built, own_randomness
 from pytest_libero_max.substrates.libero.installation import Installation
+from pytest_libero_max.substrates.libero.package_env import Built, own_randomness
 from pytest_libero_max.substrates.libero.tasks import (
     Task,
     check_name,

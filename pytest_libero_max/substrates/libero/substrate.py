@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.libero.environment import Built, build
+from pytest_libero_max.substrates.libero.initial_states import read_states
 from pytest_libero_max.substrates.libero.installation import Installation, find_installations
 from pytest_libero_max.substrates.libero.joints import Joints, by_joint
 from pytest_libero_max.substrates.libero.lacking import PLAYED_BY, first_of
+from pytest_libero_max.substrates.libero.package_env import Built, build
 from pytest_libero_max.substrates.libero.plus import noise_of, plus_task
 from pytest_libero_max.substrates.libero.pro import ProVariation
 from pytest_libero_max.substrates.libero.pro_config import published_config
 from pytest_libero_max.substrates.libero.pro_tasks import ProTask, pro_task
-from pytest_libero_max.substrates.libero.states import read_states
 from pytest_libero_max.substrates.libero.tasks import Task, task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld
 from pytest_libero_max.substrates.variation import Variation

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
-from pytest_libero_max.substrates.libero.environment import Built
 from pytest_libero_max.substrates.libero.graspable_parts import graspable_parts_of
+from pytest_libero_max.substrates.libero.package_env import Built
 from pytest_libero_max.worlds.contract import (
     Array,
     Entity,

@@ -15,7 +15,7 @@ from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import PROVENANCE, plan, record_of
 

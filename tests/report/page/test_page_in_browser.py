@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from pytest_libero_max.films.files import write_film
+from pytest_libero_max.films.encoding import write_film
 from pytest_libero_max.policies.transforms.images import png_file
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs

@@ -12,7 +12,7 @@ from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.report.writers.files import report_json, write_reports
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.replay import replay_command
+from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PairStore, read_pairs
 from tests.report.studies.studied import Cell, study_of
 from tests.runs.damage import damaged

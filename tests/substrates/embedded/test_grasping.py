@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.substrates.embedded.objects import CATEGORIES, base, category
+from pytest_libero_max.substrates.embedded.objects import CATEGORIES, category, parts
 from pytest_libero_max.worlds import rotations
 
 PAD = 'type="box" size="0.008 0.004 0.008" solref="0.01 0.5" friction="2 0.05 0.0001"'
@@ -86,9 +86,9 @@ def grasp_model(name: str, x: float = 0.0, y: float = 0.0, turn: float = 0.0) ->
     """The object at (x, y), turned about z, under a gripper whose fingers close along y."""
     kind = category(name)
     quat = rotations.multiply(rotations.about((0, 0, 1), turn), kind.upright)
-    elements, _ = base.assets(kind)
+    elements, _ = parts.assets(kind)
     assets = "".join(ET.tostring(element, encoding="unicode") for element in elements)
-    body = ET.tostring(base.body(kind, "thing_1", (x, y, kind.origin_height), quat), encoding="unicode")
+    body = ET.tostring(parts.body(kind, "thing_1", (x, y, kind.origin_height), quat), encoding="unicode")
     return mujoco.MjModel.from_xml_string(f"""
       <mujoco><compiler angle="radian" autolimits="true" inertiagrouprange="0 0"/> <option timestep="0.002"
       cone="elliptic" impratio="20"/> <asset>{assets}</asset> <worldbody><geom type="plane" size="2 2 0.1"

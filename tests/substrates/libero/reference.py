@@ -9,8 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from pytest_libero_max.substrates.libero.importing import imported
 from pytest_libero_max.substrates.libero.installation import Installation
-from pytest_libero_max.substrates.libero.loading import imported
 from pytest_libero_max.substrates.libero.tasks import Task
 from pytest_libero_max.substrates.libero.world import LiberoWorld
 from tests.worlds.states import integration_state

@@ -11,11 +11,11 @@ from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.sampling import stratified
 from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, load_track, track_names
 from pytest_libero_max.construction.configurations import Configuration, cell_of
-from pytest_libero_max.construction.genuine import SOURCES
+from pytest_libero_max.construction.genuine_tracks import SOURCES
 from pytest_libero_max.construction.release import read_unexamined
-from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
 from pytest_libero_max.substrates.libero.coverage import coverage
 from pytest_libero_max.substrates.libero.installation import importable, installed_assets
+from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
 from pytest_libero_max.substrates.libero.lacking import lacking
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.contract import NOOP_ACTION

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.libero.environment import Built
 from pytest_libero_max.substrates.libero.installation import Installation, find_installation
+from pytest_libero_max.substrates.libero.package_env import Built
 from pytest_libero_max.substrates.libero.plus import _Noise, noise_of, plus_task
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from tests.substrates.libero.data import DATA

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.libero.importing import imported
 from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.lacking import PlusNeeds, first_of, plus_category
-from pytest_libero_max.substrates.libero.loading import imported
 from pytest_libero_max.substrates.libero.plus import plus_task
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.tasks import task_names

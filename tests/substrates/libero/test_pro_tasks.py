@@ -8,15 +8,15 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.libero.initial_states import read_states
 from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.pro_tasks import pro_task, with_occluder
-from pytest_libero_max.substrates.libero.states import read_states
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.world import LiberoWorld
 from pytest_libero_max.worlds.contract import Array
 from tests.substrates.libero.data import needs_package
 from tests.substrates.libero.made_up import pro_case
-from tests.substrates.libero.test_states import write_archive
+from tests.substrates.libero.test_initial_states import write_archive
 
 SUITE = "libero_object"
 SOUP = "pick_up_the_alphabet_soup_and_place_it_in_the_basket"

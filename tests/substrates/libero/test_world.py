@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import EntityError, SubstrateError
-from pytest_libero_max.substrates.libero.environment import build
+from pytest_libero_max.substrates.libero.initial_states import read_states
 from pytest_libero_max.substrates.libero.installation import Installation
-from pytest_libero_max.substrates.libero.states import read_states
+from pytest_libero_max.substrates.libero.package_env import build
 from pytest_libero_max.substrates.libero.tasks import task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Semantics, World

@@ -15,7 +15,7 @@ import numpy as np
 
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena
 from pytest_libero_max.substrates.embedded.objects import category
-from pytest_libero_max.substrates.embedded.objects.base import Link
+from pytest_libero_max.substrates.embedded.objects.parts import Link
 from pytest_libero_max.tasks.libero_tasks import Task, category_of
 from pytest_libero_max.tasks.libero_tasks import task as task_of
 from pytest_libero_max.worlds import rotations

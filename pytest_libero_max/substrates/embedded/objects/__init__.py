@@ -17,7 +17,7 @@ from pytest_libero_max.substrates.embedded.objects import (
     restyled,
     wine,
 )
-from pytest_libero_max.substrates.embedded.objects.base import Category
+from pytest_libero_max.substrates.embedded.objects.parts import Category
 
 _BUILDERS: dict[str, Callable[[], Category]] = {
     build.__name__: build

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pytest_libero_max.substrates.embedded.meshes import Mesh, box, faceted, join, revolve, tube
-from pytest_libero_max.substrates.embedded.objects.base import (
+from pytest_libero_max.substrates.embedded.objects.parts import (
     Category,
     Grip,
     Link,

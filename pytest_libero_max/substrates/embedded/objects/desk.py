@@ -7,7 +7,8 @@ import math
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.labels import Label, box_atlas
 from pytest_libero_max.substrates.embedded.meshes import box
-from pytest_libero_max.substrates.embedded.objects.base import (
+from pytest_libero_max.substrates.embedded.objects.packaging import packet
+from pytest_libero_max.substrates.embedded.objects.parts import (
     Category,
     Grip,
     Link,
@@ -16,7 +17,6 @@ from pytest_libero_max.substrates.embedded.objects.base import (
     slab,
     slab_mesh,
 )
-from pytest_libero_max.substrates.embedded.objects.packaging import packet
 from pytest_libero_max.substrates.embedded.textures import Rgb
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.rotations import IDENTITY

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.meshes import revolve
-from pytest_libero_max.substrates.embedded.objects.base import Category, Link, Skin, Solid, wall_ring
+from pytest_libero_max.substrates.embedded.objects.parts import Category, Link, Skin, Solid, wall_ring
 from pytest_libero_max.substrates.embedded.textures import Rgb
 from pytest_libero_max.worlds.contract import Image
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.meshes import box, join, panel, revolve
-from pytest_libero_max.substrates.embedded.objects.base import (
+from pytest_libero_max.substrates.embedded.objects.parts import (
     Category,
     Colour,
     Grip,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from pytest_libero_max.substrates.embedded.labels import Label, box_atlas
-from pytest_libero_max.substrates.embedded.objects.base import Category
 from pytest_libero_max.substrates.embedded.objects.packaging import bottle, can, carton, packet
+from pytest_libero_max.substrates.embedded.objects.parts import Category
 from pytest_libero_max.substrates.embedded.textures import Rgb
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.rotations import Quaternion

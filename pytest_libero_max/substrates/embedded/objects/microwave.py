@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pytest_libero_max.substrates.embedded.labels import Label
 from pytest_libero_max.substrates.embedded.meshes import Mesh, join, panel
-from pytest_libero_max.substrates.embedded.objects.base import (
+from pytest_libero_max.substrates.embedded.objects.parts import (
     Category,
     Grip,
     Joint,

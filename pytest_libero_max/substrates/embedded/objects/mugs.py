@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.meshes import Mesh, revolve, tube
-from pytest_libero_max.substrates.embedded.objects.base import (
+from pytest_libero_max.substrates.embedded.objects.parts import (
     Category,
     Colour,
     Grip,

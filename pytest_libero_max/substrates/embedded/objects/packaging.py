@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pytest_libero_max.substrates.embedded.meshes import Mesh, atlas_cell, box, join, panel, revolve
-from pytest_libero_max.substrates.embedded.objects.base import Category, Colour, Link, Skin, Solid, Vector
+from pytest_libero_max.substrates.embedded.objects.parts import Category, Colour, Link, Skin, Solid, Vector
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.rotations import Quaternion

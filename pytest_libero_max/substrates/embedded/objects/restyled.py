@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from pytest_libero_max.substrates.embedded.objects.base import Category, Colour, Link, Skin, Vector
+from pytest_libero_max.substrates.embedded.objects.parts import Category, Colour, Link, Skin, Vector
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Image
 

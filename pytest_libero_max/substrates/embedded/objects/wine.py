@@ -7,7 +7,7 @@ import math
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.labels import Label
 from pytest_libero_max.substrates.embedded.meshes import Mesh, join, panel, revolve
-from pytest_libero_max.substrates.embedded.objects.base import (
+from pytest_libero_max.substrates.embedded.objects.parts import (
     Category,
     Grip,
     Link,

@@ -15,10 +15,10 @@ from itertools import product
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.construction.case_selection import Examine, Pool, select
 from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
 from pytest_libero_max.construction.preflight import Preflight
 from pytest_libero_max.construction.release import Release
-from pytest_libero_max.construction.selection import Examine, Pool, select
 from pytest_libero_max.construction.splits import SPLITS, full, protocol
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.demos import collection
-from pytest_libero_max.demos.collection import Settings, collect, load
+from pytest_libero_max.demos import folder
 from pytest_libero_max.demos.episodes import Demonstration, Planned
+from pytest_libero_max.demos.folder import Settings, collect, load
 from pytest_libero_max.demos.lerobot import write_dataset
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.policies.transforms.images import rotate_180
@@ -58,8 +58,8 @@ def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         def close(self) -> None:
             pass
 
-    monkeypatch.setattr(collection, "record", record)
-    monkeypatch.setattr(collection, "open_substrate", lambda name: Substrate())
+    monkeypatch.setattr(folder, "record", record)
+    monkeypatch.setattr(folder, "open_substrate", lambda name: Substrate())
     return names
 
 
@@ -82,7 +82,7 @@ def test_what_was_executed_is_kept_where_it_is_not_what_the_expert_wanted(
 ) -> None:
     (plain,) = collect(PLANS[:1], tmp_path / "plain", Settings())
     executed = demo(5).actions + 0.5
-    monkeypatch.setattr(collection, "record", lambda *args: replace(demo(5), executed=executed))
+    monkeypatch.setattr(folder, "record", lambda *args: replace(demo(5), executed=executed))
     (pushed,) = collect(PLANS[:1], tmp_path / "pushed", Settings(disturbed=0.25))
     assert plain.path is not None
     assert load(plain.path)[0].executed is None

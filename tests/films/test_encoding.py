@@ -9,8 +9,8 @@ from PIL import Image as Picture
 from PIL import ImageSequence
 
 from pytest_libero_max.errors import ProtocolError, ReportError
-from pytest_libero_max.films import files
-from pytest_libero_max.films.files import write_film
+from pytest_libero_max.films import encoding
+from pytest_libero_max.films.encoding import write_film
 from pytest_libero_max.runs.media import FILM_FORMATS
 from pytest_libero_max.worlds.contract import Image
 
@@ -98,7 +98,7 @@ def test_without_the_extra_films_are_webp_and_an_mp4_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert files.available_format() == "webp"
+    assert encoding.available_format() == "webp"
     with pytest.raises(ReportError, match=r"pytest-libero-max\[film\]"):
         write_film(tmp_path / "a.mp4", _frames(), 20)
 

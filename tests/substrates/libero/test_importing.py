@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.libero import installation, loading
+from pytest_libero_max.substrates.libero import importing, installation
 from tests.substrates.libero.data import DATA, needs_package
 
 BEGIN = f"""
@@ -84,7 +84,7 @@ def test_the_users_own_settings_are_neither_read_nor_written(home: Path) -> None
 @needs_package
 def test_an_adapter_may_import_the_package_too(home: Path) -> None:
     code = """
-from pytest_libero_max.substrates.libero.loading import imported
+from pytest_libero_max.substrates.libero.importing import imported
 with imported(installation):
     pass
 from libero.libero import get_libero_path
@@ -142,8 +142,8 @@ def test_a_placement_that_fails_is_tried_again_and_then_an_error(home: Path) -> 
     code = """
 import pdb
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.libero import environment
-from pytest_libero_max.substrates.libero.loading import imported
+from pytest_libero_max.substrates.libero import package_env
+from pytest_libero_max.substrates.libero.importing import imported
 with imported(installation):
     from libero.libero.envs.bddl_base_domain import BDDLBaseDomain
 from robosuite.utils.errors import RandomizationError
@@ -177,10 +177,10 @@ def test_missing_modules_are_named_with_the_cure(tmp_path: Path, monkeypatch: py
     from pytest_libero_max.substrates.libero.installation import find_installation
     from tests.substrates.libero.test_installation import checkout
 
-    monkeypatch.setattr(loading, "missing_requirements", lambda module: ["bddl", "future"])
+    monkeypatch.setattr(importing, "missing_requirements", lambda module: ["bddl", "future"])
     found = find_installation(checkout(tmp_path))
     message = r"needs the modules bddl, future.*easydict future"
-    with pytest.raises(SubstrateError, match=message), loading.imported(found):
+    with pytest.raises(SubstrateError, match=message), importing.imported(found):
         pass
 
 
@@ -190,7 +190,7 @@ def test_sensor_noise_names_the_package_that_it_lacks(monkeypatch: pytest.Monkey
     monkeypatch.setattr(installation, "importable", lambda name: False)
     for name in ("wand", "wand.api", "wand.image"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    motion_image = type("MotionImage", (loading._stand_ins()["wand.image"].Image,), {})
+    motion_image = type("MotionImage", (importing._stand_ins()["wand.image"].Image,), {})
     with pytest.raises(SubstrateError, match=r"Sensor Noise needs the Python package 'wand'.*libmagickwand"):
         motion_image()
 
@@ -203,7 +203,7 @@ def test_wand_without_its_library_counts_as_missing(tmp_path: Path, monkeypatch:
     monkeypatch.syspath_prepend(str(tmp_path))
     for name in ("wand", "wand.api", "wand.image"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    found = loading._stand_ins()
+    found = importing._stand_ins()
     assert "wand" not in found
     assert {"wand.api", "wand.image"} <= found.keys()
     monkeypatch.delitem(sys.modules, "wand")
@@ -221,7 +221,7 @@ def test_a_package_that_looks_for_its_models_is_told_where_they_are(home: Path) 
         "def get_assets_path():\n    return _packaged_asset_path()\n"
     )
     code = f"""
-from pytest_libero_max.substrates.libero.loading import imported
+from pytest_libero_max.substrates.libero.importing import imported
 root = Path({str(home.parent / "pro")!r})
 (root / "libero" / "libero" / "envs").symlink_to(installation.package / "envs")
 (root / "libero" / "libero" / "utils").symlink_to(installation.package / "utils")

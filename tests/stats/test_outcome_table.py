@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcomes import Outcomes, Ratio, tabulate
+from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 
 PAIRED = st.lists(st.tuples(st.booleans(), st.booleans()), max_size=60)
 

@@ -11,7 +11,7 @@ from pytest_libero_max.construction.preflight import approach
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.substrates.contract import Substrate
 from pytest_libero_max.worlds.contract import CAMERAS, Image
-from pytest_libero_max.worlds.rendering.sheets import captioned, write_sheet
+from pytest_libero_max.worlds.rendering.contact_sheets import captioned, write_sheet
 
 ORIGINAL = "original"
 """The track on LIBERO's own tasks."""

@@ -17,8 +17,8 @@ from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.tracks import CHECKSUMS, load_track, track_names
 from pytest_libero_max.cli import main
-from pytest_libero_max.construction import genuine, selection, splits, verification
-from pytest_libero_max.construction.genuine import build_genuine, candidates_of, propose_smoke
+from pytest_libero_max.construction import case_selection, genuine_tracks, splits, verification
+from pytest_libero_max.construction.genuine_tracks import build_genuine, candidates_of, propose_smoke
 from pytest_libero_max.construction.overview import overview_lines
 from pytest_libero_max.construction.preflight import Preflight, Problem
 from pytest_libero_max.construction.release import read_rejected, read_unexamined, write_release
@@ -26,9 +26,9 @@ from pytest_libero_max.construction.verification import verify
 from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.errors import ManifestError, OptionError, SubstrateError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible_events
-from pytest_libero_max.substrates.libero.catalogue import InstalledCatalogue
 from pytest_libero_max.substrates.libero.descriptions import describe
 from pytest_libero_max.substrates.libero.installation import Installation, find_installation
+from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
 from pytest_libero_max.substrates.libero.tasks import task_names
 from pytest_libero_max.tasks.contents import task_metadata
 from tests.substrates.libero.data import DATA, SUITES
@@ -231,9 +231,9 @@ def test_max_keeps_what_cannot_be_examined_here_and_says_so(
     catalogue: InstalledCatalogue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("PLUS_PER_CELL", "PRO_PER_CELL"):
-        monkeypatch.setattr(selection, name, 1)
+        monkeypatch.setattr(case_selection, name, 1)
         monkeypatch.setattr(verification, name, 1)
-    monkeypatch.setattr(genuine, "SPLITS", {"camera": splits.camera})
+    monkeypatch.setattr(genuine_tracks, "SPLITS", {"camera": splits.camera})
     examined: list[str] = []
 
     def examine(cases: Sequence[Case]) -> dict[str, Preflight]:
@@ -244,7 +244,11 @@ def test_max_keeps_what_cannot_be_examined_here_and_says_so(
     whole = release.tracks["max"]
     assert len(whole) == (7 + 10) * 16
     assert len(release.tracks["camera"]) == 17 * 2
-    assert whole.protocol["substrate"] == release.tracks["camera"].protocol["substrate"] == genuine.SUBSTRATE
+    assert (
+        whole.protocol["substrate"]
+        == release.tracks["camera"].protocol["substrate"]
+        == genuine_tracks.SUBSTRATE
+    )
     # The four categories of LIBERO-PRO that need files of their own, and two of LIBERO-Plus.
     assert len(release.unexamined) == 6 * 16
     assert not set(examined) & release.unexamined.keys()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.libero.states import read_states
+from pytest_libero_max.substrates.libero.initial_states import read_states
 from pytest_libero_max.substrates.libero.tasks import states_file
 from tests.substrates.libero.data import DATA, needs_data
 

@@ -10,8 +10,8 @@ from itertools import pairwise
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.construction.case_selection import cells_of, propose, select
 from pytest_libero_max.construction.configurations import Configuration, cell_of, hosts
-from pytest_libero_max.construction.selection import cells_of, propose, select
 from pytest_libero_max.errors import ManifestError
 
 OFTEN = ("obstacle_insertion", "target_relocation")
@@ -112,7 +112,7 @@ def test_cells_that_want_the_same_tasks_are_named_together() -> None:
 
 def test_selection_cannot_see_outcomes() -> None:
     code = (
-        "import sys, pytest_libero_max.construction.selection\n"
+        "import sys, pytest_libero_max.construction.case_selection\n"
         "rooms = {'policies', 'pairing', 'stats', 'report', 'plugin'}\n"
         "seen = {name.split('.')[1] for name in sys.modules if name.startswith('pytest_libero_max.')}\n"
         "assert not rooms & seen, rooms & seen\n"

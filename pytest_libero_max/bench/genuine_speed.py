@@ -1,6 +1,6 @@
 """Both measurements on a genuine scene: our loop compared with the installed package's environment.
 
-The clock is the one of :mod:`~pytest_libero_max.bench.stepping`: processor time, so what one core with
+The clock is the one of :mod:`~pytest_libero_max.bench.step_speed`: processor time, so what one core with
 nothing else to do would take. The package's loop is what an evaluation without this project does: a hard
 reset for each rollout, both cameras rendered at every step, the executed prefix played again.
 """
@@ -21,7 +21,7 @@ from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.pairing.runner import Pair, measure_pair
-from pytest_libero_max.substrates.libero.loading import imported
+from pytest_libero_max.substrates.libero.importing import imported
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.tasks import task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pytest_libero_max.bench.genuine import (
+from pytest_libero_max.bench.genuine_speed import (
     GenuineTimes,
     measure_genuine,
     package_env,

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.libero.importing import imported
 from pytest_libero_max.substrates.libero.installation import Installation
-from pytest_libero_max.substrates.libero.loading import imported
 
 _NO_MEMORY = "Could not allocate memory"
 """MuJoCo's words where the memory of the process is at its limit."""

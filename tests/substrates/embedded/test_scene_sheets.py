@@ -4,7 +4,7 @@ from pathlib import Path
 
 import cv2
 
-from pytest_libero_max.substrates.embedded.sheets import write_contact_sheet, write_pro_sheet
+from pytest_libero_max.substrates.embedded.scene_sheets import write_contact_sheet, write_pro_sheet
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.tasks.libero_tasks import task
 from pytest_libero_max.tasks.sources import PRO_CATEGORIES

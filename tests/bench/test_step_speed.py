@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 
-from pytest_libero_max.bench.stepping import StepTimes, measure_stepping
+from pytest_libero_max.bench.step_speed import StepTimes, measure_stepping
 from pytest_libero_max.substrates.embedded.env import SceneEnv
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -57,7 +57,7 @@ def test_without_images_their_rows_are_left_out() -> None:
 
 def test_a_measurement_ends_without_a_word_from_the_driver() -> None:
     code = (
-        "from pytest_libero_max.bench.stepping import measure_stepping\n"
+        "from pytest_libero_max.bench.step_speed import measure_stepping\n"
         "from pytest_libero_max.substrates.tiny.world import TinyWorld\n"
         "TinyWorld().observe(size=16)\n"  # our context is made first, so the driver closes it last
         "measure_stepping('libero_object', 0, steps=1, size=32)"
