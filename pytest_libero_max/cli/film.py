@@ -41,19 +41,19 @@ def add_command(commands: Commands) -> None:
         "--view",
         default="world",
         choices=VIEWS,
-        help="world, or what the policy saw: the images of its queries, or of every step if it sees those, "
+        help="world, or policy: the images of its queries, or of every step if it sees those, "
         "after the world's noise and, where a profile or --adapter tells, after preprocessing (default: "
         "%(default)s)",
     )
     film.add_argument(
         "--adapter",
         metavar="POLICY",
-        help="With --view=saw: load the adapter of the run and show what its model_inputs returns",
+        help="With --view=policy: load the adapter of the run and show what its model_inputs returns",
     )
     film.add_argument(
         "--profile",
         metavar="NAME|PATH",
-        help="With --view=saw: the profile of the run's server, if it is none of this package's",
+        help="With --view=policy: the profile of the run's server, if it is none of this package's",
     )
     film.set_defaults(run=_film)
 
@@ -97,18 +97,18 @@ def _film(options: argparse.Namespace) -> int:
     from pytest_libero_max.films.policy_view import shown_by
     from pytest_libero_max.films.recorded import film_pair, film_path
 
-    saw = options.view == "saw"
-    if not saw and (options.adapter or options.profile):
-        raise OptionError("--adapter and --profile say what the policy saw: give --view=saw as well.")
+    of_policy = options.view == "policy"
+    if not of_policy and (options.adapter or options.profile):
+        raise OptionError("--adapter and --profile say what the policy saw: give --view=policy as well.")
     made = write_each(
         options,
         "films",
         lambda folder, record: film_path(folder, record, options.format, options.view),
         lambda ran: partial(
-            film_pair, shown=shown_by(ran, options.adapter, options.profile) if saw else None
+            film_pair, shown=shown_by(ran, options.adapter, options.profile) if of_policy else None
         ),
     )
-    if made.files and options.output is None and not saw:
+    if made.files and options.output is None and not of_policy:
         print(f"libero-max report {options.run_folder} links the films in report.html.")
     return made.exit_status
 

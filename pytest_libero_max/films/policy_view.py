@@ -90,7 +90,7 @@ def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) 
     )
 
 
-def saw(
+def policy_look(
     case: Case, record: PairRecord, traces: Mapping[str, ArmTrace], shown: Shown, size: int
 ) -> tuple[Look, frozenset[int]]:
     """Return the policy's view of a world: its images at each query, kept until the next one.

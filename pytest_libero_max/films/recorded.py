@@ -14,7 +14,7 @@ from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
-from pytest_libero_max.films.policy_view import Shown, caption, saw
+from pytest_libero_max.films.policy_view import Shown, caption, policy_look
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
@@ -84,7 +84,7 @@ def film_pair(
     """
     look, also, words = through_cameras(size), frozenset[int](), None
     if shown is not None:
-        look, also = saw(case, record, traces, shown, size)
+        look, also = policy_look(case, record, traces, shown, size)
         words = caption(record, shown)
     ticks = play_again(case, world, record, traces, look, every, also)
     if on_step is not None:

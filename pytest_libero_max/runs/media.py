@@ -19,11 +19,11 @@ FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
 FILM_SELECTIONS = ("regressions", "changed", "all")
 """Selections of pairs to film: those that only Base completes, those whose outcomes differ, all."""
 
-VIEWS = ("world", "saw")
+VIEWS = ("world", "policy")
 """Views of a film: the world through its cameras, or the policy's images at its queries."""
 
 _SEPARATOR = "--"
-_SAW = f"{_SEPARATOR}saw"
+_POLICY = f"{_SEPARATOR}policy"
 
 
 def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world") -> str:
@@ -35,7 +35,7 @@ def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world
         suffix: One of :data:`FILM_SUFFIXES`.
         view: One of :data:`VIEWS`.
     """
-    return f"{item_id}{_SEPARATOR}{'-'.join(arms)}{_SAW if view == 'saw' else ''}{suffix}"
+    return f"{item_id}{_SEPARATOR}{'-'.join(arms)}{_POLICY if view == 'policy' else ''}{suffix}"
 
 
 def films_in(folder: Path, view: str = "world") -> dict[str, str]:
@@ -47,9 +47,9 @@ def films_in(folder: Path, view: str = "world") -> dict[str, str]:
     """
     found = {}
     for path in _films(folder):
-        saw = path.stem.endswith(_SAW)
-        if saw == (view == "saw"):
-            name = path.stem.removesuffix(_SAW) if saw else path.stem
+        of_policy = path.stem.endswith(_POLICY)
+        if of_policy == (view == "policy"):
+            name = path.stem.removesuffix(_POLICY) if of_policy else path.stem
             found[name.rpartition(_SEPARATOR)[0]] = f"{FILMS_NAME}/{path.name}"
     return found
 
@@ -62,7 +62,7 @@ def _films(folder: Path) -> list[Path]:
 def caption_of(path: str, item_id: str) -> str:
     """Return the title of a film or picture from its file name: ``base-dynamic, what the policy saw``."""
     name = path.rpartition("/")[2].rpartition(".")[0].removeprefix(f"{item_id}{_SEPARATOR}")
-    return f"{name.removesuffix(_SAW)}, what the policy saw" if name.endswith(_SAW) else name
+    return f"{name.removesuffix(_POLICY)}, what the policy saw" if name.endswith(_POLICY) else name
 
 
 def pictures_in(folder: Path) -> dict[str, list[str]]:

@@ -10,7 +10,7 @@ from msgspec import structs
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import AdapterError, ReportError
-from pytest_libero_max.films.policy_view import caption, fitted, saw, shown_by
+from pytest_libero_max.films.policy_view import caption, fitted, policy_look, shown_by
 from pytest_libero_max.films.replay import Tick, play_again
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.profile import load_profile
@@ -50,7 +50,7 @@ def seeing(short: None, tmp_path: Path) -> tuple[Played, Approaching]:
 
 def _ticks(played: Played, ran: dict[str, Any], every: int = 1, **options: str) -> list[Tick]:
     shown = shown_by(ran, **options)
-    look, also = saw(played.case, played.record, played.traces, shown, SIZE)
+    look, also = policy_look(played.case, played.record, played.traces, shown, SIZE)
     return list(play_again(played.case, played.world, played.record, played.traces, look, every, also))
 
 
@@ -156,15 +156,15 @@ def test_what_was_seen_is_filmed_beside_the_film_of_the_pair(
     played = seeing[0]
     run = store(played, tmp_path / "run", tmp_path / "tiny.json")
     film = ["film", str(run), "--select=all", f"--size={SIZE}", "--format=webp"]
-    assert main([*film, "--view=saw"]) == 0
+    assert main([*film, "--view=policy"]) == 0
     assert main(film) == 0
     item = played.record.item_id
     assert sorted(path.name for path in (run / "films").iterdir()) == [
-        f"{item}--base-dynamic--saw.webp",
+        f"{item}--base-dynamic--policy.webp",
         f"{item}--base-dynamic.webp",
     ]
     assert main([*film, "--adapter=expert"]) == 1
-    assert "give --view=saw as well" in capsys.readouterr().err
+    assert "give --view=policy as well" in capsys.readouterr().err
 
 
 def test_an_instruction_that_has_changed_is_said(

@@ -19,11 +19,11 @@ def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
 def test_a_film_of_what_a_policy_saw_is_kept_but_not_taken_for_the_film_of_the_pair(tmp_path: Path) -> None:
     folder = tmp_path / "films"
     folder.mkdir()
-    name = film_name("a-t00", ("base", "dynamic"), ".webp", "saw")
-    assert name == "a-t00--base-dynamic--saw.webp"
+    name = film_name("a-t00", ("base", "dynamic"), ".webp", "policy")
+    assert name == "a-t00--base-dynamic--policy.webp"
     (folder / name).touch()
     assert films_in(tmp_path) == {}
-    assert films_in(tmp_path, "saw") == {"a-t00": f"films/{name}"}
+    assert films_in(tmp_path, "policy") == {"a-t00": f"films/{name}"}
     assert caption_of(f"films/{name}", "a-t00") == "base-dynamic, what the policy saw"
     assert kept_beside(tmp_path) == ["films"]
 

@@ -13,8 +13,8 @@ from typing import Generic, TypeVar
 
 from pytest_libero_max.errors import AdapterError, ServerError
 
-Question = TypeVar("Question")
-Answer = TypeVar("Answer")
+Request = TypeVar("Request")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -46,57 +46,57 @@ class Batching:
 
 
 @dataclass(frozen=True)
-class Waiting(Generic[Question, Answer]):
-    """A question that waits.
+class Pending(Generic[Request, Result]):
+    """A request that waits for its result.
 
     Attributes:
-        question: The query.
-        answer: Future that receives the answer or the error.
+        request: The query.
+        result: Future that receives the answer or the error.
         since: When it came, by ``time.perf_counter``.
     """
 
-    question: Question
-    answer: Future[Answer] = field(default_factory=Future)
+    request: Request
+    result: Future[Result] = field(default_factory=Future)
     since: float = field(default_factory=time.perf_counter)
 
 
-class Desk(Generic[Question, Answer]):
-    """Takes questions from many threads, and has them answered in one.
+class BatchQueue(Generic[Request, Result]):
+    """Takes requests from many threads, and has them answered in one.
 
     Args:
         batching: Size of a batch and time to wait for one.
         present: Returns the number of clients: nobody else is waited for.
-        answer: Answers some questions by setting their futures, each of them.
+        answer: Answers some requests by setting their futures, each of them.
     """
 
     def __init__(
         self,
         batching: Batching,
         present: Callable[[], int],
-        answer: Callable[[list[Waiting[Question, Answer]]], None],
+        answer: Callable[[list[Pending[Request, Result]]], None],
     ) -> None:
         self._batching = batching
         self._present = present
         self._answer = answer
-        self._queue: queue.SimpleQueue[Waiting[Question, Answer] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[Pending[Request, Result] | None] = queue.SimpleQueue()
         self._closed = threading.Event()
 
-    def ask(self, question: Question) -> Answer:
-        """Wait for the answer to a question.
+    def ask(self, request: Request) -> Result:
+        """Wait for the answer to a request.
 
         Raises:
-            ServerError: The desk is closed.
+            ServerError: The queue is closed.
             Exception: Whatever the answer is instead.
         """
-        waiting: Waiting[Question, Answer] = Waiting(question)
-        self._queue.put(waiting)
+        pending: Pending[Request, Result] = Pending(request)
+        self._queue.put(pending)
         if self._closed.is_set():
             self._refuse()
-        return waiting.answer.result()
+        return pending.result.result()
 
     @contextmanager
     def open(self) -> Iterator[None]:
-        """Answer questions until the block ends; those that wait then are refused."""
+        """Answer requests until the block ends; those that wait then are refused."""
         thread = threading.Thread(target=self._work, name="policy", daemon=True)
         thread.start()
         try:
@@ -112,12 +112,12 @@ class Desk(Generic[Question, Answer]):
             try:
                 self._answer(batch)
             except BaseException as error:  # a mistake here must not leave clients waiting
-                for waiting in batch:
-                    if not waiting.answer.done():
-                        waiting.answer.set_exception(error)
+                for pending in batch:
+                    if not pending.result.done():
+                        pending.result.set_exception(error)
 
-    def _batch(self) -> list[Waiting[Question, Answer]]:
-        """Return the next questions to be answered together; none at the end."""
+    def _batch(self) -> list[Pending[Request, Result]]:
+        """Return the next requests to be answered together; none at the end."""
         first = self._queue.get()
         if first is None or self._closed.is_set():
             return self._ended(first)
@@ -137,7 +137,7 @@ class Desk(Generic[Question, Answer]):
             batch.append(following)
         return batch
 
-    def _ended(self, first: Waiting[Question, Answer] | None) -> list[Waiting[Question, Answer]]:
+    def _ended(self, first: Pending[Request, Result] | None) -> list[Pending[Request, Result]]:
         if first is not None:
             self._queue.put(first)
         return []
@@ -145,8 +145,8 @@ class Desk(Generic[Question, Answer]):
     def _refuse(self) -> None:
         while True:
             try:
-                waiting = self._queue.get_nowait()
+                pending = self._queue.get_nowait()
             except queue.Empty:
                 return
-            if waiting is not None:
-                waiting.answer.set_exception(ServerError("the server is being stopped"))
+            if pending is not None:
+                pending.result.set_exception(ServerError("the server is being stopped"))

@@ -27,7 +27,7 @@ from pytest_libero_max.policies.check import (
     start,
 )
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec
-from pytest_libero_max.policies.server.batching import Batching, Desk, Waiting
+from pytest_libero_max.policies.server.batching import Batching, BatchQueue, Pending
 from pytest_libero_max.policies.server.memories import Memories, Place
 from pytest_libero_max.policies.server.metrics import Metrics
 from pytest_libero_max.worlds.contract import Observation
@@ -36,7 +36,7 @@ Actions = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Question:
+class InferenceRequest:
     """A query on its way to the policy.
 
     Attributes:
@@ -53,8 +53,8 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """Answer to a question.
+class InferenceResult:
+    """Answer to a request.
 
     Attributes:
         actions: (n, 7) with Q <= n <= H.
@@ -68,9 +68,9 @@ class Answer:
 
 
 class Host:
-    """Answers the questions of many connections with one policy, in one thread.
+    """Answers the requests of many connections with one policy, in one thread.
 
-    Each answer is a function of its question alone, so it does not matter who else asks; only the arithmetic
+    Each answer is a function of its request alone, so it does not matter who else asks; only the arithmetic
     of a batch may differ in its last digits.
 
     Args:
@@ -122,7 +122,9 @@ class Host:
         self._at: tuple[str, str | None] | None = None
         self._clients = 0
         self._lock = threading.Lock()
-        self._desk: Desk[Question, Answer] = Desk(batching, lambda: self._clients, self._answer)
+        self._queue: BatchQueue[InferenceRequest, InferenceResult] = BatchQueue(
+            batching, lambda: self._clients, self._answer
+        )
 
     @property
     def spec(self) -> PolicySpec:
@@ -131,12 +133,12 @@ class Host:
 
     @property
     def remembers(self) -> bool:
-        """True if the policy has a memory, so that every question needs a place."""
+        """True if the policy has a memory, so that every request needs a place."""
         return self._memories is not None
 
     @property
     def sees(self) -> bool:
-        """True if the policy is shown every step, so that a question holds those since the last one."""
+        """True if the policy is shown every step, so that a request holds those since the last one."""
         return sees(self._policy)
 
     @property
@@ -146,7 +148,7 @@ class Host:
 
     def open(self) -> AbstractContextManager[None]:
         """Answer until the block ends."""
-        return self._desk.open()
+        return self._queue.open()
 
     @contextmanager
     def client(self) -> Iterator[None]:
@@ -157,13 +159,13 @@ class Host:
         finally:
             self._count(-1)
 
-    def ask(self, question: Question) -> Answer:
+    def ask(self, request: InferenceRequest) -> InferenceResult:
         """Wait for the answer.
 
         Raises:
             LiberoMaxError: The policy raised, its actions cannot be played, or the memory is not here.
         """
-        return self._desk.ask(question)
+        return self._queue.ask(request)
 
     def refused(self, error: BaseException) -> None:
         """Count a request that got an error instead of an answer."""
@@ -176,64 +178,64 @@ class Host:
             if self.metrics is not None:
                 self.metrics.clients(self._clients)
 
-    def _answer(self, batch: list[Waiting[Question, Answer]]) -> None:
+    def _answer(self, batch: list[Pending[InferenceRequest, InferenceResult]]) -> None:
         began = time.perf_counter()
-        questions = [waiting.question for waiting in batch]
-        outcomes = self._outcomes(questions)
+        requests = [pending.request for pending in batch]
+        outcomes = self._outcomes(requests)
         took = time.perf_counter() - began
         if self.metrics is not None:
-            self.metrics.batch([began - waiting.since for waiting in batch], took)
-        for waiting, outcome in zip(batch, outcomes, strict=True):
-            if isinstance(outcome, Answer):
-                waiting.answer.set_result(outcome)
+            self.metrics.batch([began - pending.since for pending in batch], took)
+        for pending, outcome in zip(batch, outcomes, strict=True):
+            if isinstance(outcome, InferenceResult):
+                pending.result.set_result(outcome)
             else:
-                waiting.answer.set_exception(outcome)
+                pending.result.set_exception(outcome)
 
-    def _outcomes(self, questions: list[Question]) -> list[Answer | BaseException]:
-        """Return the answers in the order of the questions; those of one cadence are found together."""
-        found: dict[int, Answer | BaseException] = {}
-        for cadence in dict.fromkeys(question.cadence for question in questions):
-            places = [place for place, question in enumerate(questions) if question.cadence == cadence]
-            group = [questions[place] for place in places]
+    def _outcomes(self, requests: list[InferenceRequest]) -> list[InferenceResult | BaseException]:
+        """Return the answers in the order of the requests; those of one cadence are found together."""
+        found: dict[int, InferenceResult | BaseException] = {}
+        for cadence in dict.fromkeys(request.cadence for request in requests):
+            places = [place for place, request in enumerate(requests) if request.cadence == cadence]
+            group = [requests[place] for place in places]
             try:
                 with played_at(self._policy, cadence):
                     own = self._together(group) if self._batching.size > 1 else [self._tried(group[0])]
             except AdapterError as error:
                 own = [error] * len(group)
             found |= dict(zip(places, own, strict=True))
-        return [found[place] for place in range(len(questions))]
+        return [found[place] for place in range(len(requests))]
 
-    def _together(self, questions: list[Question]) -> list[Answer | BaseException]:
-        """Return the answers to several questions; where one of them makes trouble, each is asked alone."""
-        items = [question.item for question in questions]
+    def _together(self, requests: list[InferenceRequest]) -> list[InferenceResult | BaseException]:
+        """Return the answers to several requests; where one of them makes trouble, each is asked alone."""
+        items = [request.item for request in requests]
         if self._batching.pad:
             items += items[:1] * (self._batching.size - len(items))
         try:
             actions = ask_together(self._policy, items)
         except BaseException as error:
-            if len(questions) == 1:
+            if len(requests) == 1:
                 return [error]
-            return [outcome for question in questions for outcome in self._together([question])]
-        return [Answer(own, len(questions)) for own in actions[: len(questions)]]
+            return [outcome for request in requests for outcome in self._together([request])]
+        return [InferenceResult(own, len(requests)) for own in actions[: len(requests)]]
 
-    def _tried(self, question: Question) -> Answer | BaseException:
+    def _tried(self, request: InferenceRequest) -> InferenceResult | BaseException:
         try:
-            return self._alone(question) if self._memories is None else self._remembering(question)
+            return self._alone(request) if self._memories is None else self._remembering(request)
         except BaseException as error:
             self._episode = self._at = None
             return error
 
-    def _alone(self, question: Question) -> Answer:
-        item = question.item
-        episode = (item.episode, question.cadence)
+    def _alone(self, request: InferenceRequest) -> InferenceResult:
+        item = request.item
+        episode = (item.episode, request.cadence)
         if episode != self._episode:
             self._episode = None
             start(self._policy, item.episode)
             self._episode = episode
-        return Answer(ask(self._policy, item.observation, item.query))
+        return InferenceResult(ask(self._policy, item.observation, item.query))
 
-    def _remembering(self, question: Question) -> Answer:
-        item, place, memories = question.item, question.place, self._memories
+    def _remembering(self, request: InferenceRequest) -> InferenceResult:
+        item, place, memories = request.item, request.place, self._memories
         assert place is not None
         assert memories is not None
         if place.at is None or (place.client, place.at) != self._at:
@@ -242,9 +244,9 @@ class Host:
             if place.at is not None:
                 restore_memory(self._policy, memory)
         self._at = None
-        for observation, step in question.frames if self.sees else ():
+        for observation, step in request.frames if self.sees else ():
             show(self._policy, observation, step)
         actions = ask(self._policy, item.observation, item.query)
         name = memories.add(place, copy_memory(self._policy))
         self._at = (place.client, name)
-        return Answer(actions, memory=name)
+        return InferenceResult(actions, memory=name)

@@ -17,7 +17,7 @@ from pytest_libero_max.errors import LiberoMaxError, ServerError
 from pytest_libero_max.events.schedules import Cadence
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query
-from pytest_libero_max.policies.server.host import Host, Question
+from pytest_libero_max.policies.server.host import Host, InferenceRequest
 from pytest_libero_max.policies.server.memories import Place
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def answer(host: Host, request: Any) -> dict[str, Any]:
     """
     item = _item(request)
     place = Place.read(request.get("memory")) if host.remembers else None
-    found = host.ask(Question(item, place, _cadence(request), _frames(request)))
+    found = host.ask(InferenceRequest(item, place, _cadence(request), _frames(request)))
     reply = {"actions": found.actions, "batch": found.batch}
     return reply if found.memory is None else {**reply, "memory": found.memory}
 

@@ -26,7 +26,7 @@ from pytest_libero_max.errors import AdapterError, LiberoMaxError, ServerError
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, array_from, pack, shortened, unpack
 from pytest_libero_max.policies.clients.vla_eval import PROTOCOL_VERSION
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query, query_seed
-from pytest_libero_max.policies.server.host import Host, Question
+from pytest_libero_max.policies.server.host import Host, InferenceRequest
 from pytest_libero_max.policies.server.memories import Place
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.worlds.contract import CAMERAS, height_and_width
@@ -143,7 +143,7 @@ class Session:
         )
         item = BatchItem(self._observation(payload), query, episode)
         place = Place(self._client, self._memory) if self._host.remembers else None
-        answer = self._host.ask(Question(item, place))
+        answer = self._host.ask(InferenceRequest(item, place))
         self._index += 1
         self._memory, self._batch = answer.memory, answer.batch
         self._queue.extend(answer.actions[: self._spec.query_interval])

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.errors import AdapterError, ServerError
-from pytest_libero_max.policies.server.batching import Batching, Desk, Waiting
+from pytest_libero_max.policies.server.batching import Batching, BatchQueue, Pending
 from tests.policies.server.policies import at_once
 
-Jobs = list[Waiting[int, int]]
+Jobs = list[Pending[int, int]]
 FOREVER_S = 60.0
 
 
@@ -20,46 +20,46 @@ class Doubling:
         self.batches: list[list[int]] = []
 
     def __call__(self, jobs: Jobs) -> None:
-        self.batches.append([job.question for job in jobs])
+        self.batches.append([job.request for job in jobs])
         for job in jobs:
-            job.answer.set_result(2 * job.question)
+            job.result.set_result(2 * job.request)
 
 
 def test_questions_of_all_clients_are_answered_together_without_waiting_longer() -> None:
     doubling = Doubling()
-    desk: Desk[int, int] = Desk(Batching(8, FOREVER_S), lambda: 3, doubling)
-    with desk.open():
-        assert at_once(*(lambda number=number: desk.ask(number) for number in range(3))) == [0, 2, 4]
+    batches: BatchQueue[int, int] = BatchQueue(Batching(8, FOREVER_S), lambda: 3, doubling)
+    with batches.open():
+        assert at_once(*(lambda number=number: batches.ask(number) for number in range(3))) == [0, 2, 4]
     assert [sorted(batch) for batch in doubling.batches] == [[0, 1, 2]]
 
 
 def test_a_full_batch_does_not_wait() -> None:
     doubling = Doubling()
-    desk: Desk[int, int] = Desk(Batching(2, FOREVER_S), lambda: 9, doubling)
-    with desk.open():
-        at_once(*(lambda number=number: desk.ask(number) for number in range(4)))
+    batches: BatchQueue[int, int] = BatchQueue(Batching(2, FOREVER_S), lambda: 9, doubling)
+    with batches.open():
+        at_once(*(lambda number=number: batches.ask(number) for number in range(4)))
     assert [len(batch) for batch in doubling.batches] == [2, 2]
 
 
 def test_a_question_waits_for_others_no_longer_than_it_may() -> None:
     doubling = Doubling()
-    desk: Desk[int, int] = Desk(Batching(8, 0.01), lambda: 9, doubling)
-    with desk.open():
-        assert desk.ask(4) == 8
+    batches: BatchQueue[int, int] = BatchQueue(Batching(8, 0.01), lambda: 9, doubling)
+    with batches.open():
+        assert batches.ask(4) == 8
     assert doubling.batches == [[4]]
 
 
 def test_a_mistake_while_answering_reaches_whoever_asked_and_nobody_else() -> None:
     def answer(jobs: Jobs) -> None:
-        if jobs[0].question < 0:
+        if jobs[0].request < 0:
             raise RuntimeError("a mistake")
-        jobs[0].answer.set_result(1)
+        jobs[0].result.set_result(1)
 
-    desk: Desk[int, int] = Desk(Batching(), lambda: 1, answer)
-    with desk.open():
+    batches: BatchQueue[int, int] = BatchQueue(Batching(), lambda: 1, answer)
+    with batches.open():
         with pytest.raises(RuntimeError, match="a mistake"):
-            desk.ask(-1)
-        assert desk.ask(0) == 1
+            batches.ask(-1)
+        assert batches.ask(0) == 1
 
 
 def test_questions_that_wait_at_the_end_are_refused() -> None:
@@ -68,18 +68,18 @@ def test_questions_that_wait_at_the_end_are_refused() -> None:
     def answer(jobs: Jobs) -> None:
         entered.set()
         go_on.wait(10)
-        jobs[0].answer.set_result(1)
+        jobs[0].result.set_result(1)
 
-    desk: Desk[int, int] = Desk(Batching(), lambda: 2, answer)
+    batches: BatchQueue[int, int] = BatchQueue(Batching(), lambda: 2, answer)
 
     def asked() -> Any:
         try:
-            return desk.ask(1)
+            return batches.ask(1)
         except ServerError as error:
             return str(error)
 
     found: list[Any] = []
-    with desk.open():
+    with batches.open():
         threads = [threading.Thread(target=lambda: found.append(asked())) for _ in range(2)]
         threads[0].start()
         assert entered.wait(10)

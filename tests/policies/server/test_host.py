@@ -12,7 +12,7 @@ import pytest
 from pytest_libero_max.errors import ActionError, AdapterError, ServerError
 from pytest_libero_max.policies.contract import BatchItem, PolicySpec
 from pytest_libero_max.policies.server.batching import Batching
-from pytest_libero_max.policies.server.host import Answer, Host, Question
+from pytest_libero_max.policies.server.host import Host, InferenceRequest, InferenceResult
 from pytest_libero_max.policies.server.memories import Place
 from pytest_libero_max.policies.server.metrics import Metrics
 from tests.policies.clients import fakes
@@ -20,9 +20,9 @@ from tests.policies.server.policies import Batched, Counting, at_once
 from tests.policies.test_examination import Sound
 
 
-def question(index: int, place: Place | None = None, task: int = 3) -> Question:
+def request(index: int, place: Place | None = None, task: int = 3) -> InferenceRequest:
     item = BatchItem(fakes.observation(), fakes.query(index), replace(fakes.EPISODE, task_index=task))
-    return Question(item, place)
+    return InferenceRequest(item, place)
 
 
 @contextmanager
@@ -32,9 +32,9 @@ def hosted(policy: Any, **options: Any) -> Iterator[Host]:
         yield host
 
 
-def ask_all(host: Host, *indices: int) -> list[Answer]:
+def ask_all(host: Host, *indices: int) -> list[InferenceResult]:
     with host.client(), host.client(), host.client():
-        return at_once(*(lambda index=index: host.ask(question(index)) for index in indices))
+        return at_once(*(lambda index=index: host.ask(request(index)) for index in indices))
 
 
 @pytest.mark.parametrize(("pad", "size"), [(False, 3), (True, 8)])
@@ -57,7 +57,7 @@ def test_a_query_that_makes_trouble_costs_its_company_nothing() -> None:
 
     def outcome(index: int) -> Any:
         try:
-            return host.ask(question(index)).actions.shape
+            return host.ask(request(index)).actions.shape
         except (AdapterError, ActionError) as error:
             return type(error), str(error)
 
@@ -78,7 +78,7 @@ def test_another_number_of_answers_than_of_items_is_named() -> None:
         hosted(Losing(), batching=Batching(2)) as host,
         pytest.raises(AdapterError, match=r"0 answer\(s\) from predict_batch for 1 item\(s\)"),
     ):
-        host.ask(question(0))
+        host.ask(request(0))
 
 
 def test_each_client_has_its_own_memory() -> None:
@@ -87,7 +87,7 @@ def test_each_client_has_its_own_memory() -> None:
         at: dict[str, str | None] = {"a": None, "b": None}
         seen: dict[str, list[Any]] = {"a": [], "b": []}
         for client in "aabababb":
-            answer = host.ask(question(0, Place(client, at[client]), task=ord(client)))
+            answer = host.ask(request(0, Place(client, at[client]), task=ord(client)))
             at[client] = answer.memory
             seen[client].append(tuple(np.rint(100 * answer.actions[0, :2])))
     assert seen == {client: [(n, ord(client)) for n in range(4)] for client in "ab"}
@@ -95,12 +95,12 @@ def test_each_client_has_its_own_memory() -> None:
 
 def test_a_query_can_be_asked_again_from_the_memory_before_it() -> None:
     with hosted(Counting()) as host:
-        first = host.ask(question(0, Place("a")))
-        second = host.ask(question(1, Place("a", first.memory)))
-        again = host.ask(question(1, Place("a", first.memory)))
+        first = host.ask(request(0, Place("a")))
+        second = host.ask(request(1, Place("a", first.memory)))
+        again = host.ask(request(1, Place("a", first.memory)))
         assert second.actions.tobytes() == again.actions.tobytes()
         with pytest.raises(ServerError, match="is not here"):
-            host.ask(question(2, Place("a", second.memory)))
+            host.ask(request(2, Place("a", second.memory)))
 
 
 def test_after_an_error_no_memory_of_another_is_left() -> None:
@@ -112,10 +112,10 @@ def test_after_an_error_no_memory_of_another_is_left() -> None:
             return answer
 
     with hosted(Once()) as host:
-        first = host.ask(question(0, Place("a")))
+        first = host.ask(request(0, Place("a")))
         with pytest.raises(AdapterError, match="lost"):
-            host.ask(question(9, Place("a", first.memory)))
-        assert host.ask(question(1, Place("a", first.memory))).actions[0, 0] == 0.01
+            host.ask(request(9, Place("a", first.memory)))
+        assert host.ask(request(1, Place("a", first.memory))).actions[0, 0] == 0.01
 
 
 @pytest.mark.parametrize(
