@@ -48,7 +48,7 @@ def _gate(options: argparse.Namespace) -> int:
     verdicts = decide(gates, options.folder, here)
     print("\n".join(gate_lines(verdicts)))
     failed = [verdict for verdict in verdicts if not verdict.passed]
-    counts = report_of(stored)["pairs"]
+    counts = report_of(stored).pairs
     if not ended_as_declared(counts):
         print(f"{incomplete_text(counts)} Exit status {INCOMPLETE}.")
         return INCOMPLETE

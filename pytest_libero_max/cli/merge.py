@@ -40,4 +40,4 @@ def _merge(options: argparse.Namespace) -> int:
     merge_folders(folders, options.output)
     report, paths = write_reports(options.output)
     print("\n".join([*left_out, *summary_lines(report, [str(path) for path in paths])]))
-    return 0 if report["pairs"]["complete"] else INCOMPLETE
+    return 0 if report.pairs.complete else INCOMPLETE

@@ -41,8 +41,8 @@ def _report(options: argparse.Namespace) -> None:
         paths += write_figures(report, options.folder)
     if options.tables:
         tables = {"report.csv": csv_text(report), "report.tex": latex_text(report)}
-        if "study" in report:
-            tables["study.csv"] = study_csv(report["study"])
+        if report.study is not None:
+            tables["study.csv"] = study_csv(report.study)
         for name, text in tables.items():
             write_text(options.folder / name, text)
         paths += [options.folder / name for name in tables]

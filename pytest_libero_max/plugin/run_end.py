@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import copy
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import msgspec
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
@@ -20,14 +20,8 @@ from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore
 
-_NO_PAIRS: Json = {
-    "played": 0,
-    "planned": 0,
-    "missing": 0,
-    "invalid": 0,
-    "missing_shards": [],
-    "complete": False,
-}
+if TYPE_CHECKING:
+    from pytest_libero_max.report.document import Report
 
 
 class RunEnd:
@@ -48,7 +42,7 @@ class RunEnd:
         self.config, self.settings = config, settings
         self.lines: list[str] = []
         self.notes: list[str] = []
-        self.report: Json | None = None
+        self.report: Report | None = None
         self._stop = stop
 
     def finish(self, session: pytest.Session, store: PairStore | None, *, measured_before: bool) -> None:
@@ -86,7 +80,7 @@ class RunEnd:
         folder, here = self.settings.output, self.config.invocation_params.dir
         self.report, written = write_reports(folder, self._add_sections, on_problem)
         self.lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
-        self.lines += set_aside_lines(self.report["pairs"]["invalid_pairs"])
+        self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
         verdicts = decide(self.settings.gate, folder, here)
         self.lines += gate_lines(verdicts)
@@ -98,20 +92,20 @@ class RunEnd:
                 self.lines.append(f"The step summary was not written: {error}")
         return sum(not verdict.passed for verdict in verdicts)
 
-    def _tell_reported(self, report: Json) -> None:
+    def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""
         from pytest_libero_max.report.numbers import main_numbers
 
-        told = {"report": copy.deepcopy(report), "numbers": main_numbers(report)}
+        told = {"report": msgspec.to_builtins(report), "numbers": main_numbers(report)}
         try:
             hook = self.config.hook.pytest_libero_max_reported
             hook(**told, folder=self.settings.output, config=self.config)
         except Exception as error:  # a user's hook may raise anything, and must not cost the gates
             self.lines.append(f"pytest_libero_max_reported raised {type(error).__name__}: {error}")
 
-    def _add_sections(self, report: Json) -> Json:
+    def _add_sections(self, report: Report) -> Report:
         """Let conftest files add sections to the report, and nothing else."""
-        amended = copy.deepcopy(report)
+        amended: Json = msgspec.to_builtins(report)
         try:
             self.config.hook.pytest_libero_max_report(report=amended, config=self.config)
             return with_sections(report, amended)
@@ -138,21 +132,21 @@ class RunEnd:
                 f"Exit status {self._stop.status:d}: the run was stopped. Repair what broke and continue "
                 "with --libero-max-resume."
             ]
-        pairs = _NO_PAIRS if self.report is None else self.report["pairs"]
+        pairs = None if self.report is None else self.report.pairs
         status = session.exitstatus
         if status == pytest.ExitCode.NO_TESTS_COLLECTED and measured_before:
             session.exitstatus = status = pytest.ExitCode.OK  # everything was measured before
         if status == pytest.ExitCode.INTERRUPTED and (self._stop.broken or session.shouldfail):
             # xdist takes a stop, also that of -x, for an interruption.
             session.exitstatus = status = pytest.ExitCode.TESTS_FAILED
-        if status == pytest.ExitCode.INTERRUPTED and pairs["missing"]:
+        if status == pytest.ExitCode.INTERRUPTED and pairs is not None and pairs.missing:
             return [
-                f"Interrupted: {pairs['played']} of {pairs['planned']} pairs are measured and kept. Give the "
+                f"Interrupted: {pairs.played} of {pairs.planned} pairs are measured and kept. Give the "
                 "same command with --libero-max-resume to play the others."
             ]
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return []
-        if problems:
+        if problems or pairs is None:
             session.exitstatus = INCOMPLETE
             return [
                 f"Exit status {INCOMPLETE}: not everything could be written. What was measured is in "
@@ -161,19 +155,19 @@ class RunEnd:
         if not ended_as_declared(pairs):
             session.exitstatus = INCOMPLETE
             return [
-                f"Exit status {INCOMPLETE}: the run is incomplete ({pairs['invalid']} invalid, "
-                f"{pairs['missing']} missing). Repair what broke and continue with --libero-max-resume."
+                f"Exit status {INCOMPLETE}: the run is incomplete ({pairs.invalid} invalid, "
+                f"{pairs.missing} missing). Repair what broke and continue with --libero-max-resume."
             ]
         if failed_gates and status == pytest.ExitCode.OK:
             session.exitstatus = GATE_FAILED
             return [
                 f"Exit status {GATE_FAILED}: {failed_gates} of {len(self.settings.gate)} gates do not hold."
             ]
-        if pairs["complete"]:
+        if pairs.complete:
             return []
         return [
-            f"Exit status {status:d}: the run ended by its stopping rule, which left out {pairs['missing']} "
-            f"of {pairs['planned']} pairs. To play them, resume without the rule."
+            f"Exit status {status:d}: the run ended by its stopping rule, which left out {pairs.missing} "
+            f"of {pairs.planned} pairs. To play them, resume without the rule."
         ]
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:

@@ -10,24 +10,36 @@ from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.statements import STATEMENTS
-from pytest_libero_max.report.statistics_json import (
-    change_json,
-    macro_json,
-    outcomes_json,
-    rate_json,
-    ratio_json,
-    result_json,
-    split_json,
+from pytest_libero_max.report.document import (
+    Cell,
+    ClippedActions,
+    Extremes,
+    Headline,
+    InvalidPair,
+    Macro,
+    Macros,
+    MissingPair,
+    NoiseFloor,
+    PairCounts,
+    PlayedSelection,
+    PresentShards,
+    Report,
+    Split,
+    Stop,
 )
-from pytest_libero_max.report.studies.study import study_json
+from pytest_libero_max.report.measured import number, outcomes_of, rate_of, ratio_of, result_of
+from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.studies.study import study_of
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.stats import breakdown as breakdowns
 from pytest_libero_max.stats.breakdown import (
     FLOOR_BASE_RATE,
+    MacroAverage,
     breakdown,
     largest_split,
     macro_average,
@@ -37,9 +49,7 @@ from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 from pytest_libero_max.substrates.registry import scores_of
 
-REPORT_VERSION = 2
-
-METHODS = {
+METHODS: Mapping[str, str | float] = {
     "confidence": CONFIDENCE,
     "rates": "Wilson score interval",
     "paired_change": "lower and upper: melded exact interval of independent pairs (Fay and Lumbard 2021), "
@@ -61,7 +71,7 @@ def build_report(
     planned_cases: Iterable[Case | PlannedPair],
     provenance: Json,
     stopped: Stopped | None = None,
-) -> Json:
+) -> Report:
     """Compute the report of a run.
 
     Rates over the planned pairs are in ``headline`` and are withheld (None, with the reason) while a pair
@@ -100,61 +110,59 @@ def build_report(
     columns = columns_of([played[pair.case_id] for pair in measured], [pair.task for pair in measured])
     overall = measure(columns)
     selection = _selection(provenance)
-    counts = {
-        **_counts(planned, played, failed, selection["missing_shards"] if selection else []),
-        "repaired_pairs": sorted(repaired),
-        "unsupported": len(unsupported),
-        "unsupported_suites": sorted({*unsupported.values()}),
-    }
-    if stopped is not None and not counts["complete"]:
-        counts["stopped"] = stopped.to_dict()
-    study = study_json(
+    counts = _counts(
+        planned,
+        played,
+        failed,
+        missing_shards=selection.missing_shards if selection else [],
+        repaired=repaired,
+        unsupported=unsupported,
+        stopped=stopped,
+    )
+    study = study_of(
         [played[pair.case_id] for pair in measured],
         [pair.task for pair in measured],
         provenance["protocol"],
     )
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
-    return {
-        "schema_version": REPORT_VERSION,
-        "pairs": counts,
-        "selection": selection,
-        "headline": _headline(counts, overall),
-        "policy": policy,
-        "substrate": substrate_json(provenance),
-        "caveats": caveats_of(played[pair.case_id] for pair in measured),
-        "overall": result_json(overall, len(planned)),
-        "noise_floor": _noise_floor(played.values()),
-        "clipped_actions": _clipped_actions(played.values()),
-        "by": {
-            name: {label: result_json(result, total) for label, (result, total) in group.items()}
+    return Report(
+        pairs=counts,
+        selection=selection,
+        headline=_headline(counts, result_of(overall, len(planned)), stopped),
+        policy=policy,
+        substrate=substrate_of(provenance),
+        caveats=caveats_of(played[pair.case_id] for pair in measured),
+        overall=result_of(overall, len(planned)),
+        noise_floor=_noise_floor(played.values()),
+        clipped_actions=_clipped_actions(played.values()),
+        by={
+            name: {label: result_of(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
         },
-        "category_by_event": _cells(planned, played),
-        "macro": {
-            "category": macro_json(macro_average([r.outcomes for r, _ in groups["category"].values()]))
-        },
-        "largest_split": split_json(largest_split(_variants(groups["variant"]))),
-        "extremes": _extremes(groups["category"]),
-        **({} if study is None else {"study": study}),
-        "sections": {},
-        "statements": dict(STATEMENTS),
-        "methods": METHODS,
-        "provenance": provenance,
-    }
+        category_by_event=_cells(planned, played),
+        macro=Macros(category=_macro(macro_average([r.outcomes for r, _ in groups["category"].values()]))),
+        largest_split=_split(largest_split(_variants(groups["variant"]))),
+        extremes=_extremes(groups["category"]),
+        study=study,
+        sections={},
+        statements=dict(STATEMENTS),
+        methods=dict(METHODS),
+        provenance=provenance,
+    )
 
 
-def _noise_floor(records: Iterable[PairRecord]) -> Json | None:
-    """How often a second Base of the same case ended otherwise; None where none was played."""
+def _noise_floor(records: Iterable[PairRecord]) -> NoiseFloor | None:
+    """Frequency with which a second Base of the same case ends otherwise; None where none was played."""
     repeated = [(record.base_success, record.base_repeat) for record in records if record.base_repeat]
     if not repeated:
         return None
     flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
     identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
-    return {"flips": rate_json(flips, wilson(flips)), "identical": ratio_json(identical)}
+    return NoiseFloor(flips=rate_of(flips, wilson(flips)), identical=ratio_of(identical))
 
 
-def _clipped_actions(records: Iterable[PairRecord]) -> Json | None:
-    """How much of the executed actions was outside [-1, 1]; None where no record says."""
+def _clipped_actions(records: Iterable[PairRecord]) -> ClippedActions | None:
+    """Share of the executed actions that was outside [-1, 1]; None where no record says."""
     shares = [
         max(share for arm in record.arms.values() if (share := arm.clipped_share) is not None)
         for record in records
@@ -162,7 +170,7 @@ def _clipped_actions(records: Iterable[PairRecord]) -> Json | None:
     ]
     if not shares:
         return None
-    return {"pairs": sum(share > 0 for share in shares), "largest_share": max(shares)}
+    return ClippedActions(pairs=sum(share > 0 for share in shares), largest_share=max(shares))
 
 
 def _by_case(records: Iterable[PairRecord], planned: Mapping[str, PlannedPair]) -> dict[str, PairRecord]:
@@ -214,21 +222,19 @@ def _group(
     return {name: (results[name], totals[name]) for name in names}
 
 
-def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> Json:
+def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> dict[str, dict[str, Cell]]:
     """Planned pairs, outcomes and paired change of each source category under each event."""
     cells: dict[tuple[str, str], list[PlannedPair]] = {}
     for pair in planned:
         cells.setdefault((pair.category, pair.event), []).append(pair)
-    table: Json = {category: {} for category, _ in sorted(cells)}
+    table: dict[str, dict[str, Cell]] = {category: {} for category, _ in sorted(cells)}
     for category, event in sorted(cells, key=lambda cell: (cell[0], group_order("event", cell[1]))):
         pairs = cells[category, event]
         rows = [played[pair.case_id] for pair in pairs if pair.case_id in played]
         outcomes = tabulate([row.base_success for row in rows], [row.dynamic_success for row in rows])
-        table[category][event] = {
-            "planned": len(pairs),
-            "outcomes": outcomes_json(outcomes),
-            "paired_change": ratio_json(outcomes.change),
-        }
+        table[category][event] = Cell(
+            planned=len(pairs), outcomes=outcomes_of(outcomes), paired_change=ratio_of(outcomes.change)
+        )
     return table
 
 
@@ -239,17 +245,17 @@ def group_order(dimension: str, name: str) -> tuple[int, str]:
     return (ranked.index(key) if key in ranked else len(ranked)), name
 
 
-def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> Json:
+def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> dict[str, Extremes]:
     """By source: the category of lowest Base success and the one of largest loss, the first among equals."""
     sources: dict[str, dict[str, Outcomes]] = {}
     for name, (result, _) in categories.items():
         if result.outcomes.total:
             sources.setdefault(name.partition("-")[0], {})[name] = result.outcomes
     return {
-        source: {
-            "lowest_base_success": min(cells, key=lambda name: cells[name].base.value or 0.0),
-            "largest_loss": min(cells, key=lambda name: cells[name].change.value or 0.0),
-        }
+        source: Extremes(
+            lowest_base_success=min(cells, key=lambda name: cells[name].base.value or 0.0),
+            largest_loss=min(cells, key=lambda name: cells[name].change.value or 0.0),
+        )
         for source, cells in sources.items()
     }
 
@@ -264,86 +270,112 @@ def _variants(
     return events
 
 
-def _selection(provenance: Json) -> Json | None:
-    """What was played of the case set; None for a run of a version that did not record it."""
+def _macro(macro: MacroAverage) -> Macro:
+    return Macro(
+        groups=macro.groups,
+        base_success=number(macro.base),
+        dynamic_success=number(macro.dynamic),
+        paired_change=number(macro.change),
+    )
+
+
+def _split(split: breakdowns.Split | None) -> Split | None:
+    if split is None:
+        return None
+    return Split(
+        event=split.event,
+        dynamic_success={name: number(rate) for name, rate in split.rates.items()},
+        difference=number(split.difference),
+    )
+
+
+def _selection(provenance: Json) -> PlayedSelection | None:
+    """Part of the case set that was played; None for a run of a version that did not record it."""
     if "selection" not in provenance:
         return None
     selection = Selection.from_dict(provenance["selection"])
     shards = selection.shards
-    return {
-        **selection.to_dict(),
-        "whole": selection.whole,
-        "missing_shards": [f"{number}/{shards.of}" for number in selection.missing_shards] if shards else [],
-        "text": selection.text(provenance["case_set"]["name"]),
-    }
+    return PlayedSelection(
+        asked=list(selection.asked),
+        chosen=selection.chosen,
+        of=selection.of,
+        digest=selection.digest,
+        shards=None if shards is None else PresentShards(of=shards.of, present=list(shards.present)),
+        merged=selection.merged,
+        whole=selection.whole,
+        missing_shards=[f"{number}/{shards.of}" for number in selection.missing_shards] if shards else [],
+        text=selection.text(provenance["case_set"]["name"]),
+    )
 
 
 def _counts(
     planned: Sequence[PlannedPair],
     played: Mapping[str, PairRecord],
     failed: Mapping[str, PairError],
+    *,
     missing_shards: Sequence[str],
-) -> Json:
+    repaired: Iterable[str],
+    unsupported: Mapping[str, str],
+    stopped: Stopped | None,
+) -> PairCounts:
     missing = [pair for pair in planned if pair.case_id not in played and pair.case_id not in failed]
-    return {
-        "planned": len(planned),
-        "played": len(played),
-        "invalid": len(failed),
-        "missing": len(missing),
-        "complete": bool(planned) and len(played) == len(planned) and not missing_shards,
-        "missing_shards": [*missing_shards],
-        "invalid_pairs": [
-            {
-                "case_id": e.case_id,
-                "item_id": e.item_id,
-                "phase": e.phase,
-                "kind": e.kind,
-                "message": e.message,
-            }
+    complete = bool(planned) and len(played) == len(planned) and not missing_shards
+    stop = None
+    if stopped is not None and not complete:
+        stop = Stop(reason=stopped.reason, of=stopped.of, rule=stopped.rule, at=stopped.at)
+    return PairCounts(
+        planned=len(planned),
+        played=len(played),
+        invalid=len(failed),
+        missing=len(missing),
+        complete=complete,
+        missing_shards=[*missing_shards],
+        invalid_pairs=[
+            InvalidPair(case_id=e.case_id, item_id=e.item_id, phase=e.phase, kind=e.kind, message=e.message)
             for _, e in sorted(failed.items())
         ],
-        "missing_pairs": [{"case_id": pair.case_id, "item_id": pair.item_id} for pair in missing],
-    }
+        missing_pairs=[MissingPair(case_id=pair.case_id, item_id=pair.item_id) for pair in missing],
+        repaired_pairs=sorted(repaired),
+        unsupported=len(unsupported),
+        unsupported_suites=sorted({*unsupported.values()}),
+        stopped=stop,
+    )
 
 
-def substrate_json(provenance: Json) -> Json:
-    """Name of the substrate of a run, and what its scores may be compared with.
+def substrate_of(provenance: Json) -> Substrate:
+    """Return the substrate of a run, and what its scores may be compared with.
 
     Args:
         provenance: As the run recorded it. Older runs recorded the name alone.
     """
     name = provenance["substrate"]["name"]
     scores = provenance["scores"] if "scores" in provenance else scores_of(name)
-    return {
-        "name": name,
-        "scores_comparable_with_published": scores["comparable_with_published"],
-        "note": scores["note"],
-    }
+    return Substrate(
+        name=name, scores_comparable_with_published=scores["comparable_with_published"], note=scores["note"]
+    )
 
 
-def _headline(counts: Json, overall: PairedResult) -> Json:
-    if counts["complete"]:
-        return {
-            "status": "complete",
-            "reason": None,
-            "base_success": rate_json(overall.outcomes.base, overall.base),
-            "dynamic_success": rate_json(overall.outcomes.dynamic, overall.dynamic),
-            "paired_change": change_json(overall),
-        }
-    lost = [f"{counts[key]} {key}" for key in ("invalid", "missing") if counts[key]]
-    lost += [f"shard {shard} not among the merged runs" for shard in counts["missing_shards"]]
-    if "stopped" in counts:
-        lost.append(Stopped.from_dict(counts["stopped"]).text)
+def _headline(counts: PairCounts, overall: Result, stopped: Stopped | None) -> Headline:
+    if counts.complete:
+        return Headline(
+            status="complete",
+            reason=None,
+            base_success=overall.base_success,
+            dynamic_success=overall.dynamic_success,
+            paired_change=overall.paired_change,
+        )
+    lost = [
+        f"{count} {name}"
+        for count, name in ((counts.invalid, "invalid"), (counts.missing, "missing"))
+        if count
+    ]
+    lost += [f"shard {shard} not among the merged runs" for shard in counts.missing_shards]
+    if stopped is not None:
+        lost.append(stopped.text)
     reason = (
-        f"{counts['played']} of {counts['planned']} planned pairs were played ({', '.join(lost)}); "
+        f"{counts.played} of {counts.planned} planned pairs were played ({', '.join(lost)}); "
         "rates over all planned pairs are withheld until the rest is repaired and played"
-        if counts["planned"]
+        if counts.planned
         else "no pair was planned"
     )
-    return {
-        "status": "withheld",
-        "reason": reason,
-        "base_success": None,
-        "dynamic_success": None,
-        "paired_change": None,
-    }
+    return Headline(status="withheld", reason=reason)

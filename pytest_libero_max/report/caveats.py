@@ -10,9 +10,9 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.stage import WAITED
+from pytest_libero_max.report.document import Caveat
 
 _TOKENS = re.compile(
     r" (?:view(?: \d+){5} initstate \d+(?: noise \d+)?|(?:table|tb|light|add)(?: \d+)+"
@@ -156,17 +156,17 @@ RULES = (
 )
 
 
-def caveats_of(records: Iterable[PairRecord]) -> list[Json]:
+def caveats_of(records: Iterable[PairRecord]) -> list[Caveat]:
     """The rules that concern a pair, with how many they concern; in the order of :data:`RULES`."""
     pairs = list(records)
     counts = {rule: sum(map(rule.concerns, pairs)) for rule in RULES}
     return [
-        {"name": rule.name, "pairs": count, "played": len(pairs), "text": rule.text}
+        Caveat(name=rule.name, pairs=count, played=len(pairs), text=rule.text)
         for rule, count in counts.items()
         if count
     ]
 
 
-def caveat_text(caveat: Json) -> str:
+def caveat_text(caveat: Caveat) -> str:
     """A caveat as one paragraph, the number of pairs first."""
-    return f"{caveat['pairs']} of {caveat['played']} pairs: {caveat['text']}"
+    return f"{caveat.pairs} of {caveat.played} pairs: {caveat.text}"

@@ -1,16 +1,17 @@
 """The columns of a report: every quantity once, with its title, its place and how it is printed.
 
-Every writer (terminal, Markdown, HTML, CSV, LaTeX) and the gates read this table. To add a quantity, measure
-it and write it into the row (:mod:`~pytest_libero_max.report.statistics_json`), describe it in
-``report.schema.json``, and add an entry here.
+Every writer (terminal, Markdown, HTML, CSV, LaTeX) and the gates read this table. To add a quantity that is
+in the report, add an entry here. Any other is a field of
+:class:`~pytest_libero_max.report.blocks.Result` first, filled in :mod:`~pytest_libero_max.report.measured`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.formats import (
     Change,
     Format,
@@ -21,6 +22,8 @@ from pytest_libero_max.report.formats import (
     Share,
     TaskInterval,
 )
+
+T = TypeVar("T")
 
 Table = Literal["summary", "groups", "narrow", "coverage", "given_response"]
 """The tables of a report.
@@ -48,17 +51,17 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Column:
+class Column(Generic[T]):
     """One quantity of a row of the report.
 
-    A row is the result of a set of pairs: ``report["overall"]`` or a group such as
-    ``report["by"]["event"]["camera_shift"]``.
+    A row is the result of a set of pairs: ``report.overall`` or a group such as
+    ``report.by["event"].camera_shift``.
 
     Attributes:
         key: Name in CSV files; columns with an interval have ``KEY_lower`` and ``KEY_upper`` as well.
         title: Heading in wide tables.
-        place: Where the value lies in a row; the empty path is the row itself.
-        format: How it is printed.
+        value: Returns the quantity of a row.
+        format: Way in which it is printed.
         heading: Heading in narrow tables; the title where it is empty.
         tables: In which tables it stands. CSV files hold every column.
         line: Where it stands in the terminal summary, None where it does not.
@@ -68,34 +71,27 @@ class Column:
 
     key: str
     title: str
-    place: tuple[str, ...]
-    format: Format
+    value: Callable[[Result], T]
+    format: Format[T]
     heading: str = ""
     tables: tuple[Table, ...] = ("summary",)
     line: Line | None = None
     gate: str | None = ""
     width: int = 8
 
-    def value(self, row: Json) -> Any:
-        """What the report holds at the column's place."""
-        value: Any = row
-        for key in self.place:
-            value = value[key]
-        return value
-
-    def long(self, row: Json) -> str:
+    def long(self, row: Result) -> str:
         """The cell in a wide table."""
         return self.format.long(self.value(row))
 
-    def short(self, row: Json) -> str:
+    def short(self, row: Result) -> str:
         """The cell in a narrow table."""
         return self.format.short(self.value(row))
 
-    def latex(self, row: Json) -> str:
+    def latex(self, row: Result) -> str:
         """The cell in a LaTeX table."""
         return self.format.latex(self.value(row))
 
-    def numbers(self, row: Json) -> dict[str, float | None]:
+    def numbers(self, row: Result) -> dict[str, float | None]:
         """The bare numbers by name, as in CSV files."""
         return {self.key + end: number for end, number in self.format.numbers(self.value(row)).items()}
 
@@ -109,94 +105,96 @@ _OUTCOMES = "Outcomes (Base, Dynamic)"
 _FIRED = "Event fired"
 _STALE = "Stale actions"
 
-COLUMNS: tuple[Column, ...] = (
-    Column("planned", "Pairs planned", ("planned",), Number(), tables=(), gate=None),
+COLUMNS: tuple[Column[Any], ...] = (
+    Column("planned", "Pairs planned", lambda row: row.planned, Number(), tables=(), gate=None),
     Column(
-        "played", "Pairs played", (), PairCount(), "Pairs",
+        "played", "Pairs played", lambda row: row, PairCount(), "Pairs",
         tables=("summary", "groups", "narrow", "coverage"), gate=None, width=12,
     ),
     Column(
-        "base_success", "Base success", ("base_success",), Rate(), "Base",
+        "base_success", "Base success", lambda row: row.base_success, Rate(), "Base",
         tables=("summary", "groups", "narrow"), line=Line("Base success"), gate="base_sr",
     ),
     Column(
-        "dynamic_success", "Dynamic success", ("dynamic_success",), Rate(), "Dynamic",
+        "dynamic_success", "Dynamic success", lambda row: row.dynamic_success, Rate(), "Dynamic",
         tables=("summary", "groups", "narrow"), line=Line("Dynamic success"), gate="dynamic_sr",
     ),
     Column(
-        "paired_change", "Paired change", ("paired_change",), Change(), "Change",
+        "paired_change", "Paired change", lambda row: row.paired_change, Change(), "Change",
         tables=("summary", "groups", "narrow"), line=Line("Paired change"), gate="delta", width=24,
     ),
     Column(
-        "p_value", "Exact McNemar", ("mcnemar",), PValue(), line=Line("Paired change", "McNemar"),
+        "p_value", "Exact McNemar", lambda row: row.mcnemar, PValue(), line=Line("Paired change", "McNemar"),
     ),
     Column(
-        "log10_p_value", "Exact McNemar, log10 of p", ("mcnemar", "log10_p_value"), Number(".2f"), tables=(),
-        gate=None,
+        "log10_p_value", "Exact McNemar, log10 of p", lambda row: row.mcnemar.log10_p_value, Number(".2f"),
+        tables=(), gate=None,
     ),
     Column(
-        "paired_change_by_task", "Paired change, interval by task", ("paired_change", "by_task"),
+        "paired_change_by_task", "Paired change, interval by task", lambda row: row.paired_change.by_task,
         TaskInterval(), line=Line("Paired change by task"), gate="delta.clustered",
     ),
     Column(
-        "preserved_success", "Preserved successes (1,1)", ("outcomes", "preserved_success"), Number(),
-        line=Line(_OUTCOMES, "(1,1)"),
+        "preserved_success", "Preserved successes (1,1)", lambda row: row.outcomes.preserved_success,
+        Number(), line=Line(_OUTCOMES, "(1,1)"),
     ),
     Column(
         "change_associated_success", "Change-associated successes (0,1)",
-        ("outcomes", "change_associated_success"), Number(), line=Line(_OUTCOMES, "(0,1)"), gate="gains",
+        lambda row: row.outcomes.change_associated_success, Number(), line=Line(_OUTCOMES, "(0,1)"),
+        gate="gains",
     ),
     Column(
-        "regression", "Regressions (1,0)", ("outcomes", "regression"), Number(),
+        "regression", "Regressions (1,0)", lambda row: row.outcomes.regression, Number(),
         line=Line(_OUTCOMES, "(1,0)"), gate="regressions",
     ),
     Column(
-        "persistent_failure", "Persistent failures (0,0)", ("outcomes", "persistent_failure"), Number(),
-        line=Line(_OUTCOMES, "(0,0)"),
+        "persistent_failure", "Persistent failures (0,0)", lambda row: row.outcomes.persistent_failure,
+        Number(), line=Line(_OUTCOMES, "(0,0)"),
     ),
     Column(
-        "conditional_regression", _LOST, ("conditional_regression",), Rate(counted=True), "Lost",
+        "conditional_regression", _LOST, lambda row: row.conditional_regression, Rate(counted=True), "Lost",
         tables=("summary", "groups", "narrow"), line=Line(_LOST), width=9,
     ),
     Column(
-        "retained", "Dynamic successes per Base success", ("retained",), Share(),
+        "retained", "Dynamic successes per Base success", lambda row: row.retained, Share(),
         line=Line(_LOST, "retained", short=True),
     ),
     Column(
-        "trigger_coverage", _FIRED, ("trigger_coverage",), Rate(counted=True),
+        "trigger_coverage", _FIRED, lambda row: row.trigger_coverage, Rate(counted=True),
         tables=("summary", "coverage"), line=Line(_FIRED, short=True),
     ),
     Column(
-        "response_coverage", "Query after the event", ("response_coverage",), Rate(counted=True),
+        "response_coverage", "Query after the event", lambda row: row.response_coverage, Rate(counted=True),
         tables=("summary", "coverage"), line=Line(_FIRED, "query after it", short=True),
     ),
     Column(
-        "stale_mean", "Stale actions, mean", ("stale_actions", "mean"), Number(".2f"),
+        "stale_mean", "Stale actions, mean", lambda row: row.stale_actions.mean, Number(".2f"),
         tables=("summary", "coverage"), line=Line(_STALE, "mean"),
     ),
     Column(
-        "stale_median", "Stale actions, median", ("stale_actions", "median"), Number("g"),
+        "stale_median", "Stale actions, median", lambda row: row.stale_actions.median, Number("g"),
         tables=("summary", "coverage"), line=Line(_STALE, "median"),
     ),
     Column(
         "given_response_base_success", "Base success, given a query after the event",
-        ("given_response", "base_success"), Share(), "Base success", tables=("summary", "given_response"),
+        lambda row: row.given_response.base_success, Share(), "Base success",
+        tables=("summary", "given_response"),
     ),
     Column(
         "given_response_dynamic_success", "Dynamic success, given a query after the event",
-        ("given_response", "dynamic_success"), Share(), "Dynamic success",
+        lambda row: row.given_response.dynamic_success, Share(), "Dynamic success",
         tables=("summary", "given_response"),
     ),
     Column(
         "given_response_paired_change", "Paired change, given a query after the event",
-        ("given_response", "paired_change"), Share(signed=True), "Paired change",
+        lambda row: row.given_response.paired_change, Share(signed=True), "Paired change",
         tables=("summary", "given_response"),
     ),
 )  # fmt: skip
 """Every column, in the order of all tables."""
 
 
-def columns_in(table: Table) -> tuple[Column, ...]:
+def columns_in(table: Table) -> tuple[Column[Any], ...]:
     """The columns of a table, in their order."""
     return tuple(column for column in COLUMNS if table in column.tables)
 

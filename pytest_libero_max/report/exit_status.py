@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.benchmark.documents import Json
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pytest_libero_max.report.document import PairCounts
+
 
 GATE_FAILED = 10
 """Exit status of a complete run of which a gate does not hold."""
@@ -12,11 +16,11 @@ INCOMPLETE = 11
 report that could not be written."""
 
 
-def ended_as_declared(pairs: Json) -> bool:
+def ended_as_declared(pairs: PairCounts) -> bool:
     """True if all pairs of a run are measured, or all but those that its stopping rule left out.
 
     Args:
         pairs: ``pairs`` of a report.
     """
-    by_rule = pairs.get("stopped", {}).get("rule") is not None
-    return bool(pairs["complete"]) or (by_rule and not pairs["invalid"] and not pairs["missing_shards"])
+    by_rule = pairs.stopped is not None and pairs.stopped.rule is not None
+    return pairs.complete or (by_rule and not pairs.invalid and not pairs.missing_shards)

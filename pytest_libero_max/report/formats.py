@@ -4,9 +4,50 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol, TypeVar
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report import blocks
+from pytest_libero_max.report.blocks import McNemar, Result
+
+T_contra = TypeVar("T_contra", contravariant=True)
+
+
+class Ends(Protocol):
+    """An interval; None at both ends where there is none."""
+
+    @property
+    def lower(self) -> float | None: ...
+
+    @property
+    def upper(self) -> float | None: ...
+
+
+class Estimate(Ends, Protocol):
+    """A value with its interval."""
+
+    @property
+    def value(self) -> float | None: ...
+
+
+class Counted(Protocol):
+    """A count and its denominator."""
+
+    @property
+    def count(self) -> int: ...
+
+    @property
+    def of(self) -> int: ...
+
+
+class CountedShare(Counted, Protocol):
+    """A ratio with its counts."""
+
+    @property
+    def value(self) -> float | None: ...
+
+
+class CountedEstimate(Estimate, Counted, Protocol):
+    """A ratio with its counts and interval."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +77,11 @@ COUNT = Scale("a count", 0, None, whole=True, percent=False)
 AMOUNT = Scale("a number of at least 0", 0, None, percent=False)
 
 
-class Format(Protocol):
+class Format(Protocol[T_contra]):
     """How one kind of quantity is printed.
 
-    ``value`` is what the report holds at the place of the quantity: a number, or an object with a number, its
-    counts and its interval. A number that does not exist is None there.
+    ``value`` is the quantity in the report: a number, or a block with a number, its counts and its interval.
+    A number that does not exist is None there.
     """
 
     has_interval: ClassVar[bool]
@@ -50,16 +91,16 @@ class Format(Protocol):
     def scale(self) -> Scale:
         """The values there can be, which gates compare with."""
 
-    def long(self, value: Any) -> str:
+    def long(self, value: T_contra) -> str:
         """With counts and interval, for wide tables."""
 
-    def short(self, value: Any) -> str:
+    def short(self, value: T_contra) -> str:
         """For narrow tables."""
 
-    def latex(self, value: Any) -> str:
+    def latex(self, value: T_contra) -> str:
         """For a LaTeX table whose caption says percent and percentage points."""
 
-    def numbers(self, value: Any) -> dict[str, float | None]:
+    def numbers(self, value: T_contra) -> dict[str, float | None]:
         """The bare numbers by the end of their name: ``""`` for the estimate, ``_lower`` and ``_upper``."""
 
 
@@ -79,16 +120,16 @@ class Rate:
     def scale(self) -> Scale:
         return SHARE
 
-    def long(self, value: Json) -> str:
+    def long(self, value: CountedEstimate) -> str:
         return rate_text(value)
 
-    def short(self, value: Json) -> str:
-        return count_text(value) if self.counted else percent(value["value"])
+    def short(self, value: CountedEstimate) -> str:
+        return count_text(value) if self.counted else percent(value.value)
 
-    def latex(self, value: Json) -> str:
-        return "--" if value["value"] is None else f"{100 * value['value']:.1f}"
+    def latex(self, value: CountedEstimate) -> str:
+        return "--" if value.value is None else f"{100 * value.value:.1f}"
 
-    def numbers(self, value: Json) -> dict[str, float | None]:
+    def numbers(self, value: CountedEstimate) -> dict[str, float | None]:
         return _with_ends(value)
 
 
@@ -102,19 +143,19 @@ class Change:
     def scale(self) -> Scale:
         return DIFFERENCE
 
-    def long(self, value: Json) -> str:
+    def long(self, value: Estimate) -> str:
         return change_text(value)
 
-    def short(self, value: Json) -> str:
-        return "n/a" if value["value"] is None else f"{points(value['value'])} {interval_text(value, True)}"
+    def short(self, value: Estimate) -> str:
+        return "n/a" if value.value is None else f"{points(value.value)} {interval_text(value, True)}"
 
-    def latex(self, value: Json) -> str:
-        if value["value"] is None:
+    def latex(self, value: Estimate) -> str:
+        if value.value is None:
             return "--"
-        lower, upper = (f"${100 * value[end]:+.1f}$" for end in ("lower", "upper"))
-        return f"${100 * value['value']:+.1f}$ [{lower}, {upper}]"
+        lower, upper = (f"${100 * (end or 0.0):+.1f}$" for end in (value.lower, value.upper))
+        return f"${100 * value.value:+.1f}$ [{lower}, {upper}]"
 
-    def numbers(self, value: Json) -> dict[str, float | None]:
+    def numbers(self, value: Estimate) -> dict[str, float | None]:
         return _with_ends(value)
 
 
@@ -128,20 +169,20 @@ class TaskInterval:
     def scale(self) -> Scale:
         return DIFFERENCE
 
-    def long(self, value: Json) -> str:
-        if value["lower"] is None:
-            return f"n/a: too few tasks ({value['tasks']}, with a changed pair {value['changed_tasks']})"
-        return f"{interval_text(value, signed=True)}  {value['tasks']} tasks"
+    def long(self, value: blocks.TaskInterval) -> str:
+        if value.lower is None:
+            return f"n/a: too few tasks ({value.tasks}, with a changed pair {value.changed_tasks})"
+        return f"{interval_text(value, signed=True)}  {value.tasks} tasks"
 
-    def short(self, value: Json) -> str:
+    def short(self, value: blocks.TaskInterval) -> str:
         return interval_text(value, signed=True)
 
-    def latex(self, value: Json) -> str:
-        if value["lower"] is None:
+    def latex(self, value: blocks.TaskInterval) -> str:
+        if value.lower is None or value.upper is None:
             return "--"
-        return f"[${100 * value['lower']:+.1f}$, ${100 * value['upper']:+.1f}$]"
+        return f"[${100 * value.lower:+.1f}$, ${100 * value.upper:+.1f}$]"
 
-    def numbers(self, value: Json) -> dict[str, float | None]:
+    def numbers(self, value: blocks.TaskInterval) -> dict[str, float | None]:
         return _with_ends(value)
 
 
@@ -161,20 +202,20 @@ class Share:
     def scale(self) -> Scale:
         return DIFFERENCE if self.signed else RATIO
 
-    def long(self, value: Json) -> str:
+    def long(self, value: CountedShare) -> str:
         return self.short(value) + ("" if self.signed else f"  {count_text(value)}")
 
-    def short(self, value: Json) -> str:
-        if value["value"] is None:
+    def short(self, value: CountedShare) -> str:
+        if value.value is None:
             return "n/a"
-        return f"{points(value['value'])} pp" if self.signed else percent(value["value"])
+        return f"{points(value.value)} pp" if self.signed else percent(value.value)
 
-    def latex(self, value: Json) -> str:
+    def latex(self, value: CountedShare) -> str:
         sign = "+" if self.signed else ""
-        return "--" if value["value"] is None else f"${100 * value['value']:{sign}.1f}$"
+        return "--" if value.value is None else f"${100 * value.value:{sign}.1f}$"
 
-    def numbers(self, value: Json) -> dict[str, float | None]:
-        return {"": value["value"]}
+    def numbers(self, value: CountedShare) -> dict[str, float | None]:
+        return {"": value.value}
 
 
 @dataclass(frozen=True)
@@ -216,17 +257,17 @@ class PairCount:
     def scale(self) -> Scale:
         return COUNT
 
-    def long(self, value: Json) -> str:
-        return f"{value['played']} of {value['planned']}"
+    def long(self, value: Result) -> str:
+        return f"{value.played} of {value.planned}"
 
-    def short(self, value: Json) -> str:
-        return str(value["played"]) if value["played"] == value["planned"] else self.long(value)
+    def short(self, value: Result) -> str:
+        return str(value.played) if value.played == value.planned else self.long(value)
 
-    def latex(self, value: Json) -> str:
+    def latex(self, value: Result) -> str:
         return self.short(value)
 
-    def numbers(self, value: Json) -> dict[str, float | None]:
-        return {"": value["played"]}
+    def numbers(self, value: Result) -> dict[str, float | None]:
+        return {"": value.played}
 
 
 @dataclass(frozen=True)
@@ -239,39 +280,39 @@ class PValue:
     def scale(self) -> Scale:
         return P_VALUE
 
-    def long(self, value: Json) -> str:
+    def long(self, value: McNemar) -> str:
         return p_text(value)
 
-    def short(self, value: Json) -> str:
-        return "n/a" if value["log10_p_value"] is None else p_number(value["log10_p_value"])
+    def short(self, value: McNemar) -> str:
+        return "n/a" if value.log10_p_value is None else p_number(value.log10_p_value)
 
-    def latex(self, value: Json) -> str:
-        return "--" if value["log10_p_value"] is None else self.short(value)
+    def latex(self, value: McNemar) -> str:
+        return "--" if value.log10_p_value is None else self.short(value)
 
-    def numbers(self, value: Json) -> dict[str, float | None]:
-        return {"": value["p_value"]}
+    def numbers(self, value: McNemar) -> dict[str, float | None]:
+        return {"": value.p_value}
 
 
-def rate_text(rate: Json) -> str:
+def rate_text(rate: CountedEstimate) -> str:
     """A rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
-    if rate["value"] is None:
+    if rate.value is None:
         return f"n/a  {count_text(rate)}"
-    return f"{percent(rate['value'])} {interval_text(rate)}  {count_text(rate)}"
+    return f"{percent(rate.value)} {interval_text(rate)}  {count_text(rate)}"
 
 
-def change_text(change: Json) -> str:
+def change_text(change: Estimate) -> str:
     """A paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
-    if change["value"] is None:
+    if change.value is None:
         return "n/a"
-    return f"{points(change['value'])} pp {interval_text(change, signed=True)}"
+    return f"{points(change.value)} pp {interval_text(change, signed=True)}"
 
 
-def interval_text(value: Json, signed: bool = False) -> str:
+def interval_text(value: Ends, signed: bool = False) -> str:
     """An interval in percent."""
-    if value["lower"] is None:
+    if value.lower is None or value.upper is None:
         return "n/a"
     sign = "+" if signed else ""
-    return f"[{100 * value['lower']:{sign}.1f}, {100 * value['upper']:{sign}.1f}]"
+    return f"[{100 * value.lower:{sign}.1f}, {100 * value.upper:{sign}.1f}]"
 
 
 def percent(value: float | None) -> str:
@@ -284,14 +325,14 @@ def points(value: float | None) -> str:
     return "n/a" if value is None else f"{100 * value:+.1f}"
 
 
-def count_text(ratio: Json) -> str:
+def count_text(ratio: Counted) -> str:
     """A count over its denominator, for example ``3/8``."""
-    return f"{ratio['count']}/{ratio['of']}"
+    return f"{ratio.count}/{ratio.of}"
 
 
-def p_text(test: Json) -> str:
+def p_text(test: McNemar) -> str:
     """A p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
-    log10_p = test["log10_p_value"]
+    log10_p = test.log10_p_value
     return "n/a" if log10_p is None else f"p = {p_number(log10_p)}"
 
 
@@ -303,5 +344,5 @@ def p_number(log10_p: float) -> str:
     return f"{10 ** (log10_p - exponent):.1f}e{exponent}"
 
 
-def _with_ends(value: Json) -> dict[str, float | None]:
-    return {"": value["value"], "_lower": value["lower"], "_upper": value["upper"]}
+def _with_ends(value: Estimate) -> dict[str, float | None]:
+    return {"": value.value, "_lower": value.lower, "_upper": value.upper}

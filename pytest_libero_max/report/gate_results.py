@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
+from pytest_libero_max.report.comparison.contrasts import contrast_of
+from pytest_libero_max.report.comparison.document import SuccessContrast
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups
-from pytest_libero_max.report.statistics_json import contrast_json
 from pytest_libero_max.report.writers.files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
@@ -80,7 +80,7 @@ def github_annotations(results: Sequence[GateResult]) -> list[str]:
     ]
 
 
-def _against(stored: StoredRun, other: Path) -> Json | str:
+def _against(stored: StoredRun, other: Path) -> SuccessContrast | str:
     """The contrast of Dynamic success, the other run first; or why there is none."""
     try:
         baseline = read_pairs(_folder(other))
@@ -91,7 +91,7 @@ def _against(stored: StoredRun, other: Path) -> Json | str:
         return f"it is a comparison on the {len(common.planned)} pairs that both policies support"
     outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
     (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
-    return contrast_json(contrast)
+    return contrast_of(contrast)
 
 
 def _folder(path: Path) -> Path:

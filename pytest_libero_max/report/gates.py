@@ -24,13 +24,15 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Literal
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
+from pytest_libero_max.report.blocks import TaskInterval
 from pytest_libero_max.report.columns import COLUMNS
+from pytest_libero_max.report.comparison.document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, Scale
 from pytest_libero_max.runs.plan import PlannedPair
 
@@ -54,13 +56,13 @@ COUNTS = ("planned", "played", "invalid", "missing", "unsupported")
 WHOLE_TRACK = "whole_track"
 """1 where the run planned every case of its track or manifest and its policy supports all, else 0."""
 
-VERSUS: Mapping[str, tuple[str, Scale]] = {
-    "regressions_vs": ("first_only", COUNT),
-    "gains_vs": ("second_only", COUNT),
-    "dynamic_sr_vs": ("difference", DIFFERENCE),
-    "p_value_vs": ("p_value", P_VALUE),
+VERSUS: Mapping[str, tuple[Callable[[SuccessContrast], SuccessDifference | float | None], Scale]] = {
+    "regressions_vs": (lambda contrast: contrast.first_only, COUNT),
+    "gains_vs": (lambda contrast: contrast.second_only, COUNT),
+    "dynamic_sr_vs": (lambda contrast: contrast.difference, DIFFERENCE),
+    "p_value_vs": (lambda contrast: contrast.p_value, P_VALUE),
 }
-"""Against another run, whose Dynamic outcomes come first in the contrast: its place there, and its scale."""
+"""Quantities against another run, whose Dynamic outcomes come first in the contrast, with their scales."""
 
 _FLAG = Scale("0 or 1", 0, 1, whole=True, percent=False)
 
@@ -194,19 +196,21 @@ def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:
     return tuple(parse_gate(line) for line in lines if line)
 
 
-def evaluate_gate(gate: Gate, report: Json, contrasts: Mapping[str, Json | str] | None = None) -> GateResult:
+def evaluate_gate(
+    gate: Gate, report: Report, contrasts: Mapping[str, SuccessContrast | str] | None = None
+) -> GateResult:
     """Decide a gate. Pure: reads nothing but its arguments.
 
     Args:
         gate: What :func:`parse_gate` returned.
         report: What :func:`~pytest_libero_max.report.build.build_report` returned.
         contrasts: For each ``run`` that gates name, the contrast of Dynamic success with that run first and
-            this one second, as in ``compare_runs(...)["contrasts"]``; or why there is none.
+            this one second, as in ``compare_runs(...).contrasts``; or why there is none.
     """
     if gate.run is not None:
         value, lack = _versus(gate, report, contrasts or {})
     elif gate.name in COUNTS and gate.scope is None:
-        value, lack = report["pairs"][gate.name], ""
+        value, lack = getattr(report.pairs, gate.name), ""
     elif gate.name == WHOLE_TRACK:
         value, lack = _whole_track(report)
     else:
@@ -297,47 +301,49 @@ def _check_group(scope: tuple[str, str], text: str) -> None:
         )
 
 
-def _in_block(gate: Gate, report: Json) -> tuple[float | None, str]:
-    block: Json = report["overall"]
+def _in_block(gate: Gate, report: Report) -> tuple[float | None, str]:
+    block = report.overall
     where = "the run"
     if gate.scope is not None:
         dimension, group = gate.scope
-        groups = report["by"][dimension]
+        groups = report.by[dimension]
         if group not in groups:
             return None, f"the run has no {dimension} {group!r}. {did_you_mean(group, groups)}"
         block, where = groups[group], f"{dimension} {group}"
     if gate.name in COUNTS:
-        return block[gate.name], ""
-    if block["played"] < block["planned"]:
-        return None, f"{block['played']} of {block['planned']} planned pairs of {where} were played"
+        return (block.planned if gate.name == "planned" else block.played), ""
+    if block.played < block.planned:
+        return None, f"{block.played} of {block.planned} planned pairs of {where} were played"
     column = _QUANTITIES[gate.name]
     found = column.value(block)
     number = column.format.numbers(found)[f"_{gate.end}" if gate.end else ""]
-    if number is None and isinstance(found, dict) and "changed_tasks" in found and block["played"]:
+    if number is None and isinstance(found, TaskInterval) and block.played:
         from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 
         return None, (
-            f"tasks of {where}: {found['tasks']}, with a changed pair: {found['changed_tasks']}; at least "
+            f"tasks of {where}: {found.tasks}, with a changed pair: {found.changed_tasks}; at least "
             f"{LEAST_TASKS} and {LEAST_CHANGED_TASKS} are needed"
         )
     return number, f"{where} has no pair to measure {gate.name} on"
 
 
-def _whole_track(report: Json) -> tuple[float | None, str]:
-    selection = report.get("selection")
+def _whole_track(report: Report) -> tuple[float | None, str]:
+    selection = report.selection
     if selection is None:
         return None, "the run does not say what part of its track it is"
-    return int(selection["whole"] and not report["pairs"]["unsupported"]), ""
+    return int(selection.whole and not report.pairs.unsupported), ""
 
 
-def _versus(gate: Gate, report: Json, contrasts: Mapping[str, Json | str]) -> tuple[float | None, str]:
+def _versus(
+    gate: Gate, report: Report, contrasts: Mapping[str, SuccessContrast | str]
+) -> tuple[float | None, str]:
     contrast = contrasts.get(gate.run or "", f"there is no comparison with {gate.run!r}")
     if isinstance(contrast, str):
         return None, contrast
-    if not report["pairs"]["complete"]:
-        counts = report["pairs"]
-        return None, f"{counts['played']} of {counts['planned']} planned pairs of the run were played"
-    found: Any = contrast[VERSUS[gate.name][0]]
-    if isinstance(found, dict):
-        found = found[gate.end or "value"]
+    if not report.pairs.complete:
+        counts = report.pairs
+        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
+    found = VERSUS[gate.name][0](contrast)
+    if isinstance(found, SuccessDifference):
+        found = {"lower": found.lower, "upper": found.upper}.get(gate.end or "", found.value)
     return found, f"no case tells this run and {gate.run!r} apart"

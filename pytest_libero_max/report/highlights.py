@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import change_text, percent, points, rate_text
 
 TITLE = "Averages and extremes"
@@ -14,40 +14,40 @@ NOTE = (
 )
 
 
-def highlight_rows(report: Json) -> list[tuple[str, str, str]]:
+def highlight_rows(report: Report) -> list[tuple[str, str, str]]:
     """Rows of (what, where, value); a row says so where there is nothing to name."""
     return [*_macro(report), *_extremes(report), _split(report)]
 
 
-def _macro(report: Json) -> list[tuple[str, str, str]]:
-    macro = report["macro"]["category"]
-    where = f"{macro['groups']} source categories"
-    if macro["base_success"] is None:
+def _macro(report: Report) -> list[tuple[str, str, str]]:
+    macro = report.macro.category
+    where = f"{macro.groups} source categories"
+    if macro.base_success is None:
         return [("Unweighted mean", where, "n/a: a category has no played pair")]
-    change = f"{points(macro['paired_change'])} pp"
-    rates = f"{percent(macro['base_success'])} to {percent(macro['dynamic_success'])}"
+    change = f"{points(macro.paired_change)} pp"
+    rates = f"{percent(macro.base_success)} to {percent(macro.dynamic_success)}"
     return [("Unweighted mean, Base to Dynamic", where, f"{rates}, {change}")]
 
 
-def _extremes(report: Json) -> list[tuple[str, str, str]]:
+def _extremes(report: Report) -> list[tuple[str, str, str]]:
     rows = []
-    for source, extremes in report["extremes"].items():
-        lowest, loss = extremes["lowest_base_success"], extremes["largest_loss"]
-        categories = report["by"]["category"]
+    for source, extremes in report.extremes.items():
+        lowest, loss = extremes.lowest_base_success, extremes.largest_loss
+        categories = report.by["category"]
         rows += [
-            (f"Lowest Base success, {source}", lowest, rate_text(categories[lowest]["base_success"])),
-            (f"Lowest paired change, {source}", loss, change_text(categories[loss]["paired_change"])),
+            (f"Lowest Base success, {source}", lowest, rate_text(categories[lowest].base_success)),
+            (f"Lowest paired change, {source}", loss, change_text(categories[loss].paired_change)),
         ]
     return rows
 
 
-def _split(report: Json) -> tuple[str, str, str]:
-    split = report["largest_split"]
+def _split(report: Report) -> tuple[str, str, str]:
+    split = report.largest_split
     if split is None:
         return "Largest split of Dynamic success", "n/a", "no event has two played parameter variants"
-    rates = ", ".join(f"{name} {percent(rate)}" for name, rate in split["dynamic_success"].items())
+    rates = ", ".join(f"{name} {percent(rate)}" for name, rate in split.dynamic_success.items())
     return (
         "Largest split of Dynamic success",
-        split["event"],
-        f"{100 * split['difference']:.1f} pp between its parameter variants ({rates})",
+        split.event,
+        f"{100 * (split.difference or 0.0):.1f} pp between its parameter variants ({rates})",
     )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.benchmark.documents import Json
+from msgspec.structs import asdict
 
-_NAMES = ("base_success", "dynamic_success", "paired_change")
+from pytest_libero_max.report.blocks import Change, Rate, Result
+from pytest_libero_max.report.document import Report
 
 
-def main_numbers(report: Json) -> dict[str, float]:
+def main_numbers(report: Report) -> dict[str, float]:
     """Pairs and outcomes; rates and changes with their intervals, over all pairs and by event.
 
     A run that is incomplete has counts, and no rates: it has no score.
@@ -15,15 +16,24 @@ def main_numbers(report: Json) -> dict[str, float]:
     Args:
         report: As in ``report.json``.
     """
-    pairs, overall = report["pairs"], report["overall"]
+    pairs, overall = report.pairs, report.overall
     found: dict[str, float | None] = {
-        f"pairs/{name}": pairs[name] for name in ("played", "invalid", "missing")
+        "pairs/played": pairs.played,
+        "pairs/invalid": pairs.invalid,
+        "pairs/missing": pairs.missing,
     }
-    found |= {f"outcomes/{name}": count for name, count in overall["outcomes"].items()}
-    if pairs["complete"]:
-        for name in _NAMES:
-            found |= {name: overall[name]["value"]}
-            found |= {f"{name}_{end}": overall[name][end] for end in ("lower", "upper")}
-        for event, row in report["by"]["event"].items():
-            found |= {f"events/{event}/{name}": row[name]["value"] for name in _NAMES}
+    found |= {f"outcomes/{name}": count for name, count in asdict(overall.outcomes).items()}
+    if pairs.complete:
+        for name, block in _main(overall).items():
+            found |= {name: block.value, f"{name}_lower": block.lower, f"{name}_upper": block.upper}
+        for event, row in report.by["event"].items():
+            found |= {f"events/{event}/{name}": block.value for name, block in _main(row).items()}
     return {name: value for name, value in found.items() if value is not None}
+
+
+def _main(row: Result) -> dict[str, Rate | Change]:
+    return {
+        "base_success": row.base_success,
+        "dynamic_success": row.dynamic_success,
+        "paired_change": row.paired_change,
+    }

@@ -26,9 +26,9 @@ def publish(run: Path, folder: Path) -> list[Path]:
     """
     stored = read_pairs(run)
     report = report_of(stored)
-    if not report["pairs"]["complete"]:
+    if not report.pairs.complete:
         raise ReportError(
-            f"{run} is incomplete: {report['headline']['reason']}. Continue it with --libero-max-resume."
+            f"{run} is incomplete: {report.headline.reason}. Continue it with --libero-max-resume."
         )
     files = {MARKDOWN_NAME: markdown(report).encode()}
     try:

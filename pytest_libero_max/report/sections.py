@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from math import isfinite
 
+import msgspec
+
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.document import Report
 
 
-def with_sections(report: Json, amended: Json) -> Json:
-    """The report with the sections of its amended copy.
+def with_sections(report: Report, amended: Json) -> Report:
+    """Return the report with the sections of its amended copy.
 
     Args:
         report: As computed from the pairs.
-        amended: A copy that a hook was given; only its ``sections`` may differ.
+        amended: A copy of plain values that a hook was given; only its ``sections`` may differ.
 
     Raises:
         ReportError: Something else differs, or a section is not a table of names and plain values.
     """
-    changed = [key for key in {**report, **amended} if key != "sections" and _differs(report, amended, key)]
+    computed: Json = msgspec.to_builtins(report)
+    changed = [
+        key for key in {**computed, **amended} if key != "sections" and _differs(computed, amended, key)
+    ]
     if changed:
         raise ReportError(
             f"pytest_libero_max_report changed {', '.join(sorted(changed))}, but may only add to "
@@ -39,7 +45,7 @@ def with_sections(report: Json, amended: Json) -> Json:
                     f"report['sections'][{title!r}][{name!r}]={value!r}, but must be a name with a text, a "
                     "finite number, true, false or null."
                 )
-    return {**report, "sections": sections}
+    return msgspec.structs.replace(report, sections=sections)
 
 
 def _differs(report: Json, amended: Json, key: str) -> bool:

@@ -29,8 +29,12 @@ PAGES: Mapping[str, str] = {
 }
 """Path of each page inside the package, and the module here that writes it."""
 
-SCHEMAS: Mapping[str, str] = {"report/record.schema.json": "records"}
-"""Path of each JSON Schema inside the package, and the module here whose function ``schema`` returns it."""
+SCHEMAS: Mapping[str, tuple[str, str]] = {
+    "report/record.schema.json": ("records", "schema"),
+    "report/report.schema.json": ("reports", "report_schema"),
+    "report/comparison.schema.json": ("reports", "comparison_schema"),
+}
+"""Path of each JSON Schema inside the package, and the module and function here that return it."""
 
 
 def page_text(path: str) -> str:
@@ -50,15 +54,24 @@ def schema_text(path: str) -> str:
     Args:
         path: A key of :data:`SCHEMAS`.
     """
-    return json.dumps(import_module(f"{__name__}.{SCHEMAS[path]}").schema(), indent=2) + "\n"
+    module, function = SCHEMAS[path]
+    return json.dumps(getattr(import_module(f"{__name__}.{module}"), function)(), indent=1) + "\n"
+
+
+def file_text(path: str) -> str:
+    """The text of a page or a schema.
+
+    Args:
+        path: A key of :data:`PAGES` or of :data:`SCHEMAS`.
+    """
+    return page_text(path) if path in PAGES else schema_text(path)
 
 
 def write_pages(folder: Path = PACKAGE) -> list[Path]:
     """Write every page and schema below ``folder`` and return the paths of those that changed."""
     changed = []
-    texts = {name: page_text(name) for name in PAGES} | {name: schema_text(name) for name in SCHEMAS}
-    for name, text in texts.items():
-        path = folder / name
+    for name in (*PAGES, *SCHEMAS):
+        path, text = folder / name, file_text(name)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")

@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
-import json
-from importlib.resources import files
+from collections.abc import Callable
+from typing import Any
 
 from pytest_libero_max import report
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import gates
 from pytest_libero_max.report.columns import COLUMNS
+from pytest_libero_max.report.comparison.document import Comparison
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.document import Report
 from tests.reference.docstrings import description
 from tests.reference.markdown import code, one_line, prose, table
-from tests.reference.schemas import fields_of, kind_of
+from tests.reference.schemas import fields_of, kind_of, written_schema
+
+
+def report_schema() -> Json:
+    """The JSON Schema of ``report.json``."""
+    return written_schema(Report)
+
+
+def comparison_schema() -> Json:
+    """The JSON Schema of a comparison."""
+    return written_schema(Comparison)
 
 
 def page() -> str:
     """The text."""
-    schema, comparison = _schema("report"), _schema("comparison")
+    schema, comparison = report_schema(), comparison_schema()
     definitions = "\n\n".join(
-        f"### {name}\n\n{_definition(schema, name)}" for name in sorted(schema["$defs"])
+        f"### {name}\n\n{_definition(found, name)}"
+        for name, found in sorted({**_defined(comparison), **_defined(schema)}.items())
     )
     return f"""# Reports and gates
 
@@ -57,35 +70,56 @@ any key and `[]` for the items of a list. A type that is not JSON's own is a def
 
 {_fields(schema)}
 
-## Definitions
-
-{definitions}
-
 ## Fields of a comparison
 
 `libero-max compare --json FILE` writes them. The schema:
 [`comparison.schema.json`](comparison.schema.json).
 
 {_fields(comparison)}
+
+## Definitions
+
+{definitions}
 """
 
 
-def _schema(name: str) -> Json:
-    document: Json = json.loads(files(report).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
-    return document
+def _defined(schema: Json) -> dict[str, Json]:
+    """The schema that holds each definition."""
+    return dict.fromkeys(schema["$defs"], schema)
 
 
 def _counts(schema: Json) -> str:
-    described = schema["properties"]["pairs"]["properties"]
+    described = schema["$defs"]["PairCounts"]["properties"]
     return table(
         ("Quantity", "Meaning"), ((code(name), described[name]["description"]) for name in gates.COUNTS)
     )
 
 
 def _versus(comparison: Json) -> str:
-    described = comparison["$defs"]["contrast"]["properties"]
-    rows = ((code(f"{name}(RUN)"), described[key]["description"]) for name, (key, _) in gates.VERSUS.items())
+    described = comparison["$defs"]["SuccessContrast"]["properties"]
+    rows = (
+        (code(f"{name}(RUN)"), described[_place(value)]["description"])
+        for name, (value, _) in gates.VERSUS.items()
+    )
     return table(("Quantity", "Meaning"), rows)
+
+
+class _Recorder:
+    """Takes the place of a block, and remembers the attributes that are asked of it."""
+
+    def __init__(self, path: tuple[str, ...] = ()) -> None:
+        self._path = path
+
+    def __getattr__(self, name: str) -> _Recorder:
+        return _Recorder((*self._path, name))
+
+    def __str__(self) -> str:
+        return ".".join(self._path)
+
+
+def _place(value: Callable[[Any], object]) -> str:
+    """The attributes that a column reads, joined by dots."""
+    return str(value(_Recorder()))
 
 
 def _quantities() -> str:
@@ -94,7 +128,7 @@ def _quantities() -> str:
             code(column.gate or column.key),
             column.title,
             "yes" if column.format.has_interval else "",
-            code(".".join(column.place)),
+            code(_place(column.value)),
         )
         for column in COLUMNS
         if column.gate is not None

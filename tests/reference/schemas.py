@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import cache
+from inspect import getmembers, isclass
 from typing import Any, NamedTuple
 
 import msgspec
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import LARGEST
-from tests.reference.docstrings import description, section
+from pytest_libero_max.report import blocks, document
+from pytest_libero_max.report.comparison import document as comparison_document
+from pytest_libero_max.report.studies import document as study_document
+from tests.reference.docstrings import description, section, summary
+
+_DOCUMENTS = (blocks, document, study_document, comparison_document)
+"""The modules with the structs of reports and comparisons."""
 
 _COMMON = {"line": "What the line holds.", "schema_version": "Version of the form of this document."}
 """Descriptions of the fields that no docstring describes."""
@@ -38,9 +46,32 @@ def schema_of(kind: Any, title: str, text: str) -> Json:
     return head | schema
 
 
+@cache
+def written_schema(struct: type[msgspec.Struct]) -> Json:
+    """The schema of a document as it is written: every field is there, and described by its docstring."""
+    (_,), definitions = msgspec.json.schema_components([struct], ref_template="#/$defs/{name}")
+    known = {name: cls for module in _DOCUMENTS for name, cls in getmembers(module, isclass)}
+    for name, node in definitions.items():
+        _describe(node, known[name])
+    root = definitions.pop(struct.__name__)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **root, "$defs": definitions}
+
+
+def _describe(node: Json, cls: type[Any]) -> None:
+    words = {
+        name: text for base in reversed(cls.__mro__) for name, text in section(base, "Attributes").items()
+    }
+    node["description"] = json_words(summary(cls))
+    node["required"] = list(node["properties"])
+    for name, field in node["properties"].items():
+        field.pop("default", None)
+        field["description"] = json_words(words[name])
+
+
 def json_words(text: str) -> str:
     """A docstring's words as JSON has them."""
-    return re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", text).replace("`", "").replace("None", "null")
+    text = re.sub(r":\w+:`~?(?:[\w.]*\.)?(\w+)`", r"\1", text).replace("`", "")
+    return re.sub(r"\bNone\b", "null", re.sub(r"\bTrue\b", "true", re.sub(r"\bFalse\b", "false", text)))
 
 
 def _structs(node: Any) -> Iterator[type]:

@@ -8,11 +8,14 @@ from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
+import msgspec
 from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.blocks import Block
+from pytest_libero_max.report.document import PlayedSelection
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PairStore
 
@@ -61,6 +64,27 @@ def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[
             )
         )
     return pairs
+
+
+def plain(document: Block) -> Json:
+    """A report or comparison as ``json.loads`` reads it from its file."""
+    values: Json = msgspec.to_builtins(document)
+    return values
+
+
+def selected(whole: bool) -> PlayedSelection:
+    """A selection of two cases, which are all or not."""
+    return PlayedSelection(
+        asked=[],
+        chosen=2,
+        of=2 if whole else 3,
+        digest="0" * 64,
+        shards=None,
+        merged=False,
+        whole=whole,
+        missing_shards=[],
+        text="two cases",
+    )
 
 
 def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> PairRecord:

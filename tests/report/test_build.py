@@ -10,7 +10,7 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.writers.files import report_json
 from pytest_libero_max.runs.plan import PlannedPair
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, records_of
 
 
 def _numbers(value: object) -> list[float]:
@@ -26,7 +26,7 @@ def test_a_complete_run_counts_every_pair_once() -> None:
     outcomes = {0: (True, True), 1: (True, False), 2: (False, True), 3: (False, False)}
     records = [record_of(pair, *outcomes[index % 4]) for index, pair in enumerate(pairs)]
     report = build_report(records, [], pairs, PROVENANCE)
-    assert report["pairs"] == {
+    assert plain(report)["pairs"] == {
         "planned": 32,
         "played": 32,
         "invalid": 0,
@@ -38,38 +38,39 @@ def test_a_complete_run_counts_every_pair_once() -> None:
         "unsupported_suites": [],
         "missing_pairs": [],
         "repaired_pairs": [],
+        "stopped": None,
     }
-    assert report["overall"]["outcomes"] == {
+    assert plain(report)["overall"]["outcomes"] == {
         "preserved_success": 8,
         "change_associated_success": 8,
         "regression": 8,
         "persistent_failure": 8,
     }
-    assert report["headline"]["status"] == "complete"
-    assert report["headline"]["base_success"]["count"] == 16
-    assert report["headline"]["base_success"]["of"] == 32
-    assert report["headline"]["paired_change"]["value"] == 0.0
-    assert report["overall"]["mcnemar"]["p_value"] == 1.0
+    assert plain(report)["headline"]["status"] == "complete"
+    assert plain(report)["headline"]["base_success"]["count"] == 16
+    assert plain(report)["headline"]["base_success"]["of"] == 32
+    assert plain(report)["headline"]["paired_change"]["value"] == 0.0
+    assert plain(report)["overall"]["mcnemar"]["p_value"] == 1.0
 
 
 def test_every_breakdown_holds_every_pair() -> None:
     pairs = plan(per_cell=2)
     report = build_report(records_of(pairs), [], pairs, PROVENANCE)
-    for groups in report["by"].values():
+    for groups in plain(report)["by"].values():
         for side in ("planned", "played"):
             assert sum(block[side] for block in groups.values()) == len(pairs)
-        for name in report["overall"]["outcomes"]:
+        for name in plain(report)["overall"]["outcomes"]:
             total = sum(block["outcomes"][name] for block in groups.values())
-            assert total == report["overall"]["outcomes"][name]
-    assert list(report["by"]["event"]) == list(BENCHMARK_EVENTS)
-    assert list(report["by"]["variant"])[:4] == [
+            assert total == plain(report)["overall"]["outcomes"][name]
+    assert list(plain(report)["by"]["event"]) == list(BENCHMARK_EVENTS)
+    assert list(plain(report)["by"]["variant"])[:4] == [
         "illumination_switch-v0",
         "illumination_switch-v1",
         "camera_shift-v0",
         "camera_shift-v1",
     ]
-    assert list(report["by"]["category"]) == ["plus-camera_viewpoints", "pro-position"]
-    assert list(report["by"]["difficulty"]) == ["3", "none"]
+    assert list(plain(report)["by"]["category"]) == ["plus-camera_viewpoints", "pro-position"]
+    assert list(plain(report)["by"]["difficulty"]) == ["3", "none"]
 
 
 @pytest.mark.parametrize(
@@ -85,41 +86,41 @@ def test_an_incomplete_run_has_no_headline(
     lost = missing + invalid
     errors = [error_of(pair) for pair in pairs[:invalid]]
     report = build_report(records_of(pairs[lost:]), errors, pairs, PROVENANCE)
-    headline = report["headline"]
+    headline = plain(report)["headline"]
     assert headline["status"] == "withheld"
     assert headline["base_success"] is headline["dynamic_success"] is headline["paired_change"] is None
     assert words in headline["reason"]
     assert f"{32 - lost} of 32" in headline["reason"]
-    assert [pair["case_id"] for pair in report["pairs"]["missing_pairs"]] == sorted(
+    assert [pair["case_id"] for pair in plain(report)["pairs"]["missing_pairs"]] == sorted(
         pair.case_id for pair in pairs[invalid:lost]
     )
-    assert [pair["kind"] for pair in report["pairs"]["invalid_pairs"]] == ["SimulatorError"] * invalid
-    assert report["overall"]["played"] == 32 - lost
-    assert report["overall"]["base_success"]["of"] == 32 - lost
+    assert [pair["kind"] for pair in plain(report)["pairs"]["invalid_pairs"]] == ["SimulatorError"] * invalid
+    assert plain(report)["overall"]["played"] == 32 - lost
+    assert plain(report)["overall"]["base_success"]["of"] == 32 - lost
 
 
 def test_an_error_that_was_repaired_does_not_count() -> None:
     pairs = plan()
     report = build_report(records_of(pairs), [error_of(pairs[0])], pairs, PROVENANCE)
-    assert report["pairs"]["complete"]
-    assert report["pairs"]["invalid"] == 0
+    assert plain(report)["pairs"]["complete"]
+    assert plain(report)["pairs"]["invalid"] == 0
 
 
 def test_nothing_played_gives_counts_and_no_rate() -> None:
     pairs = plan()
     report = build_report([], [error_of(pair) for pair in pairs], pairs, PROVENANCE)
-    assert report["policy"] is None
-    assert report["overall"]["base_success"] == {
+    assert plain(report)["policy"] is None
+    assert plain(report)["overall"]["base_success"] == {
         "count": 0,
         "of": 0,
         "value": None,
         "lower": None,
         "upper": None,
     }
-    assert report["overall"]["mcnemar"]["p_value"] is None
-    assert report["overall"]["stale_actions"]["mean"] is None
-    assert report["macro"]["category"]["base_success"] is None
-    assert report["largest_split"] is None
+    assert plain(report)["overall"]["mcnemar"]["p_value"] is None
+    assert plain(report)["overall"]["stale_actions"]["mean"] is None
+    assert plain(report)["macro"]["category"]["base_success"] is None
+    assert plain(report)["largest_split"] is None
     report_json(report)
 
 
@@ -130,7 +131,7 @@ def test_an_untriggered_pair_stays_in_the_denominator() -> None:
         for index, pair in enumerate(pairs)
     ]
     report = build_report(records, [], pairs, PROVENANCE)
-    overall = report["overall"]
+    overall = plain(report)["overall"]
     assert overall["base_success"]["of"] == 32
     assert (overall["trigger_coverage"]["count"], overall["trigger_coverage"]["of"]) == (24, 32)
     assert overall["response_coverage"]["value"] == 0.75
@@ -142,20 +143,20 @@ def test_the_report_of_the_embedded_substrate_says_what_it_is_not() -> None:
     pairs = plan()
     records = records_of(pairs)
     report = build_report(records, [], pairs, PROVENANCE)
-    assert report["substrate"]["scores_comparable_with_published"] is False
-    assert "not comparable with published" in report["substrate"]["note"]
+    assert plain(report)["substrate"]["scores_comparable_with_published"] is False
+    assert "not comparable with published" in plain(report)["substrate"]["note"]
     genuine = build_report(records, [], pairs, {**PROVENANCE, "substrate": {"name": "libero"}})
-    assert genuine["substrate"]["scores_comparable_with_published"] is None
+    assert plain(genuine)["substrate"]["scores_comparable_with_published"] is None
 
 
 def test_a_run_on_a_substrate_that_is_not_installed_here_says_what_it_recorded() -> None:
     pairs = plan()
     elsewhere = {**PROVENANCE, "substrate": {"name": "another"}}
     report = build_report(records_of(pairs), [], pairs, elsewhere)
-    assert report["substrate"]["note"] == "Measured on the another substrate: a dry run, not a score."
+    assert plain(report)["substrate"]["note"] == "Measured on the another substrate: a dry run, not a score."
     scores = {"comparable_with_published": None, "note": "On another simulator."}
     report = build_report(records_of(pairs), [], pairs, {**elsewhere, "scores": scores})
-    assert report["substrate"] == {
+    assert plain(report)["substrate"] == {
         "name": "another",
         "scores_comparable_with_published": None,
         "note": "On another simulator.",
@@ -165,7 +166,7 @@ def test_a_run_on_a_substrate_that_is_not_installed_here_says_what_it_recorded()
 def test_the_policy_is_the_one_the_records_name() -> None:
     pairs = plan()
     records = records_of(pairs)
-    assert build_report(records, [], pairs, PROVENANCE)["policy"] == records[0].policy
+    assert plain(build_report(records, [], pairs, PROVENANCE))["policy"] == records[0].policy
     mixed = [*records[:-1], record_of(pairs[-1], True, True, policy={**records[0].policy, "name": "other"})]
     with pytest.raises(ReportError, match="several policies"):
         build_report(mixed, [], pairs, PROVENANCE)
@@ -223,8 +224,8 @@ def test_the_order_of_pairs_never_shows(data: st.DataObject) -> None:
 def test_planned_is_played_and_invalid_and_missing(data: st.DataObject) -> None:
     pairs, records, errors = data.draw(RUNS)
     report = build_report(records, errors, pairs, PROVENANCE)
-    counts = report["pairs"]
+    counts = plain(report)["pairs"]
     assert counts["planned"] == counts["played"] + counts["invalid"] + counts["missing"] == len(pairs)
-    assert (report["headline"]["status"] == "complete") == (len(records) == len(pairs))
-    assert sum(report["overall"]["outcomes"].values()) == len(records)
+    assert (plain(report)["headline"]["status"] == "complete") == (len(records) == len(pairs))
+    assert sum(plain(report)["overall"]["outcomes"].values()) == len(records)
     assert all(abs(number) < float("inf") for number in _numbers(report))

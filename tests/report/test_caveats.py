@@ -3,14 +3,16 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.caveats import RULES, caveats_of
+from pytest_libero_max.report.document import Caveat
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plain, plan, record_of
 
 PROMPT = "pick up the black bowl on the stove and place it on the plate"
 
@@ -25,7 +27,7 @@ def pair(semantics: str | None = None, **changes: Any) -> PairRecord:
 
 
 def names(*records: PairRecord) -> dict[str, int]:
-    return {caveat["name"]: caveat["pairs"] for caveat in caveats_of(records)}
+    return {caveat.name: caveat.pairs for caveat in caveats_of(records)}
 
 
 @pytest.mark.parametrize(
@@ -90,7 +92,7 @@ def test_variations_that_do_not_do_what_they_are_called(source: str, category: s
 def test_pairs_are_counted_in_the_order_of_the_rules() -> None:
     records = [pair("published", event="distractor_burst") for _ in range(3)] + [pair("published"), pair()]
     found = caveats_of(records)
-    assert [(caveat["name"], caveat["pairs"], caveat["played"]) for caveat in found] == [
+    assert [(caveat.name, caveat.pairs, caveat.played) for caveat in found] == [
         ("tumbled_insertions", 3, 5),
         ("shifted_observations", 4, 5),
     ]
@@ -104,13 +106,15 @@ def test_every_form_of_the_report_says_so() -> None:
         for planned in pairs
     ]
     report = build_report(records, [], pairs, PROVENANCE)
-    assert [caveat["name"] for caveat in report["caveats"]] == ["contaminated_prompt"]
+    assert [caveat["name"] for caveat in plain(report)["caveats"]] == ["contaminated_prompt"]
     assert "- 1 of 2 pairs: The prompt names the variation" in markdown(report)
     assert "1 of 2 pairs: The prompt names the variation" in html(report, [], [])
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
-    many = report | {"caveats": [{"name": rule.name, "pairs": 12} for rule in RULES]}
+    many = replace(
+        report, caveats=[Caveat(name=rule.name, pairs=12, played=12, text=rule.text) for rule in RULES]
+    )
     assert max(map(len, summary_lines(many))) <= 100
-    assert not any("Notes on pairs" in line for line in summary_lines(report | {"caveats": []}))
+    assert not any("Notes on pairs" in line for line in summary_lines(replace(report, caveats=[])))
 
 
 def test_own_variations_are_told_from_those_of_libero_pro() -> None:

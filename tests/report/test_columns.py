@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import csv
 import io
+from typing import Any
 
 import pytest
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.writers.markdown import markdown
@@ -17,7 +18,7 @@ from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, r
 
 PAIRS = plan()
 REPORT = build_report(records_of(PAIRS), [], PAIRS, PROVENANCE)
-REPORTS: dict[str, Json] = {
+REPORTS: dict[str, Report] = {
     "full": REPORT,
     "alike": build_report(
         [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS], [], PAIRS, PROVENANCE
@@ -27,7 +28,7 @@ REPORTS: dict[str, Json] = {
 QUANTITIES = [column for column in COLUMNS if column.gate is not None]
 
 
-def _name(column: Column) -> str:
+def _name(column: Column[Any]) -> str:
     return column.gate or column.key
 
 
@@ -37,8 +38,8 @@ def test_no_two_columns_share_a_name() -> None:
 
 
 @pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.key)
-def test_a_column_stands_in_every_file_it_names(column: Column) -> None:
-    overall = REPORT["overall"]
+def test_a_column_stands_in_every_file_it_names(column: Column[Any]) -> None:
+    overall = REPORT.overall
     row = next(csv.DictReader(io.StringIO(csv_text(REPORT))))
     for name, number in column.numbers(overall).items():
         assert row[name] == ("" if number is None else str(number))
@@ -55,18 +56,18 @@ def test_a_column_stands_in_every_file_it_names(column: Column) -> None:
 
 
 @pytest.mark.parametrize("column", QUANTITIES, ids=_name)
-def test_a_gate_can_ask_for_every_column_that_is_a_number(column: Column) -> None:
+def test_a_gate_can_ask_for_every_column_that_is_a_number(column: Column[Any]) -> None:
     ends = ("", ".lower", ".upper") if column.format.has_interval else ("",)
     for end in ends:
         gate = parse_gate(f"event.camera_shift.{_name(column)}{end} > 0")
-        expected = column.numbers(REPORT["by"]["event"]["camera_shift"])
+        expected = column.numbers(REPORT.by["event"]["camera_shift"])
         assert evaluate_gate(gate, REPORT).value == expected[column.key + end.replace(".", "_")]
 
 
 @pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.key)
 @pytest.mark.parametrize("name", REPORTS)
-def test_a_cell_exists_without_a_number(column: Column, name: str) -> None:
-    row = REPORTS[name]["overall"]
+def test_a_cell_exists_without_a_number(column: Column[Any], name: str) -> None:
+    row = REPORTS[name].overall
     for text in (column.long(row), column.short(row), column.latex(row)):
         assert text
         assert "None" not in text

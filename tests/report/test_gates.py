@@ -9,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.comparison.document import SuccessContrast, SuccessDifference
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.gates import (
     OPERATORS,
     evaluate_gate,
@@ -19,12 +21,12 @@ from pytest_libero_max.report.gates import (
     parse_gates,
     require_known_groups,
 )
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, selected
 
 PAIRS = plan()
 
 
-def _report(played: int = 32) -> Json:
+def _report(played: int = 32) -> Report:
     outcomes = cycle([(True, True), (True, False), (True, True), (False, True)])
     records = [record_of(pair, *outcome) for pair, outcome in zip(PAIRS, outcomes, strict=False)]
     return build_report(records[:played], [error_of(PAIRS[-1])] if played < 32 else [], PAIRS, PROVENANCE)
@@ -34,19 +36,27 @@ REPORT = _report()
 """24 Base successes, 24 Dynamic successes; 8 regressions and 8 gains."""
 
 
-def _report_of_change(losses: int, gains: int, pairs: int) -> Json:
+def _report_of_change(losses: int, gains: int, pairs: int) -> Report:
     planned = plan(per_cell=8)[:pairs]
     fates = [(True, False)] * losses + [(False, True)] * gains + [(True, True)] * pairs
     records = [record_of(pair, *fate) for pair, fate in zip(planned, fates, strict=False)]
     return build_report(records, [], planned, PROVENANCE)
 
 
-CONTRAST: Json = {
-    "first_only": 3,
-    "second_only": 1,
-    "difference": {"value": -0.0625, "lower": -0.2, "upper": 0.05},
-    "p_value": 0.625,
-}
+NO_INTERVAL = Interval(lower=None, upper=None)
+
+CONTRAST = SuccessContrast(
+    first="old",
+    second="now",
+    first_only=3,
+    second_only=1,
+    difference=SuccessDifference(
+        value=-0.0625, lower=-0.2, upper=0.05, simultaneous=NO_INTERVAL, bootstrap=NO_INTERVAL
+    ),
+    p_value=0.625,
+    log10_p_value=-0.204,
+    log10_p_value_holm=-0.204,
+)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +93,7 @@ def test_a_gate_is_decided(text: str, value: float, passed: bool) -> None:
 
 
 def test_interval_ends_are_addressable() -> None:
-    change = REPORT["overall"]["paired_change"]
+    change = plain(REPORT)["overall"]["paired_change"]
     assert evaluate_gate(parse_gate("delta.lower >= -0.9"), REPORT).value == change["lower"]
     assert evaluate_gate(parse_gate("delta.upper <= 0.9"), REPORT).value == change["upper"]
     assert evaluate_gate(parse_gate("source.pro.base_sr.lower > 0"), REPORT).passed
@@ -222,7 +232,7 @@ def test_a_stricter_threshold_never_opens_a_gate(sign: str, threshold: float, mo
 
 def test_a_percentage_is_exactly_its_hundredth() -> None:
     report = _report_of_change(7, 0, 250)
-    assert report["overall"]["paired_change"]["value"] == -0.028
+    assert plain(report)["overall"]["paired_change"]["value"] == -0.028
     assert -2.8 / 100 > -0.028, "as floating-point numbers the two differ"
     for text in ("delta >= -2.8%", "delta <= -2.8%", "delta == -2.8%", "delta >= -0.028"):
         assert evaluate_gate(parse_gate(text), report).passed, text
@@ -233,13 +243,12 @@ def test_a_percentage_is_exactly_its_hundredth() -> None:
 def test_a_gate_set_at_the_value_a_run_reports_holds(counts: tuple[int, int]) -> None:
     value = Fraction(*counts)
     reported = f"{float(value):.12g}"
-    report = {"overall": {**REPORT["overall"], "dynamic_success": {"value": float(reported)}}}
+    rate = replace(REPORT.overall.dynamic_success, value=float(reported), lower=0.0, upper=1.0)
+    report = replace(REPORT, overall=replace(REPORT.overall, dynamic_success=rate))
     for number in (reported, f"{100 * Decimal(reported):f}%"):
         for sign in (">=", "<=", "=="):
             if value == {">=": 0, "<=": 1}.get(sign):
                 continue  # such a gate can never fail
-            row = report["overall"]
-            row["dynamic_success"] |= {"lower": 0, "upper": 1}
             assert evaluate_gate(parse_gate(f"dynamic_sr {sign} {number}"), report).passed
 
 
@@ -262,9 +271,9 @@ def test_an_interval_by_task_decides_where_there_are_enough() -> None:
     pairs = [replace(pair, task=f"suite/{index % 40}") for index, pair in enumerate(plan(per_cell=4))]
     records = [record_of(pair, True, index % 3 > 0) for index, pair in enumerate(pairs)]
     report = build_report(records, [], pairs, PROVENANCE)
-    by_task = report["overall"]["paired_change"]["by_task"]
+    by_task = plain(report)["overall"]["paired_change"]["by_task"]
     assert by_task["tasks"] >= 30
-    assert by_task["lower"] <= report["overall"]["paired_change"]["lower"] < -0.3
+    assert by_task["lower"] <= plain(report)["overall"]["paired_change"]["lower"] < -0.3
     result = evaluate_gate(parse_gate("delta.clustered.lower >= -0.9"), report)
     assert result.passed
     assert result.value == by_task["lower"]
@@ -272,12 +281,12 @@ def test_an_interval_by_task_decides_where_there_are_enough() -> None:
 
 @pytest.mark.parametrize(("whole", "verdict"), [(True, "passed"), (False, "failed")])
 def test_only_a_whole_track_is_one(whole: bool, verdict: str) -> None:
-    report = {**REPORT, "selection": {"whole": whole}}
+    report = replace(REPORT, selection=selected(whole))
     assert evaluate_gate(parse_gate("whole_track == 1"), report).verdict == verdict
 
 
 def test_a_run_that_does_not_say_its_selection_decides_nothing_about_it() -> None:
-    report = {key: value for key, value in REPORT.items() if key != "selection"}
+    report = replace(REPORT, selection=None)
     result = evaluate_gate(parse_gate("whole_track == 1"), report)
     assert result.verdict == "undecidable"
     assert "does not say what part of its track it is" in result.reason

@@ -9,7 +9,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.writers.tables import csv_text
 from pytest_libero_max.runs.plan import PlannedPair
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, plain, plan, record_of
 
 PAIRS = [
     PlannedPair(**{**structs.asdict(pair), "source_category": f"Part {number % 2}"})
@@ -27,7 +27,7 @@ REPORT = build_report([record_of(pair, *_outcome(pair)) for pair in PAIRS], [], 
 
 
 def test_the_extreme_categories_of_each_source_are_named() -> None:
-    assert REPORT["extremes"] == {
+    assert plain(REPORT)["extremes"] == {
         "plus": {"lowest_base_success": "plus-part_1", "largest_loss": "plus-part_0"},
         "pro": {"lowest_base_success": "pro-part_1", "largest_loss": "pro-part_0"},
     }
@@ -55,7 +55,7 @@ def test_csv_holds_averages_and_extremes() -> None:
 
 def test_nothing_played_has_no_extremes_and_says_so() -> None:
     empty = build_report([], [], PAIRS, PROVENANCE)
-    assert empty["extremes"] == {}
+    assert plain(empty)["extremes"] == {}
     assert [value for _, _, value in highlight_rows(empty)] == [
         "n/a: a category has no played pair",
         "no event has two played parameter variants",

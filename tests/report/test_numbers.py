@@ -9,16 +9,17 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.cli import main
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.writers.badge import badge_json
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, plain, plan, record_of
 
 PLAN = plan()
 
 
-def _report(played: int = len(PLAN), provenance: Json = PROVENANCE) -> Json:
+def _report(played: int = len(PLAN), provenance: Json = PROVENANCE) -> Report:
     records = [record_of(pair, True, number % 4 > 0) for number, pair in enumerate(PLAN[:played])]
     return build_report(records, [], PLAN, provenance)
 
@@ -30,7 +31,7 @@ def test_the_main_numbers_are_those_of_the_report() -> None:
     assert numbers["outcomes/regression"] == 8
     assert numbers["dynamic_success"] == 0.75
     assert numbers["paired_change"] == -0.25
-    assert numbers["paired_change_lower"] == report["overall"]["paired_change"]["lower"]
+    assert numbers["paired_change_lower"] == plain(report)["overall"]["paired_change"]["lower"]
     assert numbers["events/illumination_switch/dynamic_success"] == 0.5
     assert all(type(value) in (int, float) for value in numbers.values())
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates
 from pytest_libero_max.report.page.report_page import html
@@ -18,14 +20,14 @@ from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
-from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
+from tests.report.made_up import POLICY, PROVENANCE, plain, plan, record_of, selected
 
 PAIRS = plan(per_cell=2)
 SPATIAL = [pair for pair in PAIRS if pair.suite == "libero_spatial"]
 PARTIAL: Json = {**POLICY, "suites": ["libero_spatial"]}
 
 
-def _report(played: int = 32) -> Json:
+def _report(played: int = 32) -> Report:
     records = [record_of(pair, True, True, policy=PARTIAL) for pair in SPATIAL[:played]]
     return build_report(records, [], PAIRS, PROVENANCE)
 
@@ -38,17 +40,17 @@ def _run(whole: bool) -> StoredRun:
 
 
 def test_unsupported_pairs_are_neither_planned_nor_missing_nor_failed() -> None:
-    pairs = _report()["pairs"]
+    pairs = plain(_report())["pairs"]
     counts = {key: pairs[key] for key in ("planned", "played", "missing", "invalid", "unsupported")}
     assert counts == {"planned": 32, "played": 32, "missing": 0, "invalid": 0, "unsupported": 32}
     assert pairs["complete"] is True
     assert pairs["unsupported_suites"] == ["libero_object"]
-    assert _report()["overall"]["dynamic_success"]["of"] == 32
-    assert list(_report()["by"]["suite"]) == ["libero_spatial"]
+    assert plain(_report())["overall"]["dynamic_success"]["of"] == 32
+    assert list(plain(_report())["by"]["suite"]) == ["libero_spatial"]
 
 
 def test_a_supported_pair_that_was_not_played_is_missing() -> None:
-    pairs = _report(played=31)["pairs"]
+    pairs = plain(_report(played=31))["pairs"]
     assert (pairs["missing"], pairs["unsupported"], pairs["complete"]) == (1, 32, False)
 
 
@@ -61,7 +63,7 @@ def test_every_report_says_what_is_unsupported() -> None:
 
 
 def test_gates_see_that_a_part_is_unsupported() -> None:
-    report = {**_report(), "selection": {"whole": True}}
+    report = replace(_report(), selection=selected(True))
     assert evaluate_gate(parse_gate("whole_track == 1"), report).verdict == "failed"
     assert evaluate_gate(parse_gate("unsupported == 0"), report).value == 32
     assert evaluate_gate(parse_gate("suite.libero_object.dynamic_sr >= 0.5"), report).verdict == "undecidable"
@@ -70,9 +72,9 @@ def test_gates_see_that_a_part_is_unsupported() -> None:
 
 def test_a_comparison_is_on_the_supported_cases_and_ranks_whole_runs_alone() -> None:
     comparison = compare_runs({"whole": _run(True), "partial": _run(False)})
-    assert comparison["pairs"]["common"] == 32
-    assert comparison["pairs"]["unsupported"] == {"whole": 0, "partial": 32}
-    assert {run["name"]: run["rank"] for run in comparison["runs"]} == {"whole": 1.0, "partial": None}
+    assert plain(comparison)["pairs"]["common"] == 32
+    assert plain(comparison)["pairs"]["unsupported"] == {"whole": 0, "partial": 32}
+    assert {run["name"]: run["rank"] for run in plain(comparison)["runs"]} == {"whole": 1.0, "partial": None}
     lines = comparison_lines(comparison)
     assert "Unsupported cases: 32 by partial. Runs that do not support all cases have no rank." in lines
     assert any(line.startswith("  --  partial") for line in lines)

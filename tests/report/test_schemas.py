@@ -15,7 +15,7 @@ from pytest_libero_max.report.writers.files import read_report, report_json, wri
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, records_of
 
 
 def _validator(name: str) -> jsonschema.Draft202012Validator:
@@ -50,7 +50,7 @@ def test_every_report_is_as_the_schema_says(played: int) -> None:
     pairs = plan()
     report = build_report(records_of(pairs[:played]), [], pairs, PROVENANCE)
     _validator("report").validate(json.loads(report_json(report)))
-    assert next(iter(report)) == "schema_version"
+    assert next(iter(plain(report))) == "schema_version"
 
 
 @pytest.mark.parametrize(
@@ -60,19 +60,20 @@ def test_every_report_is_as_the_schema_says(played: int) -> None:
         (("overall", "base_success", "value"), 1.2),
         (("overall", "outcomes", "regression"), -1),
         (("headline", "status"), "fine"),
-        (("by", "planet"), {}),
+        (("pairs", "planet"), {}),
     ],
 )
 def test_the_schema_refuses_what_a_report_never_holds(path: tuple[str, ...], value: object) -> None:
     pairs = plan()
     report = build_report(records_of(pairs), [], pairs, PROVENANCE)
-    place: Json = report
+    written = plain(report)
+    place = written
     for key in path[:-1]:
         place = place[key]
     place[path[-1]] = value
     # JSON Schema cannot name NaN; the writer refuses it.
     with pytest.raises((jsonschema.ValidationError, ValueError)):
-        _validator("report").validate(json.loads(report_json(report)))
+        _validator("report").validate(json.loads(json.dumps(written, allow_nan=False)))
 
 
 def test_the_written_report_can_be_computed_from_the_pairs_alone(folder: Path) -> None:
@@ -82,7 +83,8 @@ def test_the_written_report_can_be_computed_from_the_pairs_alone(folder: Path) -
     records = [record_of(pairs[1], True, True, **NEVER_TRIGGERED), *records_of(pairs[2:])]
     stopped = Stopped("somebody stopped it", of=len(pairs))
     assert report == build_report(records, [error_of(pairs[0])], pairs, PROVENANCE, stopped=stopped)
-    assert read_report(folder) == json.loads(report_json(report)) == report
+    assert read_report(folder) == report
+    assert json.loads(report_json(report)) == plain(report)
     before = (folder / "report.json").read_bytes()
     write_reports(folder)
     assert (folder / "report.json").read_bytes() == before
@@ -96,9 +98,9 @@ def test_every_comparison_is_as_the_schema_says() -> None:
         for name, seed in (("a", 1), ("b", 2), ("c", 1))
     }
     comparison = compare_runs(runs)
-    assert len(comparison["contrasts"]) == 3
-    assert next(iter(comparison)) == "schema_version"
-    _validator("comparison").validate(json.loads(json.dumps(comparison, allow_nan=False)))
+    assert len(plain(comparison)["contrasts"]) == 3
+    assert next(iter(plain(comparison))) == "schema_version"
+    _validator("comparison").validate(plain(comparison))
 
 
 def _fields(schema: Json, path: str = "") -> Iterator[tuple[str, Json]]:

@@ -3,15 +3,17 @@ from __future__ import annotations
 import pytest
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.sections import with_sections
+from tests.report.made_up import PROVENANCE, plain, plan
 
-REPORT = {"overall": {"played": 2}, "sections": {}}
+REPORT = build_report([], [], plan(), PROVENANCE)
 
 
 def test_sections_are_added() -> None:
-    amended = {**REPORT, "sections": {"Mine": {"a": 1, "b": "text", "c": None, "d": True}}}
-    assert with_sections(REPORT, amended) == amended
-    assert REPORT["sections"] == {}
+    amended = {**plain(REPORT), "sections": {"Mine": {"a": 1, "b": "text", "c": None, "d": True}}}
+    assert plain(with_sections(REPORT, amended)) == amended
+    assert plain(REPORT)["sections"] == {}
 
 
 @pytest.mark.parametrize(
@@ -29,9 +31,9 @@ def test_sections_are_added() -> None:
 )
 def test_nothing_else_may_change(change: dict[str, object], message: str) -> None:
     with pytest.raises(ReportError, match=message):
-        with_sections(REPORT, {**REPORT, **change})
+        with_sections(REPORT, {**plain(REPORT), **change})
 
 
 def test_nothing_may_be_taken_out() -> None:
-    with pytest.raises(ReportError, match="changed overall"):
+    with pytest.raises(ReportError, match="changed by, category_by_event, caveats"):
         with_sections(REPORT, {"sections": {}})

@@ -13,7 +13,7 @@ from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.stopped import Stopped
-from tests.report.made_up import PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import PROVENANCE, error_of, plain, plan, record_of
 
 Pair = PairRecord | PairError
 
@@ -85,19 +85,20 @@ def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:
     records = [record_of(pair, True, True) for pair in planned[:5]]
     stopped = Stopped("enough is known", len(planned), "enough:5", 5)
     report = build_report(records, [], planned, PROVENANCE, stopped)
-    assert report["pairs"]["stopped"] == stopped.to_dict() == Stopped.from_dict(stopped.to_dict()).to_dict()
-    assert (report["pairs"]["complete"], report["headline"]["status"]) == (False, "withheld")
-    assert "stopped by rule enough:5 at 5 of 32: enough is known" in report["headline"]["reason"]
+    assert Stopped.from_dict(stopped.to_dict()) == stopped
+    assert plain(report)["pairs"]["stopped"] == stopped.to_dict()
+    assert (plain(report)["pairs"]["complete"], plain(report)["headline"]["status"]) == (False, "withheld")
+    assert "stopped by rule enough:5 at 5 of 32: enough is known" in plain(report)["headline"]["reason"]
     said = "STOPPED by rule enough:5 at 5 of 32: enough is known. 5 of 32 planned pairs played. No score."
     assert summary_lines(report)[0] == said
     assert f"**{said}**" in markdown(report)
-    assert ended_as_declared(report["pairs"])
+    assert ended_as_declared(report.pairs)
 
 
 def test_a_stopped_run_with_an_error_did_not_end_as_declared() -> None:
     planned = plan()
     stopped = Stopped("1 pair could not be measured", len(planned), "errors", 1)
-    pairs = build_report([], [broken(planned[0])], planned, PROVENANCE, stopped)["pairs"]
+    pairs = build_report([], [broken(planned[0])], planned, PROVENANCE, stopped).pairs
     assert not ended_as_declared(pairs)
 
 
@@ -109,11 +110,11 @@ def test_a_run_that_something_stopped_is_incomplete_and_says_why() -> None:
         "INCOMPLETE: 1 of 32 planned pairs played, 0 invalid, 31 missing. No score. "
         "Stopped: the policy cannot be played."
     )
-    assert not ended_as_declared(pairs["pairs"])
+    assert not ended_as_declared(pairs.pairs)
 
 
 def test_a_run_of_which_nothing_is_left_is_complete() -> None:
     planned = plan()
     records = [record_of(pair, True, True) for pair in planned]
     report = build_report(records, [], planned, PROVENANCE, Stopped("stopping after 1 failures", 32))
-    assert "stopped" not in report["pairs"]
+    assert report.pairs.stopped is None

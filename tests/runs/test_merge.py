@@ -118,17 +118,19 @@ def _shard(number: int, of: int = 2) -> StoredRun:
 
 def test_all_shards_are_the_whole_track() -> None:
     report = report_of(merge_runs({"a": _shard(1), "b": _shard(2)}))
-    assert report["selection"]["whole"]
-    assert report["pairs"]["complete"]
+    assert report.selection is not None
+    assert report.selection.whole
+    assert report.pairs.complete
     assert title_text(report).endswith("track smoke, all 32 cases")
 
 
 def test_a_merge_without_one_shard_is_incomplete_and_names_it() -> None:
     report = report_of(merge_runs({"a": _shard(1, 3), "b": _shard(3, 3)}))
-    assert not report["pairs"]["complete"]
-    assert report["headline"]["status"] == "withheld"
-    assert "shard 2/3 not among the merged runs" in report["headline"]["reason"]
-    assert report["selection"]["missing_shards"] == report["pairs"]["missing_shards"] == ["2/3"]
+    assert not report.pairs.complete
+    assert report.headline.status == "withheld"
+    assert "shard 2/3 not among the merged runs" in (report.headline.reason or "")
+    assert report.selection is not None
+    assert report.selection.missing_shards == report.pairs.missing_shards == ["2/3"]
     assert summary_lines(report)[0] == (
         "INCOMPLETE: 21 of 21 planned pairs played, 0 invalid, 0 missing, "
         "shard 2/3 not among the merged runs. No score."
@@ -138,16 +140,17 @@ def test_a_merge_without_one_shard_is_incomplete_and_names_it() -> None:
 
 def test_a_shard_alone_is_complete_and_says_that_it_is_a_shard() -> None:
     report = report_of(_shard(1))
-    assert report["pairs"]["complete"]
-    assert not report["selection"]["whole"]
+    assert report.pairs.complete
+    assert report.selection is not None
+    assert not report.selection.whole
     assert "16 of 32 cases of track smoke (selection: shard 1 of 2)" in title_text(report)
 
 
 def test_a_run_of_an_older_version_claims_nothing_of_the_track() -> None:
     report = report_of(_piece(PAIRS))
-    assert report["selection"] is None
+    assert report.selection is None
     assert title_text(report).endswith("32 cases of track smoke (selection not recorded)")
-    assert report_of(merge_runs({"a": _shard(1), "b": _piece(PAIRS[16:])}))["selection"] is None
+    assert report_of(merge_runs({"a": _shard(1), "b": _piece(PAIRS[16:])})).selection is None
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, Pro
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
 from pytest_libero_max.policies.contract import Query
-from pytest_libero_max.report.studies.study import executed_json
+from pytest_libero_max.report.studies.study import executed
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, cadence_text, parse_cadence
 from pytest_libero_max.studies.camera_study import CameraStrength, CameraTiming, first_crossing
 from pytest_libero_max.studies.playable import require_playable
@@ -180,12 +180,12 @@ def test_what_shared_arms_save_is_counted(world: TinyWorld) -> None:
         )
     finally:
         counting.close()
-    executed = executed_json([pair.record])
-    assert executed["steps"] == played - 10  # the settle steps
-    assert executed["arms"] == 7
-    assert executed["steps_singly"] == 7 * BUDGET
-    assert executed["steps_as_pairs"] == executed["steps"] + 5 * BUDGET
-    assert executed["steps"] == 7 * BUDGET - 3 * (pair.record.trigger_step or 0)
+    done = executed([pair.record])
+    assert done.steps == played - 10  # the settle steps
+    assert done.arms == 7
+    assert done.steps_singly == 7 * BUDGET
+    assert done.steps_as_pairs == done.steps + 5 * BUDGET
+    assert done.steps == 7 * BUDGET - 3 * (pair.record.trigger_step or 0)
 
 
 @pytest.mark.parametrize("prefix", ["fork", "replay"])

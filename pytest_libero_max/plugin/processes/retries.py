@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.pair_reports import CRASH_PHASE
 from pytest_libero_max.plugin.processes.crash_log import Death
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
+from pytest_libero_max.report.document import InvalidPair
 from pytest_libero_max.runs.media import CRASHES_NAME
 
 RETRIED = "retried"
@@ -122,13 +122,13 @@ def pair_error(case: Case, death: Death, plays: int) -> PairError:
     )
 
 
-def set_aside_lines(invalid: Sequence[Json]) -> list[str]:
+def set_aside_lines(invalid: Sequence[InvalidPair]) -> list[str]:
     """Sentence that names the pairs whose processes died each time; none where there is no such pair.
 
     Args:
         invalid: ``invalid_pairs`` of a report.
     """
-    names = [pair["item_id"] for pair in invalid if pair["phase"] == CRASH_PHASE]
+    names = [pair.item_id for pair in invalid if pair.phase == CRASH_PHASE]
     if not names:
         return []
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""

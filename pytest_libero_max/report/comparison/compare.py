@@ -7,32 +7,39 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
-from pytest_libero_max.report.build import group_order, substrate_json
-from pytest_libero_max.report.statements import STATEMENTS
-from pytest_libero_max.report.statistics_json import (
-    change_contrast_json,
-    change_json,
-    contrast_json,
-    group_contrast_json,
-    number,
-    result_json,
-    task_json,
+from pytest_libero_max.report.build import group_order, substrate_of
+from pytest_libero_max.report.comparison.contrasts import (
+    change_contrast_of,
+    contrast_of,
+    group_contrast_of,
 )
+from pytest_libero_max.report.comparison.document import (
+    CommonPairs,
+    ComparedRun,
+    Comparison,
+    EventContrasts,
+    EventProfiles,
+    Flip,
+    Outcome,
+    OverRuns,
+    RunDifference,
+)
+from pytest_libero_max.report.measured import change_of, number, result_of
+from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.runs.agreement import PLACES
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.breakdown import breakdown
-from pytest_libero_max.stats.clusters import task_interval
+from pytest_libero_max.stats.clusters import TaskInterval, task_interval
 from pytest_libero_max.stats.comparison import (
     ChangeContrast,
     Contrast,
@@ -44,8 +51,6 @@ from pytest_libero_max.stats.comparison import (
     ranks,
 )
 from pytest_libero_max.stats.paired import Labels, Pairs, measure_groups
-
-COMPARISON_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -138,7 +143,7 @@ def _outcomes(run: StoredRun | RunOutcomes) -> RunOutcomes:
     return run if isinstance(run, RunOutcomes) else RunOutcomes.of(run)
 
 
-def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> Json:
+def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> Comparison:
     """Compare runs on their common cases.
 
     Every family of contrasts holds all pairs of runs (and all events, for those by event). Holm's correction
@@ -176,67 +181,71 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     changes_by_group = group_change_contrasts(base, dynamic, masks)
     rows = []
     for name, result in results.items():
-        block = result_json(result, len(common.planned))
+        block = result_of(result, len(common.planned))
         profile = dict(zip(events, changes[name], strict=True))
         rows.append(
-            {
-                "name": name,
-                "rank": ranked[name],
-                "policy": outcomes[name].policy,
-                "replay": replay_command(outcomes[name]),
-                **{key: block[key] for key in _RUN_COLUMNS},
-                "by_event": {event: change_json(group) for event, group in by_event[name].items()},
-                "smallest_loss": max(events, key=lambda event: profile[event]),
-                "largest_loss": min(events, key=lambda event: profile[event]),
-            }
+            ComparedRun(
+                name=name,
+                rank=ranked[name],
+                policy=outcomes[name].policy,
+                replay=list(replay_command(outcomes[name])),
+                base_success=block.base_success,
+                dynamic_success=block.dynamic_success,
+                paired_change=block.paired_change,
+                outcomes=block.outcomes,
+                conditional_regression=block.conditional_regression,
+                trigger_coverage=block.trigger_coverage,
+                response_coverage=block.response_coverage,
+                by_event={event: change_of(group) for event, group in by_event[name].items()},
+                smallest_loss=max(events, key=lambda event: profile[event]),
+                largest_loss=min(events, key=lambda event: profile[event]),
+            )
         )
-    return {
-        "schema_version": COMPARISON_VERSION,
-        "pairs": {
-            "common": len(common.planned),
-            "restricted": any(common.left_out.values()),
-            "left_out": {name: list(cases) for name, cases in common.left_out.items()},
-            "unsupported": dict(common.unsupported),
-        },
-        "substrate": substrate_json(next(iter(outcomes.values())).run.provenance),
-        "differences": [
+    return Comparison(
+        pairs=CommonPairs(
+            common=len(common.planned),
+            restricted=any(common.left_out.values()),
+            left_out={name: list(cases) for name, cases in common.left_out.items()},
+            unsupported=dict(common.unsupported),
+        ),
+        substrate=substrate_of(next(iter(outcomes.values())).run.provenance),
+        differences=[
             *_differences(outcomes),
             *_scene_differences(outcomes, [pair.case_id for pair in common.planned]),
         ],
-        "runs": rows,
-        "contrasts": [
-            _with_tasks(contrast_json(contrast), contrast, dynamic, tasks)
+        runs=rows,
+        contrasts=[
+            contrast_of(contrast, _by_task(contrast, dynamic, tasks))
             for contrast in contrasts(dynamic, tasks[1])
         ],
-        "base_contrasts": [
-            _with_tasks(contrast_json(contrast), contrast, base, tasks)
-            for contrast in contrasts(base, tasks[1])
+        base_contrasts=[
+            contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, tasks[1])
         ],
-        "change_contrasts": [
-            _with_tasks(change_contrast_json(contrast), contrast, differences, tasks)
+        change_contrasts=[
+            change_contrast_of(contrast, _by_task(contrast, differences, tasks))
             for contrast in change_contrasts(base, dynamic)
         ],
-        "by_event": {
-            event: {
-                "dynamic_success": [group_contrast_json(contrast) for contrast in by_group[event]],
-                "paired_change": [group_contrast_json(contrast) for contrast in changes_by_group[event]],
-            }
+        by_event={
+            event: EventContrasts(
+                dynamic_success=[group_contrast_of(contrast) for contrast in by_group[event]],
+                paired_change=[group_contrast_of(contrast) for contrast in changes_by_group[event]],
+            )
             for event in events
         },
-        "events": {
+        events={
             event: _over_runs([changes[name][index] for name in pairs]) for index, event in enumerate(events)
         },
-        "event_profiles": {
-            "mean_spearman": number(agreement.mean),
-            "lowest": number(agreement.lowest),
-            "highest": number(agreement.highest),
-        },
-        "flips": _flips(common),
-        "statements": dict(STATEMENTS),
-    }
+        event_profiles=EventProfiles(
+            mean_spearman=number(agreement.mean),
+            lowest=number(agreement.lowest),
+            highest=number(agreement.highest),
+        ),
+        flips=_flips(common),
+        statements=dict(STATEMENTS),
+    )
 
 
-def compare_folders(paths: Sequence[Path], restrict: bool = False) -> Json:
+def compare_folders(paths: Sequence[Path], restrict: bool = False) -> Comparison:
     """Compare the runs in folders, see :func:`read_runs`.
 
     Raises:
@@ -261,7 +270,7 @@ _COMPARED = ("substrate", "protocol", "case_set", "versions")
 """Parts of the provenance in which runs should agree if only their policies are to differ."""
 
 
-def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[Json]:
+def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
     """What the runs differ in beside their policies, each with the value of every run."""
     flat = {
         name: {
@@ -275,10 +284,10 @@ def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[Json]:
     for key in sorted({key for values in flat.values() for key in values}):
         values = {name: fields.get(key) for name, fields in flat.items()}
         if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
-            yield {"field": key, "values": values}
+            yield RunDifference(field=key, values=values)
 
 
-def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) -> Iterator[Json]:
+def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) -> Iterator[RunDifference]:
     """Name the common cases that a run played in another scene, or from another start, than the first run.
 
     Runs of earlier versions recorded a digest of source code for all scenes. That says nothing of a scene, so
@@ -300,52 +309,44 @@ def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) ->
         else:
             values[name] = "recorded"
     if len(set(values.values())) > 1:
-        yield {"field": "scenes", "values": values}
+        yield RunDifference(field="scenes", values=values)
 
 
-_RUN_COLUMNS = (
-    "base_success",
-    "dynamic_success",
-    "paired_change",
-    "outcomes",
-    "conditional_regression",
-    "trigger_coverage",
-    "response_coverage",
-)
-
-
-def _over_runs(changes: Sequence[float]) -> Json:
+def _over_runs(changes: Sequence[float]) -> OverRuns:
     """Median, quartiles (linear between runs) and range of the paired changes of an event."""
-    names = ("lowest", "lower_quartile", "median", "upper_quartile", "highest")
-    return dict(zip(names, map(number, np.percentile(changes, [0, 25, 50, 75, 100]).tolist()), strict=True))
+    lowest, lower, median, upper, highest = (
+        float(f"{value:.12g}") for value in np.percentile(changes, [0, 25, 50, 75, 100]).tolist()
+    )
+    return OverRuns(lowest=lowest, lower_quartile=lower, median=median, upper_quartile=upper, highest=highest)
 
 
-def _with_tasks(
-    values: Json,
+def _by_task(
     contrast: Contrast | ChangeContrast,
     columns: Mapping[str, NDArray[Any]],
     tasks: tuple[Labels, Labels],
-) -> Json:
-    """A contrast with the interval that takes the cases of a task as one draw."""
+) -> TaskInterval:
+    """Interval of a contrast that takes the cases of a task as one draw."""
     change = columns[contrast.second].astype(np.int64) - columns[contrast.first]
-    by_task = task_interval(change, *tasks, contrast.interval)
-    values["difference"]["by_task"] = task_json(by_task)
-    return values
+    return task_interval(change, *tasks, contrast.interval)
 
 
-def _flips(common: CommonCases) -> list[Json]:
+_OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+assert _OUTCOMES == OUTCOMES
+
+
+def _flips(common: CommonCases) -> list[Flip]:
     names = list(common.pairs)
     codes = np.stack([outcome_codes(pairs) for pairs in common.pairs.values()], axis=1)
     changed = np.flatnonzero((codes != codes[:, :1]).any(axis=1))
-    flips: list[Json] = []
+    flips: list[Flip] = []
     for index in changed.tolist():
-        pair, outcomes = common.planned[index], [OUTCOMES[code] for code in codes[index].tolist()]
+        pair, outcomes = common.planned[index], [_OUTCOMES[code] for code in codes[index].tolist()]
         flips.append(
-            {
-                "case_id": pair.case_id,
-                "item_id": pair.item_id,
-                "outcomes": dict(zip(names, outcomes, strict=True)),
-            }
+            Flip(
+                case_id=pair.case_id,
+                item_id=pair.item_id,
+                outcomes=dict(zip(names, outcomes, strict=True)),
+            )
         )
     return flips
 

@@ -6,8 +6,10 @@ import colorsys
 import math
 from collections.abc import Callable, Mapping
 
-from pytest_libero_max.benchmark.documents import Json
+from msgspec.structs import replace
+
 from pytest_libero_max.report.comparison.compare_text import with_short_names
+from pytest_libero_max.report.comparison.document import Comparison, OverRuns
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.writers.svg import (
     GAIN,
@@ -35,9 +37,9 @@ _OUTCOMES = (
 )
 
 
-def event_changes(comparison: Json) -> str:
+def event_changes(comparison: Comparison) -> str:
     """Paired change by event: a dot for every run, and median, quartiles and range over the runs."""
-    runs, events = comparison["runs"], comparison["events"]
+    runs, events = comparison.runs, comparison.events
     colors = _colors(len(runs))
     low, high = _limits(comparison)
     top, row = 34, _LANE * len(runs) + 18
@@ -59,39 +61,39 @@ def event_changes(comparison: Json) -> str:
     for index, (event, over_runs) in enumerate(events.items()):
         begin = top + row * index + 5
         middle, height = begin + (row - 10) / 2, row - 10
-        lower, upper = place(over_runs["lower_quartile"]), place(over_runs["upper_quartile"])
-        median = place(over_runs["median"])
+        lower, upper = place(over_runs.lower_quartile), place(over_runs.upper_quartile)
+        median = place(over_runs.median)
         shapes += [
-            line(place(over_runs["lowest"]), middle, place(over_runs["highest"]), middle, MUTED),
+            line(place(over_runs.lowest), middle, place(over_runs.highest), middle, MUTED),
             rectangle(lower, begin, max(upper - lower, 1), height, "#eceff2"),
             line(median, begin, median, begin + height, INK, 2),
             text(_LABEL - 10, middle + 4, event, "end"),
             text(_LABEL + _PLOT + 14, middle + 4, _over_runs_text(over_runs), color=MUTED),
         ]
         for lane, (run, color) in enumerate(zip(runs, colors, strict=True)):
-            change = run["by_event"][event]["value"]
-            shapes.append(circle(place(change), begin + 4 + _LANE * (lane + 0.5), 3.5, color))
+            change = run.by_event[event].value
+            shapes.append(circle(place(change or 0.0), begin + 4 + _LANE * (lane + 0.5), 3.5, color))
     for number, (run, color) in enumerate(zip(runs, colors, strict=True)):
         y = bottom + 22 + 18 * number
-        shapes += [circle(_LABEL + 6, y - 4, 4.5, color), text(_LABEL + 18, y, str(run["name"]))]
+        shapes += [circle(_LABEL + 6, y - 4, 4.5, color), text(_LABEL + 18, y, str(run.name))]
     height = bottom + 22 + 18 * len(runs)
     title = "Paired change by event, percentage points: runs, median, quartiles and range"
     return document(_LABEL + _PLOT + _NOTE, height, title, shapes)
 
 
-def outcome_shares(comparison: Json) -> str:
+def outcome_shares(comparison: Comparison) -> str:
     """The four outcomes (Base, Dynamic) as shares of the common cases, a bar for every run."""
-    runs, top, row = comparison["runs"], 40, 26
+    runs, top, row = comparison.runs, 40, 26
     shapes, x = [], float(_LABEL)
     for _, words, color, _ in _OUTCOMES:
         shapes += [rectangle(x, 10, 12, 12, color), text(x + 17, 20, words, size=11)]
         x += 34 + 6.2 * len(words)
     for index, run in enumerate(runs):
         y, begin = top + row * index, float(_LABEL)
-        shapes.append(text(_LABEL - 10, y + row / 2 + 4, str(run["name"]), "end"))
-        cases = sum(run["outcomes"][key] for key, *_ in _OUTCOMES)
+        shapes.append(text(_LABEL - 10, y + row / 2 + 4, str(run.name), "end"))
+        cases = sum(getattr(run.outcomes, key) for key, *_ in _OUTCOMES)
         for key, _, color, ink in _OUTCOMES:
-            share = run["outcomes"][key] / cases
+            share = getattr(run.outcomes, key) / cases
             width = (_PLOT + _NOTE - _MARGIN) * share
             shapes.append(rectangle(begin, y + 2, width, row - 4, color))
             if width > 36:
@@ -101,7 +103,7 @@ def outcome_shares(comparison: Json) -> str:
     return document(_LABEL + _PLOT + _NOTE, height, "Outcomes (Base, Dynamic), shares of the cases", shapes)
 
 
-COMPARISON_FIGURES: Mapping[str, Callable[[Json], str]] = {
+COMPARISON_FIGURES: Mapping[str, Callable[[Comparison], str]] = {
     "event-changes": event_changes,
     "outcome-shares": outcome_shares,
 }
@@ -115,21 +117,21 @@ CAPTIONS = {
 """What they show."""
 
 
-def drawn(comparison: Json) -> dict[str, str]:
+def drawn(comparison: Comparison) -> dict[str, str]:
     """Every figure, its runs named briefly."""
-    shown = with_short_names({**comparison, "flips": []})
+    shown = with_short_names(replace(comparison, flips=[]))
     return {stem: draw(shown) for stem, draw in COMPARISON_FIGURES.items()}
 
 
-def _over_runs_text(over_runs: Json) -> str:
-    quartiles = f"{points(over_runs['lower_quartile'])}, {points(over_runs['upper_quartile'])}"
-    return f"{points(over_runs['median'])} [{quartiles}]"
+def _over_runs_text(over_runs: OverRuns) -> str:
+    quartiles = f"{points(over_runs.lower_quartile)}, {points(over_runs.upper_quartile)}"
+    return f"{points(over_runs.median)} [{quartiles}]"
 
 
-def _limits(comparison: Json) -> tuple[float, float]:
+def _limits(comparison: Comparison) -> tuple[float, float]:
     """The ends of the axis: tenths, with zero and every change within."""
-    lowest = min(over_runs["lowest"] for over_runs in comparison["events"].values())
-    highest = max(over_runs["highest"] for over_runs in comparison["events"].values())
+    lowest = min(over_runs.lowest for over_runs in comparison.events.values())
+    highest = max(over_runs.highest for over_runs in comparison.events.values())
     low, high = min(math.floor(10 * lowest), 0), max(math.ceil(10 * highest), 0)
     return low / 10, max(high, low + 1) / 10
 

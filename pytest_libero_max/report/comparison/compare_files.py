@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.comparison.compare import CommonCases
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
 from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.compare_text import comparison_title, result_lines
+from pytest_libero_max.report.comparison.document import Comparison
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.files import make_folder, report_json, write_drawings, write_text
 
 
-def write_comparison(comparison: Json, folder: Path, common: CommonCases | None = None) -> list[Path]:
+def write_comparison(comparison: Comparison, folder: Path, common: CommonCases | None = None) -> list[Path]:
     """Write ``comparison.json``, ``comparison.md``, ``comparison.html`` and the figures.
 
     Args:
@@ -39,9 +39,9 @@ def write_comparison(comparison: Json, folder: Path, common: CommonCases | None 
     return [*(folder / name for name in files), *write_drawings(drawn(comparison), folder)]
 
 
-def comparison_markdown(comparison: Json) -> str:
+def comparison_markdown(comparison: Comparison) -> str:
     """A comparison as Markdown, with the figures beside it."""
     parts = [f"# {comparison_title(comparison)}", "```text\n" + "\n".join(result_lines(comparison)) + "\n```"]
     parts += [f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in CAPTIONS.items()]
-    parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in comparison["statements"].values())]
+    parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in comparison.statements.values())]
     return "\n\n".join(parts) + "\n"

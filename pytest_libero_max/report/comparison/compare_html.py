@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 
-from pytest_libero_max.benchmark.documents import Json
+from msgspec.structs import replace
+
 from pytest_libero_max.report.comparison.compare import CommonCases
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
 from pytest_libero_max.report.comparison.compare_text import comparison_title, result_lines, with_short_names
+from pytest_libero_max.report.comparison.document import ComparedRun, Comparison
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
 from pytest_libero_max.report.page.case_table import CASES_SECTION
 from pytest_libero_max.report.page.comparison import beside, comparison_cases
@@ -22,7 +24,9 @@ from pytest_libero_max.runs.store import pairs_file
 _HEAD = ("Run", "Rank", "Base success", "Dynamic success", "Paired change", "Base successes lost")
 
 
-def comparison_html(comparison: Json, common: CommonCases | None = None, folder: Path | None = None) -> str:
+def comparison_html(
+    comparison: Comparison, common: CommonCases | None = None, folder: Path | None = None
+) -> str:
     """Render a comparison as a page.
 
     Args:
@@ -31,49 +35,49 @@ def comparison_html(comparison: Json, common: CommonCases | None = None, folder:
         folder: Where the page is written; by default here.
     """
     title = comparison_title(comparison)
-    shown = with_short_names({**comparison, "flips": []})
+    shown = with_short_names(replace(comparison, flips=[]))
     body = [f"<h1>{escape(title)}</h1>"]
-    body += [note(comparison["substrate"]["note"])] if comparison["substrate"]["note"] else []
+    body += [note(comparison.substrate.note)] if comparison.substrate.note else []
     body += [note(text, "alarm") for text in _warnings(shown)]
-    body.append(table(_HEAD, map(_run_row, sorted(shown["runs"], key=_rank))))
+    body.append(table(_HEAD, map(_run_row, sorted(shown.runs, key=_rank))))
     cases = None
     if common is not None:
-        names = [run["name"] for run in comparison["runs"]]
+        names = [run.name for run in comparison.runs]
         cases = comparison_cases(
             common,
-            dict(zip(names, (run["name"] for run in shown["runs"]), strict=True)),
-            {run["name"]: run["replay"] for run in comparison["runs"]},
+            dict(zip(names, (run.name for run in shown.runs), strict=True)),
+            {run.name: run.replay for run in comparison.runs},
             beside({name: pairs_file(Path(name)).parent for name in names}, folder or Path()),
         )
         body.append(CASES_SECTION)
     body += ["<h2>Figures</h2>", *(figure(svg, CAPTIONS[stem]) for stem, svg in drawn(comparison).items())]
     body += ["<h2>Contrasts</h2>", f"<pre>{escape(chr(10).join(result_lines(comparison)))}</pre>"]
     body += events_section(common.planned) if common is not None else []
-    body += [f"<h2>{LIMITS_TITLE}</h2>", listed(comparison["statements"].values())]
+    body += [f"<h2>{LIMITS_TITLE}</h2>", listed(comparison.statements.values())]
     return document(title, body, cases)
 
 
-def _run_row(run: Json) -> tuple[str, ...]:
+def _run_row(run: ComparedRun) -> tuple[str, ...]:
     return (
-        run["name"],
-        "--" if run["rank"] is None else f"{run['rank']:g}",
-        rate_text(run["base_success"]),
-        rate_text(run["dynamic_success"]),
-        change_text(run["paired_change"]),
-        count_text(run["conditional_regression"]),
+        run.name,
+        "--" if run.rank is None else f"{run.rank:g}",
+        rate_text(run.base_success),
+        rate_text(run.dynamic_success),
+        change_text(run.paired_change),
+        count_text(run.conditional_regression),
     )
 
 
-def _rank(run: Json) -> float:
-    return float("inf") if run["rank"] is None else float(run["rank"])
+def _rank(run: ComparedRun) -> float:
+    return float("inf") if run.rank is None else run.rank
 
 
-def _warnings(comparison: Json) -> Iterator[str]:
+def _warnings(comparison: Comparison) -> Iterator[str]:
     """Which cases are not compared, and what the runs differ in beside their policies."""
-    pairs = comparison["pairs"]
-    if pairs["restricted"]:
-        left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs["left_out"].items())
-        yield f"Restricted to {pairs['common']} common cases; left out: {left_out}."
-    for difference in comparison["differences"]:
-        values = ", ".join(f"{name} {value}" for name, value in difference["values"].items())
-        yield f"The runs differ in {difference['field']}: {values}."
+    pairs = comparison.pairs
+    if pairs.restricted:
+        left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs.left_out.items())
+        yield f"Restricted to {pairs.common} common cases; left out: {left_out}."
+    for difference in comparison.differences:
+        values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
+        yield f"The runs differ in {difference.field}: {values}."

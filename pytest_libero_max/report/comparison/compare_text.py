@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import PurePath
 from textwrap import wrap
 from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json
+import msgspec
+from msgspec.structs import replace
+
 from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.report.comparison.document import (
+    ChangeContrast,
+    Comparison,
+    EventContrasts,
+    GroupContrast,
+    GroupDifference,
+    RunDifference,
+    SuccessContrast,
+)
 from pytest_libero_max.report.formats import count_text, interval_text, p_number, percent, points
 from pytest_libero_max.report.writers.summary import substrate_lines
+
+AnyContrast = SuccessContrast | ChangeContrast | GroupContrast
 
 _SHORT = dict(zip(OUTCOMES, ("(1,1)", "(0,1)", "(1,0)", "(0,0)"), strict=True))
 
@@ -29,7 +42,7 @@ _STATEMENTS = ("generalisation", "interval", "policies", "behaviour")
 """What is said in the terminal; the files of a comparison hold all of them."""
 
 
-def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
+def comparison_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     """Render a comparison for the terminal: its results, and the statements that concern it most.
 
     Args:
@@ -38,61 +51,58 @@ def comparison_lines(comparison: Json, flips: int = 20) -> list[str]:
     """
     lines = [*result_lines(comparison, flips), ""]
     for key in _STATEMENTS:
-        lines += wrap(comparison["statements"][key], 100)
+        lines += wrap(comparison.statements[key], 100)
     return lines
 
 
-def comparison_title(comparison: Json) -> str:
+def comparison_title(comparison: Comparison) -> str:
     """What a comparison is of, in a line."""
-    return f"Comparison of {len(comparison['runs'])} runs on {comparison['pairs']['common']} common cases"
+    return f"Comparison of {len(comparison.runs)} runs on {comparison.pairs.common} common cases"
 
 
-def result_lines(comparison: Json, flips: int = 20) -> list[str]:
+def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     """Render the results of a comparison.
 
     Args:
         comparison: What :func:`~pytest_libero_max.report.comparison.compare.compare_runs` returned.
         flips: How many changed cases are listed.
     """
-    changed = len(comparison["flips"])
-    comparison = with_short_names({**comparison, "flips": comparison["flips"][:flips]})
-    pairs, runs = comparison["pairs"], comparison["runs"]
-    lines = [f"{len(runs)} runs on {pairs['common']} common cases"]
-    if pairs["restricted"]:
-        left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs["left_out"].items())
-        lines = [f"RESTRICTED to {pairs['common']} common cases; left out: {left_out}"]
-    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs["unsupported"].items() if count)
+    changed = len(comparison.flips)
+    comparison = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
+    pairs, runs = comparison.pairs, comparison.runs
+    lines = [f"{len(runs)} runs on {pairs.common} common cases"]
+    if pairs.restricted:
+        left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs.left_out.items())
+        lines = [f"RESTRICTED to {pairs.common} common cases; left out: {left_out}"]
+    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
     if unsupported:
         lines.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
-    lines += substrate_lines(comparison["substrate"])
-    lines += _difference_lines(comparison["differences"])
+    lines += substrate_lines(comparison.substrate)
+    lines += _difference_lines(comparison.differences)
     lines += ["", _run_row("rank", "run", "Base", "Dynamic", "change [95%]", "95% by task", "lost")]
     lines += [
         _run_row(
-            "--" if run["rank"] is None else f"{run['rank']:g}",
-            run["name"],
-            percent(run["base_success"]["value"]),
-            percent(run["dynamic_success"]["value"]),
-            f"{points(run['paired_change']['value'])} {interval_text(run['paired_change'], signed=True)}",
-            interval_text(run["paired_change"]["by_task"], signed=True),
-            count_text(run["conditional_regression"]),
+            "--" if run.rank is None else f"{run.rank:g}",
+            run.name,
+            percent(run.base_success.value),
+            percent(run.dynamic_success.value),
+            f"{points(run.paired_change.value)} {interval_text(run.paired_change, signed=True)}",
+            interval_text(run.paired_change.by_task, signed=True),
+            count_text(run.conditional_regression),
         )
-        for run in sorted(runs, key=lambda run: run["rank"] or len(runs) + 1)
+        for run in sorted(runs, key=lambda run: run.rank or len(runs) + 1)
     ]
-    for title, key in (
-        ("Dynamic success", "contrasts"),
-        ("Base success", "base_contrasts"),
-        ("Paired change", "change_contrasts"),
-    ):
-        lines += ["", *_contrast_lines(title, comparison[key])]
-    lines += ["", *_event_lines(comparison["by_event"])]
+    lines += ["", *_contrast_lines("Dynamic success", comparison.contrasts)]
+    lines += ["", *_contrast_lines("Base success", comparison.base_contrasts)]
+    lines += ["", *_contrast_lines("Paired change", comparison.change_contrasts)]
+    lines += ["", *_event_lines(comparison.by_event)]
     lines += ["", *_profile_lines(comparison)]
     return [*lines, "", *_flip_lines(comparison, changed)]
 
 
-def with_short_names(comparison: Json) -> Json:
+def with_short_names(comparison: Comparison) -> Comparison:
     """The comparison with runs named by the last part of their paths, where these differ."""
-    names = [run["name"] for run in comparison["runs"]]
+    names = [run.name for run in comparison.runs]
     short = dict(zip(names, (PurePath(name).name for name in names), strict=True))
     if len(set(short.values())) < len(names) or "" in short.values():
         return comparison
@@ -105,25 +115,25 @@ def with_short_names(comparison: Json) -> Json:
             }
         return [renamed(item) for item in value] if isinstance(value, list) else value
 
-    shown = {key: value for key, value in comparison.items() if key != "flips"}
-    flips = [{**flip, "outcomes": renamed(flip["outcomes"])} for flip in comparison["flips"]]
-    return {**renamed(shown), "flips": flips}
+    flips = [replace(flip, outcomes=renamed(flip.outcomes)) for flip in comparison.flips]
+    shown = msgspec.convert(renamed(msgspec.to_builtins(replace(comparison, flips=[]))), Comparison)
+    return replace(shown, flips=flips)
 
 
 def _run_row(rank: str, name: str, base: str, dynamic: str, change: str, by_task: str, lost: str) -> str:
     return f"{rank:>4}  {name:<22} {base:>6} {dynamic:>7} {change:>24} {by_task:>15} {lost:>11}"
 
 
-def _difference_lines(differences: Sequence[Json]) -> Iterator[str]:
+def _difference_lines(differences: Sequence[RunDifference]) -> Iterator[str]:
     """What the runs differ in beside their policies."""
     for difference in differences:
-        values = ", ".join(f"{name} {value}" for name, value in difference["values"].items())
-        yield f"WARNING: the runs differ in {difference['field']}: {values}"
+        values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
+        yield f"WARNING: the runs differ in {difference.field}: {values}"
     if differences:
         yield "WARNING: the contrasts below are of these differences and of the policies together."
 
 
-def _contrast_lines(title: str, contrasts: Sequence[Json]) -> Iterator[str]:
+def _contrast_lines(title: str, contrasts: Sequence[AnyContrast]) -> Iterator[str]:
     interval = _SIMULTANEOUS if len(contrasts) > 1 else "95% interval"
     yield _row(f"{title}, second against first", "change", interval, "95% by task", "Holm p")
     for contrast in contrasts:
@@ -137,17 +147,18 @@ def _contrast_lines(title: str, contrasts: Sequence[Json]) -> Iterator[str]:
         )
 
 
-def _names(contrast: Json) -> str:
-    return f"{contrast['second']} against {contrast['first']}"
+def _names(contrast: AnyContrast) -> str:
+    return f"{contrast.second} against {contrast.first}"
 
 
-def _contrast_line(contrast: Json, label: str) -> str:
-    difference, log10_p = contrast["difference"], contrast["log10_p_value_holm"]
+def _contrast_line(contrast: AnyContrast, label: str) -> str:
+    difference, log10_p = contrast.difference, contrast.log10_p_value_holm
+    by_task = None if isinstance(difference, GroupDifference) else difference.by_task
     return _row(
         label,
-        points(difference["value"]),
-        interval_text(difference["simultaneous"], signed=True),
-        interval_text(difference["by_task"], signed=True) if "by_task" in difference else "",
+        points(difference.value),
+        interval_text(difference.simultaneous, signed=True),
+        interval_text(by_task, signed=True) if by_task is not None else "",
         "n/a" if log10_p is None else p_number(log10_p),
     )
 
@@ -156,64 +167,69 @@ def _row(names: str, change: str, interval: str, by_task: str, p_value: str) -> 
     return f"{names:<40} {change:>7} {interval:>17} {by_task:>15} {p_value:>8}"
 
 
-def _event_lines(by_event: Json) -> Iterator[str]:
+def _event_lines(by_event: Mapping[str, EventContrasts]) -> Iterator[str]:
     """Contrasts by event: listed for few runs, counted for many."""
-    for title, key in (("Dynamic success", "dynamic_success"), ("Paired change", "paired_change")):
-        few = all(len(contrasts[key]) <= _MOST_EVENT_CONTRASTS for contrasts in by_event.values())
+    quantities: tuple[tuple[str, Callable[[EventContrasts], list[GroupContrast]]], ...] = (
+        ("Dynamic success", lambda contrasts: contrasts.dynamic_success),
+        ("Paired change", lambda contrasts: contrasts.paired_change),
+    )
+    for title, quantity in quantities:
+        by_name = {event: quantity(contrasts) for event, contrasts in by_event.items()}
+        few = all(len(contrasts) <= _MOST_EVENT_CONTRASTS for contrasts in by_name.values())
         if few:
             yield _row(f"{title} by event", "change", _SIMULTANEOUS, "", "Holm p")
         else:
             yield f"{title} by event: contrasts with Holm p < {_LEVEL:g}"
-        for event, contrasts in by_event.items():
+        for event, contrasts in by_name.items():
             if few:
-                for contrast in contrasts[key]:
-                    single = len(contrasts[key]) == 1
+                for contrast in contrasts:
+                    single = len(contrasts) == 1
                     yield _contrast_line(contrast, event if single else f"{event}: {_names(contrast)}")
             else:
-                found = sum(
-                    10 ** (contrast["log10_p_value_holm"] or 0.0) < _LEVEL for contrast in contrasts[key]
-                )
-                yield f"  {event:<24} {found} of {len(contrasts[key])}"
+                found = sum(10 ** (contrast.log10_p_value_holm or 0.0) < _LEVEL for contrast in contrasts)
+                yield f"  {event:<24} {found} of {len(contrasts)}"
     yield "Holm's correction and the simultaneous intervals are over all events and pairs of runs."
 
 
-def _profile_lines(comparison: Json) -> Iterator[str]:
+def _profile_lines(comparison: Comparison) -> Iterator[str]:
     """Where each run loses least and most, and how alike the runs are in that."""
     yield f"{'Paired change by event':<28} {'smallest loss':<34} largest loss"
-    for run in comparison["runs"]:
+    for run in comparison.runs:
         smallest, largest = (
-            f"{run[key]} {points(run['by_event'][run[key]]['value'])}"
-            for key in ("smallest_loss", "largest_loss")
+            f"{event} {points(run.by_event[event].value)}" for event in (run.smallest_loss, run.largest_loss)
         )
-        yield f"  {run['name']:<26} {smallest:<34} {largest}"
-    if len(comparison["runs"]) > 2:
+        yield f"  {run.name:<26} {smallest:<34} {largest}"
+    if len(comparison.runs) > 2:
         yield f"{'Paired change by event':<28} {'median':>7}  quartiles over the runs  range"
-        for event, over_runs in comparison["events"].items():
+        for event, over_runs in comparison.events.items():
             quartiles, ends = (
-                f"[{points(over_runs[low])}, {points(over_runs[high])}]"
-                for low, high in (("lower_quartile", "upper_quartile"), ("lowest", "highest"))
+                f"[{points(low)}, {points(high)}]"
+                for low, high in (
+                    (over_runs.lower_quartile, over_runs.upper_quartile),
+                    (over_runs.lowest, over_runs.highest),
+                )
             )
-            yield f"  {event:<26} {points(over_runs['median']):>7}  {quartiles:<23}  {ends}"
-    profiles = comparison["event_profiles"]
-    if profiles["mean_spearman"] is None:
+            yield f"  {event:<26} {points(over_runs.median):>7}  {quartiles:<23}  {ends}"
+    profiles = comparison.event_profiles
+    if profiles.mean_spearman is None:
         yield "Agreement of the event profiles: n/a, no two runs have profiles that vary"
     else:
         yield (
-            f"Agreement of the event profiles (Spearman): mean {profiles['mean_spearman']:.2f}, from "
-            f"{profiles['lowest']:.2f} to {profiles['highest']:.2f} over the pairs of runs"
+            f"Agreement of the event profiles (Spearman): mean {profiles.mean_spearman:.2f}, from "
+            f"{profiles.lowest:.2f} to {profiles.highest:.2f} over the pairs of runs"
         )
 
 
-def _flip_lines(comparison: Json, changed: int) -> list[str]:
+def _flip_lines(comparison: Comparison, changed: int) -> list[str]:
     """The changed cases that are listed, of so many."""
-    flips = comparison["flips"]
+    flips = comparison.flips
     if not changed:
         return ["No case changed."]
-    names = [run["name"] for run in comparison["runs"]]
+    names = [run.name for run in comparison.runs]
     lines = [f"{changed} case{'s' * (changed > 1)} changed, (Base, Dynamic) in {', '.join(names)}:"]
     for flip in flips:
-        lines.append(f"{' '.join(_SHORT[flip['outcomes'][name]] for name in names)}  {flip['item_id']}")
+        lines.append(f"{' '.join(_SHORT[flip.outcomes[name]] for name in names)}  {flip.item_id}")
     if changed > len(flips):
         lines.append(f"... and {changed - len(flips)} more")
     lines.append("To play one of them again, append its name:")
-    return [*lines, *(f"  {run['name']}: {shlex.join(run['replay'])}" for run in comparison["runs"])]
+    return [*lines, *(f"  {run.name}: {shlex.join(run.replay)}" for run in comparison.runs)]

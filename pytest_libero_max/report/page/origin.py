@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.runs.store import StoredRun
 
 _NOT_RECORDED = "not recorded"
 
 
-def origin_rows(report: Json, stored: StoredRun) -> Iterator[tuple[str, str]]:
+def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
     """Names and values. What an older version did not record is said to be so.
 
     Args:
         report: Of the run.
         stored: The run.
     """
-    origin = report["provenance"]
+    origin = report.provenance
     yield "date", origin.get("started") or _NOT_RECORDED
     yield "time in pairs", _duration(stored)
-    policy = report["policy"]
+    policy = report.policy
     if policy is not None:
         yield "policy", f"{policy['name']}, revision {policy.get('revision') or _NOT_RECORDED}"
         yield "actions", f"horizon {policy['horizon']}, a query after {policy['query_interval']}"

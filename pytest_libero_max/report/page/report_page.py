@@ -9,9 +9,11 @@ from urllib.parse import quote, urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights
+from pytest_libero_max.report.blocks import Outcomes, Rate, Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.document import PairCounts, Report
 from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.page.case_table import CASES_SECTION, OUTCOME_TITLES
@@ -20,6 +22,7 @@ from pytest_libero_max.report.page.events import events_section
 from pytest_libero_max.report.page.markup import Viewed, figure, listed, note, table
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.statements import LIMITS_TITLE
+from pytest_libero_max.report.studies.document import Study
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers.figures import arrow_plot, category_map, change_profile, stale_histogram
@@ -41,7 +44,7 @@ from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
 
 
 def html(
-    report: Json,
+    report: Report,
     regressions: Sequence[str],
     replay: Sequence[str],
     films: Mapping[str, Sequence[str]] | None = None,
@@ -61,11 +64,11 @@ def html(
             None leaves it out.
         pairs_name: The file of the pairs beside the page.
     """
-    pairs = report["pairs"]
+    pairs = report.pairs
     body = [f"<h1>{escape(title_text(report))}</h1>"]
-    body.append(f"<p>{pairs['played']} of {pairs['planned']} planned pairs played</p>")
-    body += [_ways(pairs["played"] > 0)] if cases is not None else []
-    if not pairs["complete"]:
+    body.append(f"<p>{pairs.played} of {pairs.planned} planned pairs played</p>")
+    body += [_ways(pairs.played > 0)] if cases is not None else []
+    if not pairs.complete:
         body.append(note(f"{incomplete_text(pairs)} All rates are over the played pairs.", "alarm"))
     partial = unsupported_text(pairs)
     if partial is not None:
@@ -73,25 +76,25 @@ def html(
     repaired = repaired_text(pairs)
     if repaired is not None:
         body.append(note(repaired))
-    if report["substrate"]["note"]:
-        body.append(note(report["substrate"]["note"]))
-    body += [note(caveat_text(caveat)) for caveat in report["caveats"]]
-    if pairs["played"]:
+    if report.substrate.note:
+        body.append(note(report.substrate.note))
+    body += [note(caveat_text(caveat)) for caveat in report.caveats]
+    if pairs.played:
         body += _summary(report)
     if cases is not None:
         body.append(CASES_SECTION)
     if stored is not None:
         body += events_section(stored.run.planned, stored.records)
-    if pairs["played"]:
+    if pairs.played:
         body += _results(report)
         body += _regressions(regressions, replay, films or {}, pairs_name)
         others = [item for item in films or {} if item not in regressions]
         body += [_listed(f"Films of {len(others)} other pairs", others, films or {})] if others else []
-    body += _study(report["study"]) if "study" in report else []
+    body += [] if report.study is None else _study(report.study)
     body += _faults(pairs)
-    for title, values in report["sections"].items():
+    for title, values in report.sections.items():
         body += [f"<h2>{escape(title)}</h2>", table(("Name", "Value"), list(values.items()))]
-    body += [f"<h2>{LIMITS_TITLE}</h2>", listed(report["statements"].values())]
+    body += [f"<h2>{LIMITS_TITLE}</h2>", listed(report.statements.values())]
     body += _provenance(report, stored)
     return document(title_text(report), body, cases)
 
@@ -103,30 +106,30 @@ def _ways(played: bool) -> str:
     return f"<nav aria-label='Parts of this page'><a href='#cases' data-with-script>Cases</a> {links}</nav>"
 
 
-def _summary(report: Json) -> list[str]:
-    overall = report["overall"]
+def _summary(report: Report) -> list[str]:
+    overall = report.overall
     return [
         "<div class='cards'>",
-        _card("Base success", overall["base_success"]),
-        _card("Dynamic success", overall["dynamic_success"]),
-        _card("Base successes lost", overall["conditional_regression"]),
+        _card("Base success", overall.base_success),
+        _card("Dynamic success", overall.dynamic_success),
+        _card("Base successes lost", overall.conditional_regression),
         "</div>",
         table(
             ("Quantity", "Value"), [(column.title, column.long(overall)) for column in columns_in("summary")]
         ),
         "<h2>Outcomes</h2>",
-        _outcomes(overall["outcomes"]),
+        _outcomes(overall.outcomes),
     ]
 
 
-def _results(report: Json) -> list[str]:
-    overall = report["overall"]
+def _results(report: Report) -> list[str]:
+    overall = report.overall
     body = [
         "<h2 id='figures'>From Base to Dynamic</h2>",
         "<p>A ring is Base success, the arrow ends at Dynamic success; pairs in brackets.</p>",
         figure(arrow_plot(report)),
     ]
-    if any_floor(report["by"]["event"].values()):
+    if any_floor(report.by["event"].values()):
         body.append(f"<p>{escape(FLOOR_NOTE)}</p>")
     body += [
         "<h2>Paired change by event</h2>",
@@ -140,7 +143,7 @@ def _results(report: Json) -> list[str]:
         figure(stale_histogram(report)),
         "<h2>Given a query after the event</h2>",
         f"<p>{escape(GIVEN_RESPONSE_NOTE)}</p>",
-        _groups("given_response", "Event", {ALL_PAIRS: overall, **report["by"]["event"]}),
+        _groups("given_response", "Event", {ALL_PAIRS: overall, **report.by["event"]}),
         f"<h2>{highlights.TITLE}</h2>",
         f"<p>{escape(highlights.NOTE)}</p>",
         f"<div class='words'>{table(('What', 'Where', 'Value'), highlight_rows(report))}</div>",
@@ -149,8 +152,8 @@ def _results(report: Json) -> list[str]:
     return body + [_breakdown(report, key, dimension.title) for key, dimension in DIMENSIONS.items()]
 
 
-def _study(study: Json) -> list[str]:
-    body = [f"<h2>Study: {escape(study['title'])}</h2>"]
+def _study(study: Study) -> list[str]:
+    body = [f"<h2>Study: {escape(study.title)}</h2>"]
     body += [f"<p>{escape(note)}</p>" for note in study_notes(study)]
     body += map(figure, study_figures(study).values())
     for part in study_tables(study):
@@ -159,10 +162,12 @@ def _study(study: Json) -> list[str]:
     return body
 
 
-def _outcomes(outcomes: Json) -> str:
+def _outcomes(outcomes: Outcomes) -> str:
     def cell(outcome: str) -> str:
         view = f"outcome={outcome}"
-        return f"<td><span data-view='{view}'>{outcomes[outcome]} {OUTCOME_TITLES[outcome]}</span></td>"
+        return (
+            f"<td><span data-view='{view}'>{getattr(outcomes, outcome)} {OUTCOME_TITLES[outcome]}</span></td>"
+        )
 
     return (
         "<div class='wide'><table class='outcomes'><thead><tr><td></td>"
@@ -173,20 +178,20 @@ def _outcomes(outcomes: Json) -> str:
     )
 
 
-def _coverage(report: Json) -> str:
-    groups = _groups("coverage", "Event", {ALL_PAIRS: report["overall"], **report["by"]["event"]})
+def _coverage(report: Report) -> str:
+    groups = _groups("coverage", "Event", {ALL_PAIRS: report.overall, **report.by["event"]})
     noise, clipping = noise_text(report), clipping_text(report)
     if noise is not None:
         groups += f"<p>Noise floor, Base played twice: {escape(noise)}</p>"
     return groups if clipping is None else f"{groups}<p>{escape(clipping)}</p>"
 
 
-def _breakdown(report: Json, key: str, title: str) -> str:
-    groups = _groups("groups", title, report["by"][key], key)
+def _breakdown(report: Report, key: str, title: str) -> str:
+    groups = _groups("groups", title, report.by[key], key)
     return f"<details><summary>{escape(title)}</summary>{groups}</details>"
 
 
-def _groups(kind: Table, title: str, groups: Mapping[str, Json], dimension: str = "event") -> str:
+def _groups(kind: Table, title: str, groups: Mapping[str, Result], dimension: str = "event") -> str:
     """One row a group, and the note on groups whose Base success is too low."""
     columns = columns_in(kind)
     rows = [
@@ -231,34 +236,32 @@ def _pair(item: str, films: Mapping[str, Sequence[str]]) -> str:
     return f"<code>{escape(item)}</code>{links}"
 
 
-def _faults(pairs: Json) -> list[str]:
+def _faults(pairs: PairCounts) -> list[str]:
     body = []
-    if pairs["invalid_pairs"]:
-        rows = [
-            (pair["item_id"], pair["phase"], pair["kind"], pair["message"]) for pair in pairs["invalid_pairs"]
-        ]
+    if pairs.invalid_pairs:
+        rows = [(pair.item_id, pair.phase, pair.kind, pair.message) for pair in pairs.invalid_pairs]
         found = table(("Pair", "Phase", "Error", "Message"), rows)
         body += ["<h2>Invalid pairs</h2>", f"<div class='words'>{found}</div>"]
-    if pairs["missing_pairs"]:
-        items = "".join(f"<li><code>{escape(pair['item_id'])}</code></li>" for pair in pairs["missing_pairs"])
+    if pairs.missing_pairs:
+        items = "".join(f"<li><code>{escape(pair.item_id)}</code></li>" for pair in pairs.missing_pairs)
         body += [f"<div data-without-script><h2>Missing pairs</h2><ul>{items}</ul></div>"]
     return body
 
 
-def _provenance(report: Json, stored: StoredRun | None) -> list[str]:
-    origin = report["provenance"]
+def _provenance(report: Report, stored: StoredRun | None) -> list[str]:
+    origin = report.provenance
     rows = list(origin_rows(report, stored)) if stored is not None else []
     rows += [(name, version or "not installed") for name, version in origin["versions"].items()]
     rows += [("case set", f"{origin['case_set']['name']}, {origin['case_set']['digest'][:12]}")]
     if "released_as" in origin["case_set"]:
         rows.append(("case set is", origin["case_set"]["released_as"]))
-    if report["selection"]:
-        rows += [("selection", f"{selection_text(report)}, {report['selection']['digest'][:12]}")]
+    if report.selection:
+        rows += [("selection", f"{selection_text(report)}, {report.selection.digest[:12]}")]
     rows += [("MUJOCO_GL", origin.get("gl_backend") or "not set"), ("command", shlex.join(origin["command"]))]
     return ["<h2 id='provenance'>Provenance</h2>", "<div class='words'>", table((), rows), "</div>"]
 
 
-def _card(name: str, rate: Json) -> str:
-    value = percent(rate["value"])
+def _card(name: str, rate: Rate) -> str:
+    value = percent(rate.value)
     detail = rate_text(rate).removeprefix(value).strip()
     return f"<div class='card'>{escape(name)}<b>{value}</b><span>{escape(detail)}</span></div>"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,18 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.comparison.compare import common_cases
-from pytest_libero_max.report.statistics_json import interval_json, number, ratio_json
+from pytest_libero_max.report.measured import interval_of, number, ratio_of
+from pytest_libero_max.report.studies.recovery_document import (
+    ActiveShares,
+    CommonCases,
+    Effect,
+    Group,
+    ImageNotes,
+    Mode,
+    Recovery,
+)
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, REPLICATES, cluster_bootstrap
-from pytest_libero_max.stats.intervals import Interval
 from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
 
@@ -50,7 +59,7 @@ class _Columns:
         return self.gain(mode, DYNAMIC) - self.gain(mode, BASE)
 
 
-def recovery_of(folders: Sequence[Path], restrict: bool = False) -> Json:
+def recovery_of(folders: Sequence[Path], restrict: bool = False) -> Recovery:
     """Compare the runs in some folders; see :func:`compare_recovery`.
 
     Raises:
@@ -59,7 +68,7 @@ def recovery_of(folders: Sequence[Path], restrict: bool = False) -> Json:
     return compare_recovery([read_pairs(folder) for folder in folders], restrict)
 
 
-def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Json:
+def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Recovery:
     """Compare runs of one policy that differ in ``--libero-max-restore`` alone, one of them native.
 
     Args:
@@ -92,25 +101,25 @@ def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Json:
     }
     others = [mode for mode in records if mode != NATIVE]
     policy = dict(first[0].policy)
-    return {
-        "policy": policy,
-        "substrate": runs[0].run.provenance["substrate"]["name"],
-        "case_set": runs[0].run.provenance["case_set"]["name"],
-        "pairs": {
-            "common": len(ids),
-            "planned": len(runs[0].run.planned),
-            "unsupported": dict(common.unsupported),
-        },
-        "replicates": REPLICATES,
-        "modes": {mode: _mode_json(columns, mode, records[mode]) for mode in records},
-        "effects": [_effect(columns, *effect) for effect in _effects(others)],
-        "groups": [
+    return Recovery(
+        policy=policy,
+        substrate=runs[0].run.provenance["substrate"]["name"],
+        case_set=runs[0].run.provenance["case_set"]["name"],
+        pairs=CommonCases(
+            common=len(ids),
+            planned=len(runs[0].run.planned),
+            unsupported=dict(common.unsupported),
+        ),
+        replicates=REPLICATES,
+        modes={mode: _mode(columns, mode, records[mode]) for mode in records},
+        effects=[_effect(columns, *effect) for effect in _effects(others)],
+        groups=[
             _group(columns, mode, kind, name, labels == name)
             for mode in others
             for kind, labels in groups.items()
             for name in sorted(set(labels.tolist()))
         ],
-    }
+    )
 
 
 def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
@@ -163,22 +172,24 @@ def _corruption(record: PairRecord) -> str:
     return f"noise {noise:g}, mask {covered:.0%}"
 
 
-def _mode_json(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Json:
+def _mode(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Mode:
     """Rates of a mode, how often it was active, and what it cost."""
     n = len(columns.category)
-    rates = {arm: ratio_json(Ratio(int(columns.success[mode, arm].sum()), n)) for arm in (BASE, DYNAMIC)}
+    rates = {arm: ratio_of(Ratio(int(columns.success[mode, arm].sum()), n)) for arm in (BASE, DYNAMIC)}
     notes = {arm: _notes(records, arm) for arm in (BASE, DYNAMIC)}
     queries = sum(counts["queries"] for counts in notes.values() if counts)
     seconds = sum(record.timings.get(_TIME, 0.0) for record in records)
-    return {
-        **rates,
-        "active": {
-            arm: ratio_json(Ratio(counts["active"], counts["queries"])) if counts else None
-            for arm, counts in notes.items()
-        },
-        "images": notes,
-        "seconds_per_query": number(seconds / queries) if queries else None,
+    active = {
+        arm: ratio_of(Ratio(counts["active"], counts["queries"])) if counts else None
+        for arm, counts in notes.items()
     }
+    return Mode(
+        base=rates[BASE],
+        dynamic=rates[DYNAMIC],
+        active=ActiveShares(base=active[BASE], dynamic=active[DYNAMIC]),
+        images=ImageNotes(base=notes[BASE], dynamic=notes[DYNAMIC]),
+        seconds_per_query=number(seconds / queries) if queries else None,
+    )
 
 
 def _notes(records: Sequence[PairRecord], arm: str) -> dict[str, int] | None:
@@ -199,22 +210,25 @@ def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
     return [*rows, (GATED, ALWAYS, "dynamic")] if len(others) == 2 else rows
 
 
-def _effect(columns: _Columns, mode: str, over: str, quantity: str) -> Json:
+def _effect(columns: _Columns, mode: str, over: str, quantity: str) -> Effect:
     if quantity == "closure":
         values, exact = columns.closure(mode), None
     else:
         values = columns.gain(mode, quantity, over)
         exact = paired_difference(int((values < 0).sum()), int((values > 0).sum()), len(values))
-    return {
-        "mode": mode,
-        "over": over,
-        "quantity": quantity,
+    lower, upper = _interval(columns, values)
+    return Effect(
+        mode=mode,
+        over=over,
+        quantity=quantity,
         **_estimate(columns, values),
-        "exact": interval_json(exact),
-    }
+        lower=lower,
+        upper=upper,
+        exact=interval_of(exact),
+    )
 
 
-def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.bool_]) -> Json:
+def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.bool_]) -> Group:
     """The gain in Dynamic within a group of cases."""
     part = _Columns(
         {key: values[rows] for key, values in columns.success.items()},
@@ -223,41 +237,47 @@ def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.
     )
     values = part.gain(mode, DYNAMIC)
     exact = paired_difference(int((values < 0).sum()), int((values > 0).sum()), len(values))
-    rates = {
-        key: ratio_json(Ratio(int(part.success[which, DYNAMIC].sum()), len(values)))
-        for key, which in (("native", NATIVE), ("restored", mode))
-    }
-    return {
-        "mode": mode,
-        "kind": kind,
-        "name": name,
-        **rates,
+    native, restored = (
+        ratio_of(Ratio(int(part.success[which, DYNAMIC].sum()), len(values))) for which in (NATIVE, mode)
+    )
+    lower, upper = _interval(part, values)
+    return Group(
+        mode=mode,
+        kind=kind,
+        name=name,
+        native=native,
+        restored=restored,
         **_estimate(part, values),
-        "exact": interval_json(exact),
-    }
+        lower=lower,
+        upper=upper,
+        exact=interval_of(exact),
+    )
 
 
-def _estimate(columns: _Columns, values: Differences) -> Json:
-    """A mean difference with its clustered interval, which is None where too little could vary."""
-    clusters = len(np.unique(columns.configuration))
-    changed = len(np.unique(columns.configuration[values != 0]))
-    interval = None
-    if clusters >= LEAST_TASKS and changed >= LEAST_CHANGED_TASKS:
-        found = cluster_bootstrap(
-            values,
-            columns.configuration,
-            strata=columns.category,
-            pools=columns.category,
-            replicates=REPLICATES,
-        )
-        assert found is not None
-        interval = Interval(found.lower, found.upper)
+def _estimate(columns: _Columns, values: Differences) -> dict[str, Any]:
+    """A mean difference, with how many cases and configurations it is from."""
     return {
         "pairs": len(values),
         "gained": int((values > 0).sum()),
         "lost": int((values < 0).sum()),
         "value": number(float(values.mean())),
-        "configurations": clusters,
-        "changed_configurations": changed,
-        **interval_json(interval),
+        "configurations": len(np.unique(columns.configuration)),
+        "changed_configurations": len(np.unique(columns.configuration[values != 0])),
     }
+
+
+def _interval(columns: _Columns, values: Differences) -> tuple[float | None, float | None]:
+    """The clustered interval of a mean difference, None where too little could vary."""
+    clusters = len(np.unique(columns.configuration))
+    changed = len(np.unique(columns.configuration[values != 0]))
+    if clusters < LEAST_TASKS or changed < LEAST_CHANGED_TASKS:
+        return None, None
+    found = cluster_bootstrap(
+        values,
+        columns.configuration,
+        strata=columns.category,
+        pools=columns.category,
+        replicates=REPLICATES,
+    )
+    assert found is not None
+    return number(found.lower), number(found.upper)

@@ -8,9 +8,11 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.statistics_json import rate_json
-from pytest_libero_max.report.studies.study_cadence import cadence_json
-from pytest_libero_max.report.studies.study_camera import camera_json
+from pytest_libero_max.report.blocks import Rate
+from pytest_libero_max.report.measured import rate_of
+from pytest_libero_max.report.studies.document import Executed, Study
+from pytest_libero_max.report.studies.study_cadence import cadence_results
+from pytest_libero_max.report.studies.study_camera import camera_results
 from pytest_libero_max.stats.intervals import wilson
 from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep
@@ -18,8 +20,8 @@ from pytest_libero_max.studies.camera_study import CameraTiming
 from pytest_libero_max.studies.registry import study_from_dict
 
 
-def study_json(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json) -> Json | None:
-    """What a study has found; None where the run was of none.
+def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json) -> Study | None:
+    """Return the results of a study; None where the run was of none.
 
     Args:
         records: Measured cases, in the order of the report.
@@ -32,53 +34,52 @@ def study_json(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Js
     if protocol.get("study") is None:
         return _further_arms(records)
     study = study_from_dict(protocol["study"])
-    found: Json = {"arms": arms_json(records)}
-    if isinstance(study, CameraTiming):
-        found = camera_json(study, records, tasks)
-    elif isinstance(study, CadenceSweep):
-        found = cadence_json(study, records)
-    return {
-        "name": study.name,
-        "title": study.title,
-        "cases": len(records),
-        **found,
-        "executed": executed_json(records),
-    }
+    camera = camera_results(study, records, tasks) if isinstance(study, CameraTiming) else None
+    cadence = cadence_results(study, records) if isinstance(study, CadenceSweep) else None
+    return Study(
+        name=study.name,
+        title=study.title,
+        cases=len(records),
+        arms=success_by_arm(records) if camera is None and cadence is None else None,
+        camera=camera,
+        cadence=cadence,
+        executed=executed(records),
+    )
 
 
-def _further_arms(records: Sequence[PairRecord]) -> Json | None:
+def _further_arms(records: Sequence[PairRecord]) -> Study | None:
     """Success by arm in a run without a study; None where no program gives a case further arms."""
     if not any(record.arms.keys() - {BASE, DYNAMIC, BASE_AGAIN} for record in records):
         return None
-    return {
-        "name": "arms",
-        "title": "arms of programs",
-        "cases": len(records),
-        "arms": arms_json(records),
-        "executed": executed_json(records),
-    }
+    return Study(
+        name="arms",
+        title="arms of programs",
+        cases=len(records),
+        arms=success_by_arm(records),
+        executed=executed(records),
+    )
 
 
-def arms_json(records: Sequence[PairRecord]) -> Json:
+def success_by_arm(records: Sequence[PairRecord]) -> dict[str, Rate]:
     """Success by arm, over the cases that were played in it, in the order of the arms."""
     names = dict.fromkeys(name for record in records for name in record.arms if name != BASE_AGAIN)
-    rates: Json = {}
+    rates: dict[str, Rate] = {}
     for name in names:
         ends = [record.arms[name].success for record in records if name in record.arms]
         ratio = Ratio(sum(ends), len(ends))
-        rates[name] = rate_json(ratio, wilson(ratio))
+        rates[name] = rate_of(ratio, wilson(ratio))
     return rates
 
 
-def executed_json(records: Sequence[PairRecord]) -> Json:
-    """What was executed, against what the same arms cost in two other ways.
+def executed(records: Sequence[PairRecord]) -> Executed:
+    """Count what was executed, against what the same arms cost in two other ways.
 
     ``singly``: every arm by itself from the start. ``as_pairs``: every arm with an event in a pair with a
     Base of its own, as runs without a study would play it. Settle steps, and queries that were asked again
     to check the policy, are not counted.
     """
     ways = ("", "_singly", "_as_pairs")
-    totals = {"arms": 0, **{what + way: 0 for what in ("steps", "queries") for way in ways}}
+    totals: dict[str, int] = {"arms": 0, **{what + way: 0 for what in ("steps", "queries") for way in ways}}
     for record in records:
         for name, arm in record.arms.items():
             base = record.arms.get(BASE + name.removeprefix(DYNAMIC), record.arm(BASE))
@@ -88,7 +89,7 @@ def executed_json(records: Sequence[PairRecord]) -> Json:
                 totals[f"{what}_singly"] += getattr(arm, what) or 0
                 if arm.schedule:
                     totals[f"{what}_as_pairs"] += own + (getattr(base, what) or 0)
-    return totals
+    return Executed(**totals)
 
 
 def _own(arm: ArmRecord) -> tuple[int, int]:

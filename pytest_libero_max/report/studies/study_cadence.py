@@ -10,15 +10,16 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.statistics_json import (
-    exposure_json,
-    interval_json,
-    number,
-    outcomes_json,
-    rate_json,
-    ratio_json,
+from pytest_libero_max.report.measured import ends, number, outcomes_of, rate_of, stale_of
+from pytest_libero_max.report.studies.document import (
+    BestSetting,
+    Cadence,
+    CadenceSetting,
+    SettingChange,
+    SettingDifference,
+    SourceInterval,
 )
-from pytest_libero_max.stats.best import Best, best_of
+from pytest_libero_max.stats.best import Best, FromBest, best_of
 from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import mean_change, wilson
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
@@ -68,75 +69,79 @@ def settings_of(study: CadenceSweep, policy: Json) -> list[Setting]:
     return sorted(settings.values(), key=lambda setting: (setting.query_interval, setting.horizon))
 
 
-def cadence_json(study: CadenceSweep, records: Sequence[PairRecord]) -> Json:
-    """Everything that is computed of a sweep.
+def cadence_results(study: CadenceSweep, records: Sequence[PairRecord]) -> Cadence:
+    """Compute everything that is reported of a sweep.
 
     Raises:
         ReportError: A record lacks an arm of the study.
     """
     if not records:
-        return {"settings": [], "best": {}}
+        return Cadence(settings=[], best={})
     settings = settings_of(study, records[0].policy)
-    return {
-        "settings": [_setting_json(setting, records) for setting in settings],
-        "best": {
-            "base_success": _best_json(
-                {setting.label: _successes(records, setting.base) for setting in settings}
-            ),
-            "dynamic_success": _best_json(
+    return Cadence(
+        settings=[_setting(setting, records) for setting in settings],
+        best={
+            "base_success": _best({setting.label: _successes(records, setting.base) for setting in settings}),
+            "dynamic_success": _best(
                 {setting.label: _successes(records, setting.dynamic) for setting in settings}
             ),
         },
-    }
+    )
 
 
-def _setting_json(setting: Setting, records: Sequence[PairRecord]) -> Json:
+def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
     base, dynamic = (_successes(records, arm) for arm in (setting.base, setting.dynamic))
     outcomes = tabulate(base, dynamic)
     arms: list[ArmRecord] = [record.arm(setting.dynamic) for record in records]
     triggered = Ratio(sum(bool(arm.firings) for arm in arms), len(arms))
     responded = Ratio(sum(arm.response_step is not None for arm in arms), len(arms))
     stale = [arm.stale_actions or 0 for arm in arms if arm.response_step is not None]
-    bootstrap = mean_change(dynamic.astype(np.int64) - base, [record.source for record in records])
-    return {
-        "label": setting.label,
-        "horizon": setting.horizon,
-        "query_interval": setting.query_interval,
-        "own": setting.own,
-        "base_success": rate_json(outcomes.base, wilson(outcomes.base)),
-        "dynamic_success": rate_json(outcomes.dynamic, wilson(outcomes.dynamic)),
-        "paired_change": {
-            **ratio_json(outcomes.change),
-            **interval_json(
-                paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total)
-            ),
-            "bootstrap_by_source": {
-                "lower": number(bootstrap.lower if bootstrap else None),
-                "upper": number(bootstrap.upper if bootstrap else None),
-            },
-        },
-        "outcomes": outcomes_json(outcomes),
-        "conditional_regression": rate_json(
+    bootstrap = ends(mean_change(dynamic.astype(np.int64) - base, [record.source for record in records]))
+    exact = ends(paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total))
+    return CadenceSetting(
+        label=setting.label,
+        horizon=setting.horizon,
+        query_interval=setting.query_interval,
+        own=setting.own,
+        base_success=rate_of(outcomes.base, wilson(outcomes.base)),
+        dynamic_success=rate_of(outcomes.dynamic, wilson(outcomes.dynamic)),
+        paired_change=SettingChange(
+            count=outcomes.change.count,
+            of=outcomes.change.of,
+            value=number(outcomes.change.value),
+            lower=exact[0],
+            upper=exact[1],
+            bootstrap_by_source=SourceInterval(lower=bootstrap[0], upper=bootstrap[1]),
+        ),
+        outcomes=outcomes_of(outcomes),
+        conditional_regression=rate_of(
             outcomes.conditional_regression, wilson(outcomes.conditional_regression)
         ),
-        "trigger_coverage": rate_json(triggered, wilson(triggered)),
-        "response_coverage": rate_json(responded, wilson(responded)),
-        "stale_actions": exposure_json(expose(stale, unanswered=triggered.count - responded.count)),
-    }
+        trigger_coverage=rate_of(triggered, wilson(triggered)),
+        response_coverage=rate_of(responded, wilson(responded)),
+        stale_actions=stale_of(expose(stale, unanswered=triggered.count - responded.count)),
+    )
 
 
 def _successes(records: Sequence[PairRecord], arm: str) -> BoolArray:
     return np.array([record.arm(arm).success for record in records], dtype=np.bool_)
 
 
-def _best_json(successes: dict[str, BoolArray]) -> Json:
+def _best(successes: dict[str, BoolArray]) -> BestSetting:
     best: Best = best_of(successes)
-    return {
-        "setting": best.name,
-        **rate_json(best.rate, best.interval),
-        "not_worse": [name for name, difference in best.differences.items() if difference.may_equal],
-        "differences": {
-            name: {"value": number(difference.value), **interval_json(difference.interval)}
-            for name, difference in best.differences.items()
-        },
-    }
+    rate = rate_of(best.rate, best.interval)
+    return BestSetting(
+        setting=best.name,
+        count=rate.count,
+        of=rate.of,
+        value=rate.value,
+        lower=rate.lower,
+        upper=rate.upper,
+        not_worse=[name for name, difference in best.differences.items() if difference.may_equal],
+        differences={name: _difference(difference) for name, difference in best.differences.items()},
+    )
+
+
+def _difference(difference: FromBest) -> SettingDifference:
+    lower, upper = ends(difference.interval)
+    return SettingDifference(value=number(difference.value), lower=lower, upper=upper)

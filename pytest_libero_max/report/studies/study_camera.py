@@ -7,12 +7,25 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.statistics_json import interval_json, number
+from pytest_libero_max.report.measured import ends, interval_of, number
+from pytest_libero_max.report.studies import document
+from pytest_libero_max.report.studies.document import (
+    Approach,
+    Camera,
+    ConditionContrast,
+    ConditionRate,
+    JointOutcome,
+    LostInMiddle,
+    LostInReset,
+    Mean,
+    ResetApproach,
+    SourceRate,
+)
 from pytest_libero_max.stats.conditions import (
     Conditions,
     Contrast,
@@ -25,8 +38,8 @@ from pytest_libero_max.stats.outcome_table import BoolArray
 from pytest_libero_max.studies.camera_study import RESET, CameraTiming, at_strength
 
 
-def camera_json(study: CameraTiming, records: Sequence[PairRecord], tasks: Sequence[str]) -> Json:
-    """Everything that is computed of a camera study.
+def camera_results(study: CameraTiming, records: Sequence[PairRecord], tasks: Sequence[str]) -> Camera:
+    """Compute everything that is reported of a camera study.
 
     Args:
         study: Which.
@@ -44,23 +57,23 @@ def camera_json(study: CameraTiming, records: Sequence[PairRecord], tasks: Seque
         [record.configuration for record in records],
     )
     pairs = _pairs(study)
-    return {
-        "conditions": labels,
-        "rates": {arm: _rate_json(conditions, arm) for arm in labels},
-        "outcomes": [
-            {"success": dict(zip(labels, flags, strict=True)), "cases": count}
+    return Camera(
+        conditions=labels,
+        rates={arm: _rate(conditions, arm) for arm in labels},
+        outcomes=[
+            JointOutcome(success=dict(zip(labels, flags, strict=True)), cases=count)
             for flags, count in conditions.joint().items()
         ],
-        "contrasts": [
-            {"first": first, "second": second, **_contrast_json(found)}
+        contrasts=[
+            _contrast(first, second, found)
             for (first, second), found in zip(pairs, contrasts(conditions, pairs), strict=True)
         ],
-        "gap_contrasts": _gaps(study, conditions),
-        "approach": {
+        gap_contrasts=_gaps(study, conditions),
+        approach={
             f"{share:g}": _approach(records, at_strength(RESET, share), at_strength(DYNAMIC, share))
             for share in study.strengths
         },
-    }
+    )
 
 
 def condition_labels(study: CameraTiming) -> dict[str, str]:
@@ -83,19 +96,16 @@ def _pairs(study: CameraTiming) -> list[tuple[str, str]]:
     return pairs
 
 
-def _gaps(study: CameraTiming, conditions: Conditions) -> list[Json]:
+def _gaps(study: CameraTiming, conditions: Conditions) -> list[ConditionContrast]:
     """Mid-task less Reset at one strength, less the same at another."""
     gap = {share: (at_strength(DYNAMIC, share), at_strength(RESET, share)) for share in study.strengths}
     pairs = list(combinations(study.strengths, 2))
     found = contrasts_of_contrasts(conditions, [(gap[other], gap[one]) for one, other in pairs])
-    return [
-        {"first": f"{other:g}", "second": f"{one:g}", **_contrast_json(row)}
-        for (one, other), row in zip(pairs, found, strict=True)
-    ]
+    return [_contrast(f"{other:g}", f"{one:g}", row) for (one, other), row in zip(pairs, found, strict=True)]
 
 
-def _approach(records: Sequence[PairRecord], reset_arm: str, middle_arm: str) -> Json:
-    """Whether the hand came near the trigger entity in Reset, and what followed the event in Mid-task."""
+def _approach(records: Sequence[PairRecord], reset_arm: str, middle_arm: str) -> Approach:
+    """How often the hand came near the trigger entity in Reset, and what followed the event in Mid-task."""
     base = _flags(records, lambda record: record.arm(BASE).success)
     reset = _flags(records, lambda record: record.arm(reset_arm).success)
     middle = _flags(records, lambda record: record.arm(middle_arm).success)
@@ -103,25 +113,25 @@ def _approach(records: Sequence[PairRecord], reset_arm: str, middle_arm: str) ->
     responded = _flags(records, lambda record: record.arm(middle_arm).response_step is not None)
     fresh = _flags(records, lambda record: record.arm(middle_arm).stale_actions == 0)
     kept_in_middle, kept_in_reset = base & middle & ~reset, base & reset & ~middle
-    return {
-        "triggered": sum(bool(record.arm(middle_arm).firings) for record in records),
-        "query_after_the_event": int(responded.sum()),
-        "reset": {
-            "failed_never_entered": int((~reset & ~entered).sum()),
-            "failed_entered": int((~reset & entered).sum()),
-            "succeeded_never_entered": int((reset & ~entered).sum()),
-            "succeeded_entered": int((reset & entered).sum()),
-        },
-        "base_and_middle_succeed_reset_fails": {
-            "cases": int(kept_in_middle.sum()),
-            "reset_never_entered": int((kept_in_middle & ~entered).sum()),
-        },
-        "base_and_reset_succeed_middle_fails": {
-            "cases": int(kept_in_reset.sum()),
-            "with_a_query_after_the_event": int((kept_in_reset & responded).sum()),
-            "without_stale_actions": int((kept_in_reset & responded & fresh).sum()),
-        },
-    }
+    return Approach(
+        triggered=sum(bool(record.arm(middle_arm).firings) for record in records),
+        query_after_the_event=int(responded.sum()),
+        reset=ResetApproach(
+            failed_never_entered=int((~reset & ~entered).sum()),
+            failed_entered=int((~reset & entered).sum()),
+            succeeded_never_entered=int((reset & ~entered).sum()),
+            succeeded_entered=int((reset & entered).sum()),
+        ),
+        base_and_middle_succeed_reset_fails=LostInReset(
+            cases=int(kept_in_middle.sum()),
+            reset_never_entered=int((kept_in_middle & ~entered).sum()),
+        ),
+        base_and_reset_succeed_middle_fails=LostInMiddle(
+            cases=int(kept_in_reset.sum()),
+            with_a_query_after_the_event=int((kept_in_reset & responded).sum()),
+            without_stale_actions=int((kept_in_reset & responded & fresh).sum()),
+        ),
+    )
 
 
 def _flags(records: Sequence[PairRecord], holds: Callable[[PairRecord], bool]) -> BoolArray:
@@ -140,51 +150,57 @@ def _entered(record: PairRecord, arm: ArmRecord) -> bool:
     return arm.min_distance_m <= float(within_m)
 
 
-def _rate_json(conditions: Conditions, arm: str) -> Json:
+def _rate(conditions: Conditions, arm: str) -> ConditionRate:
     """A success rate with its source-stratified interval, and the same within each source."""
     successes, sources = conditions.successes[arm].astype(np.int64), conditions.source
-    return {
-        "count": int(successes.sum()),
-        "of": len(successes),
-        **_mean_json(conditions.rate(arm)),
-        "by_source": {
-            name: {
-                "count": int(successes[sources == name].sum()),
-                "of": int((sources == name).sum()),
-                **_mean_json(mean_change(successes[sources == name])),
-            }
-            for name in conditions.sources
-        },
+    by_source = {
+        name: SourceRate(
+            count=int(successes[sources == name].sum()),
+            of=int((sources == name).sum()),
+            **asdict(_mean(mean_change(successes[sources == name]))),
+        )
+        for name in conditions.sources
     }
+    return ConditionRate(
+        count=int(successes.sum()),
+        of=len(successes),
+        **asdict(_mean(conditions.rate(arm))),
+        by_source=by_source,
+    )
 
 
-def _contrast_json(found: Contrast) -> Json:
-    return {
-        "gains": found.gains,
-        "losses": found.losses,
-        **_mean_json(found.change),
-        "exact": interval_json(found.exact),
-        "by_source": {name: _mean_json(change) for name, change in found.by_source.items()},
-        "by_groups": {name: _group_json(interval) for name, interval in found.by_groups.items()},
-    }
+def _contrast(first: str, second: str, found: Contrast) -> ConditionContrast:
+    return ConditionContrast(
+        first=first,
+        second=second,
+        gains=found.gains,
+        losses=found.losses,
+        **asdict(_mean(found.change)),
+        exact=interval_of(found.exact),
+        by_source={name: _mean(change) for name, change in found.by_source.items()},
+        by_groups={name: _group(interval) for name, interval in found.by_groups.items()},
+    )
 
 
-def _mean_json(change: MeanChange | None) -> Json:
-    return {
-        "value": number(change.estimate if change else None),
-        "lower": number(change.lower if change else None),
-        "upper": number(change.upper if change else None),
-        "degenerate": change.degenerate if change else None,
-    }
+def _mean(change: MeanChange | None) -> Mean:
+    lower, upper = ends(change)
+    return Mean(
+        value=number(change.estimate if change else None),
+        lower=lower,
+        upper=upper,
+        degenerate=change.degenerate if change else None,
+    )
 
 
-def _group_json(interval: GroupInterval) -> Json:
-    return {
-        "groups": interval.groups,
-        "changed": interval.changed,
-        "replicates": interval.replicates,
-        **interval_json(interval.interval),
-    }
+def _group(interval: GroupInterval) -> document.GroupInterval:
+    lower, upper = ends(interval.interval)
+    return document.GroupInterval(
+        groups=interval.groups,
+        changed=interval.changed,
+        replicates=interval.replicates,
+        lower=lower,
+        upper=upper,
+    )
 
 
 def _is_distance(value: object) -> bool:

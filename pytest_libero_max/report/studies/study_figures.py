@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report.formats import interval_text, percent, points
+from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
+from pytest_libero_max.report.studies.document import Cadence, Camera, Study
 from pytest_libero_max.report.writers.svg import (
     GAIN,
     INK,
@@ -37,30 +37,30 @@ class Series:
 
     name: str
     color: str
-    points: Sequence[tuple[float, Json]]
+    points: Sequence[tuple[float, Estimate]]
 
 
-def study_figures(study: Json | None) -> dict[str, str]:
+def study_figures(study: Study | None) -> dict[str, str]:
     """The figures of a study by the stem of their file name; none without cases.
 
     Args:
-        study: ``report["study"]``; None for a run of no study.
+        study: ``report.study``; None for a run of no study.
     """
-    if study is None or study["cases"] == 0:
+    if study is None or study.cases == 0:
         return {}
-    if "settings" in study:
-        return {"cadence": cadence_plot(study)}
-    if "contrasts" not in study:
+    if study.cadence is not None:
+        return {"cadence": cadence_plot(study.title, study.cadence)}
+    if study.camera is None:
         return {}
-    figures = {"study-contrasts": contrast_plot(study)}
-    if len(study["approach"]) > 1:
-        figures["study-strength"] = strength_plot(study)
+    figures = {"study-contrasts": contrast_plot(study.title, study.camera)}
+    if len(study.camera.approach) > 1:
+        figures["study-strength"] = strength_plot(study.title, study.camera)
     return figures
 
 
-def contrast_plot(study: Json) -> str:
+def contrast_plot(title: str, study: Camera) -> str:
     """Every contrast with its interval and its gains and losses, one row each."""
-    labels, rows = study["conditions"], study["contrasts"]
+    labels, rows = study.conditions, study.contrasts
     head = _LABEL + _PLOT + 16
     shapes: list[str] = []
     for tick in range(-100, 101, 50):
@@ -71,30 +71,30 @@ def contrast_plot(study: Json) -> str:
         ]
     for index, row in enumerate(rows):
         y = _TOP + _ROW * (index + 0.5)
-        color = LOSS if row["value"] < 0 else GAIN if row["value"] > 0 else NEUTRAL
-        name = f"{labels[row['first']]} - {labels[row['second']]}"
-        interval = "n/a: all alike" if row["degenerate"] else interval_text(row, signed=True)
+        color = LOSS if (row.value or 0) < 0 else GAIN if row.value else NEUTRAL
+        name = f"{labels[row.first]} - {labels[row.second]}"
+        interval = "n/a: all alike" if row.degenerate else interval_text(row, signed=True)
         shapes += [
             text(_LABEL - 10, y + 4, name, "end"),
-            line(_signed(row["lower"]), y, _signed(row["upper"]), y, color, 2.5),
-            circle(_signed(row["value"]), y, 5, color),
-            text(head, y + 4, f"{points(row['value'])} {interval}", color=MUTED),
-            text(head + 190, y + 4, str(row["gains"]), "end", color=GAIN),
-            text(head + 240, y + 4, str(row["losses"]), "end", color=LOSS),
+            line(_signed(row.lower), y, _signed(row.upper), y, color, 2.5),
+            circle(_signed(row.value), y, 5, color),
+            text(head, y + 4, f"{points(row.value)} {interval}", color=MUTED),
+            text(head + 190, y + 4, str(row.gains), "end", color=GAIN),
+            text(head + 240, y + 4, str(row.losses), "end", color=LOSS),
         ]
     shapes += [
         text(head + 190, _TOP - 10, "gain", "end", 11, MUTED),
         text(head + 240, _TOP - 10, "loss", "end", 11, MUTED),
     ]
-    title = f"{study['title']}: paired contrasts in percentage points, with gains and losses"
+    title = f"{title}: paired contrasts in percentage points, with gains and losses"
     return document(_LABEL + _PLOT + 270, _TOP + _ROW * len(rows) + 12, title, shapes)
 
 
-def strength_plot(study: Json) -> str:
+def strength_plot(title: str, study: Camera) -> str:
     """Success of Reset and Mid-task by strength, with the rate of Base and its interval behind them."""
-    strengths = list(study["approach"])
-    names = [name for name in study["conditions"] if name != "base"]
-    rates = study["rates"]
+    strengths = list(study.approach)
+    names = [name for name in study.conditions if name != "base"]
+    rates = study.rates
     lines = [
         Series(
             label,
@@ -108,20 +108,23 @@ def strength_plot(study: Json) -> str:
     ]
     ticks = [(float(strength), f"{float(strength):.0%}") for strength in strengths]
     return _plot(
-        f"{study['title']}: success by strength", "strength of the camera change", ticks, lines, rates["base"]
+        f"{title}: success by strength", "strength of the camera change", ticks, lines, rates["base"]
     )
 
 
-def cadence_plot(study: Json) -> str:
+def cadence_plot(title: str, study: Cadence) -> str:
     """Success in Base and Dynamic at every setting, in the order of the table."""
-    settings = study["settings"]
+    settings = study.settings
     places = [(index + 0.5) / len(settings) for index in range(len(settings))]
-    ticks = list(zip(places, (setting["label"] for setting in settings), strict=True))
+    ticks = list(zip(places, (setting.label for setting in settings), strict=True))
     lines = [
-        Series(name, color, list(zip(places, (setting[key] for setting in settings), strict=True)))
-        for name, color, key in (("Base", NEUTRAL, "base_success"), ("Dynamic", GAIN, "dynamic_success"))
+        Series(name, color, list(zip(places, rates, strict=True)))
+        for name, color, rates in (
+            ("Base", NEUTRAL, [setting.base_success for setting in settings]),
+            ("Dynamic", GAIN, [setting.dynamic_success for setting in settings]),
+        )
     ]
-    return _plot(f"{study['title']}: success by setting", "setting", ticks, lines)
+    return _plot(f"{title}: success by setting", "setting", ticks, lines)
 
 
 def _plot(
@@ -129,18 +132,16 @@ def _plot(
     axis: str,
     ticks: Sequence[tuple[float, str]],
     lines: Sequence[Series],
-    band: Json | None = None,
+    band: Estimate | None = None,
 ) -> str:
     """Rates over an axis with vertical intervals; ``band`` is a rate that is drawn across."""
     shapes: list[str] = []
     if band is not None:
-        top, bottom = _up(band["upper"]), _up(band["lower"])
+        top, bottom = _up(band.upper), _up(band.lower)
         shapes += [
             rectangle(_LEFT, top, _WIDTH, max(bottom - top, 1.0), "#e6eaee"),
-            line(_LEFT, _up(band["value"]), _LEFT + _WIDTH, _up(band["value"]), NEUTRAL, 1.5),
-            text(
-                _LEFT + _WIDTH + 22, _up(band["value"]) + 4, f"Base {percent(band['value'])}", color=NEUTRAL
-            ),
+            line(_LEFT, _up(band.value), _LEFT + _WIDTH, _up(band.value), NEUTRAL, 1.5),
+            text(_LEFT + _WIDTH + 22, _up(band.value) + 4, f"Base {percent(band.value)}", color=NEUTRAL),
         ]
     for tick in range(0, 101, 20):
         shapes += [
@@ -164,11 +165,11 @@ def _series(series: Series, aside: float) -> list[str]:
     shapes: list[str] = []
     spots = [(_across(place) + aside, rate) for place, rate in series.points]
     for (x, rate), (next_x, following) in pairwise(spots):
-        shapes.append(line(x, _up(rate["value"]), next_x, _up(following["value"]), series.color, 1.5))
+        shapes.append(line(x, _up(rate.value), next_x, _up(following.value), series.color, 1.5))
     for x, rate in spots:
         shapes += [
-            line(x, _up(rate["lower"]), x, _up(rate["upper"]), series.color, 2.5),
-            circle(x, _up(rate["value"]), 5, series.color),
+            line(x, _up(rate.lower), x, _up(rate.upper), series.color, 2.5),
+            circle(x, _up(rate.value), 5, series.color),
         ]
     return shapes
 
@@ -177,9 +178,9 @@ def _across(place: float) -> float:
     return _LEFT + _WIDTH * place
 
 
-def _up(rate: float) -> float:
-    return _ABOVE + _HEIGHT * (1 - rate)
+def _up(rate: float | None) -> float:
+    return _ABOVE + _HEIGHT * (1 - (rate or 0.0))
 
 
-def _signed(value: float) -> float:
-    return _LABEL + _PLOT * (value + 1) / 2
+def _signed(value: float | None) -> float:
+    return _LABEL + _PLOT * ((value or 0.0) + 1) / 2

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json
+import msgspec
+
+from pytest_libero_max.report.blocks import Rate
 from pytest_libero_max.report.formats import (
     change_text,
     count_text,
@@ -16,6 +18,19 @@ from pytest_libero_max.report.formats import (
     percent,
     points,
     rate_text,
+)
+from pytest_libero_max.report.studies.document import (
+    Approach,
+    BestSetting,
+    Cadence,
+    Camera,
+    ConditionContrast,
+    Executed,
+    GroupInterval,
+    Mean,
+    SettingDifference,
+    SourceRate,
+    Study,
 )
 
 _LISTED = 16
@@ -46,59 +61,59 @@ class StudyTable:
     narrow: int = 0
 
 
-def study_tables(study: Json) -> list[StudyTable]:
+def study_tables(study: Study) -> list[StudyTable]:
     """The tables of a study, in the order in which they are read.
 
     Args:
-        study: ``report["study"]``.
+        study: ``report.study``.
     """
-    if study["cases"] == 0:
+    if study.cases == 0:
         return []
-    if "settings" in study:
-        return _cadence(study)
-    return _camera(study) if "contrasts" in study else _arms(study)
+    if study.camera is not None:
+        return _camera(study.camera)
+    return _arms(study.arms or {}) if study.cadence is None else _cadence(study.cadence)
 
 
-def study_notes(study: Json) -> list[str]:
+def study_notes(study: Study) -> list[str]:
     """What is said of the whole study."""
-    if study["cases"] == 0:
+    if study.cases == 0:
         return ["No case of the study has been measured."]
-    done = study["executed"]
-    ways = [_way(done, "_singly", "with every arm played by itself")]
-    if "contrasts" in study:
-        ways.append(_way(done, "_as_pairs", "with a Base for every other arm, as in runs of their own"))
+    done = study.executed
+    ways = [_way(done, done.steps_singly, done.queries_singly, "with every arm played by itself")]
+    if study.camera is not None:
+        as_pairs = "with a Base for every other arm, as in runs of their own"
+        ways.append(_way(done, done.steps_as_pairs, done.queries_as_pairs, as_pairs))
     notes = [
-        f"{study['cases']} cases, {done['arms']} arms. What arms share was executed once: {done['steps']:,} "
-        f"steps and {done['queries']:,} queries, against {' and '.join(ways)}."
+        f"{study.cases} cases, {done.arms} arms. What arms share was executed once: {done.steps:,} "
+        f"steps and {done.queries:,} queries, against {' and '.join(ways)}."
     ]
-    if "contrasts" in study:
+    if study.camera is not None:
         notes.append(
             "The first crossing of the trigger's distance was computed again from the trajectories of Base "
             "and Mid-task, and the camera after Reset compared with the one after Mid-task: a pair in which "
             "the crossing is not the logged one, or the cameras differ, is invalid."
         )
-        if study["cases"] < _ENOUGH:
+        if study.cases < _ENOUGH:
             notes.append(
                 f"With fewer than {_ENOUGH} cases the intervals that resample cases are too narrow. Read the "
                 "exact ones."
             )
-    elif len({setting["horizon"] for setting in study.get("settings", ())}) > 1:
+    elif study.cadence is not None and len({setting.horizon for setting in study.cadence.settings}) > 1:
         notes.append("H differs between the settings, so differences between them are not those of Q alone.")
     return notes
 
 
-def _way(done: Json, way: str, words: str) -> str:
-    """What another way of playing the same arms would have executed."""
-    steps, queries = done[f"steps{way}"], done[f"queries{way}"]
-    saved = 1 - done["steps"] / steps if steps else 0.0
+def _way(done: Executed, steps: int, queries: int, words: str) -> str:
+    """Cost of another way of playing the same arms, in words."""
+    saved = 1 - done.steps / steps if steps else 0.0
     return f"{steps:,} and {queries:,} {words} ({percent(saved)} of the steps saved)"
 
 
-def study_lines(study: Json) -> list[str]:
+def study_lines(study: Study) -> list[str]:
     """The study for the terminal: title, the short tables and what is said of the whole."""
     from textwrap import wrap
 
-    lines = ["", f"Study: {study['title']}"]
+    lines = ["", f"Study: {study.title}"]
     for table in study_tables(study):
         if table.narrow:
             lines += ["", *_aligned(table)]
@@ -107,15 +122,15 @@ def study_lines(study: Json) -> list[str]:
     return lines
 
 
-def study_csv(study: Json) -> str:
-    """All numbers of a study, one a row: where it lies in ``report["study"]``, and its value.
+def study_csv(study: Study) -> str:
+    """All numbers of a study, one a row: where it lies in ``report.study``, and its value.
 
     Shares are fractions; a value that does not exist is empty.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(("place", "value"))
-    writer.writerows(_leaves("", study))
+    writer.writerows(_leaves("", msgspec.to_builtins(study)))
     return buffer.getvalue()
 
 
@@ -137,8 +152,8 @@ def _aligned(table: StudyTable) -> list[str]:
     ]
 
 
-def _arms(study: Json) -> list[StudyTable]:
-    rows = [(name, rate_text(rate)) for name, rate in study["arms"].items()]
+def _arms(arms: Mapping[str, Rate]) -> list[StudyTable]:
+    rows = [(name, rate_text(rate)) for name, rate in arms.items()]
     note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
     return [StudyTable("Success by arm", ("Arm", "Success"), rows, note, narrow=2)]
 
@@ -149,22 +164,22 @@ _ALIKE = "[n/a: all alike]"
 """Stands for an interval that has no width because all cases of each source are alike."""
 
 
-def _rate(rate: Json) -> str:
-    if rate["degenerate"]:
-        return f"{percent(rate['value'])} {_ALIKE}  {count_text(rate)}"
+def _rate(rate: SourceRate) -> str:
+    if rate.degenerate:
+        return f"{percent(rate.value)} {_ALIKE}  {count_text(rate)}"
     return rate_text(rate)
 
 
-def _change(change: Json) -> str:
-    return f"{points(change['value'])} pp {_ALIKE}" if change["degenerate"] else change_text(change)
+def _change(change: Mean | ConditionContrast) -> str:
+    return f"{points(change.value)} pp {_ALIKE}" if change.degenerate else change_text(change)
 
 
-def _camera(study: Json) -> list[StudyTable]:
-    labels = study["conditions"]
-    sources = sorted(next(iter(study["rates"].values()))["by_source"])
+def _camera(study: Camera) -> list[StudyTable]:
+    labels = study.conditions
+    sources = sorted(next(iter(study.rates.values())).by_source)
     rates = [
-        (labels[arm], _rate(rate), *(_rate(rate["by_source"][source]) for source in sources))
-        for arm, rate in study["rates"].items()
+        (labels[arm], _rate(rate), *(_rate(rate.by_source[source]) for source in sources))
+        for arm, rate in study.rates.items()
     ]
     return [
         StudyTable(
@@ -181,31 +196,30 @@ def _camera(study: Json) -> list[StudyTable]:
     ]
 
 
-def _joint(study: Json) -> StudyTable:
+def _joint(study: Camera) -> StudyTable:
     rows = [
-        (*(_MARKS[row["success"][arm]] for arm in study["conditions"]), str(row["cases"]))
-        for row in study["outcomes"]
+        (*(_MARKS[row.success[arm]] for arm in study.conditions), str(row.cases)) for row in study.outcomes
     ]
     left = len(rows) - _LISTED
     return StudyTable(
         "Outcomes together",
-        (*study["conditions"].values(), "Cases"),
+        (*study.conditions.values(), "Cases"),
         rows[:_LISTED],
         "1 for a success." + (f" {left} rarer combinations are in report.json." if left > 0 else ""),
     )
 
 
-def _contrasts(study: Json, sources: Sequence[str]) -> list[StudyTable]:
-    labels = study["conditions"]
+def _contrasts(study: Camera, sources: Sequence[str]) -> list[StudyTable]:
+    labels = study.conditions
     rows = [
         (
-            f"{labels[row['first']]} - {labels[row['second']]}",
-            str(row["gains"]),
-            str(row["losses"]),
+            f"{labels[row.first]} - {labels[row.second]}",
+            str(row.gains),
+            str(row.losses),
             _change(row),
-            interval_text(row["exact"], signed=True),
+            interval_text(row.exact, signed=True),
         )
-        for row in study["contrasts"]
+        for row in study.contrasts
     ]
     tables = [
         StudyTable(
@@ -219,9 +233,9 @@ def _contrasts(study: Json, sources: Sequence[str]) -> list[StudyTable]:
             narrow=5,
         )
     ]
-    named = [(f"{labels[row['first']]} - {labels[row['second']]}", row) for row in study["contrasts"]]
-    if study["gap_contrasts"]:
-        gaps = [(_gap_label(row), row) for row in study["gap_contrasts"]]
+    named = [(f"{labels[row.first]} - {labels[row.second]}", row) for row in study.contrasts]
+    if study.gap_contrasts:
+        gaps = [(_gap_label(row), row) for row in study.gap_contrasts]
         named += gaps
         tables.append(
             StudyTable(
@@ -237,8 +251,8 @@ def _contrasts(study: Json, sources: Sequence[str]) -> list[StudyTable]:
             [
                 (
                     label,
-                    *(_change(row["by_source"][source]) for source in sources),
-                    *(_group_text(group) for group in row["by_groups"].values()),
+                    *(_change(row.by_source[source]) for source in sources),
+                    *(_group_text(group) for group in row.by_groups.values()),
                 )
                 for label, row in named
             ],
@@ -250,74 +264,81 @@ def _contrasts(study: Json, sources: Sequence[str]) -> list[StudyTable]:
     return tables
 
 
-def _gap_label(row: Json) -> str:
-    return f"(Mid-task - Reset) at {_percent(row['first'])} - at {_percent(row['second'])}"
+def _gap_label(row: ConditionContrast) -> str:
+    return f"(Mid-task - Reset) at {_percent(row.first)} - at {_percent(row.second)}"
 
 
 def _percent(strength: str) -> str:
     return f"{float(strength):.0%}"
 
 
-def _group_text(group: Json) -> str:
-    if group["lower"] is None:
-        return f"too few ({group['groups']}, changed {group['changed']})"
-    return f"{interval_text(group, signed=True)}  {group['groups']} groups"
+def _group_text(group: GroupInterval) -> str:
+    if group.lower is None:
+        return f"too few ({group.groups}, changed {group.changed})"
+    return f"{interval_text(group, signed=True)}  {group.groups} groups"
 
 
-def _approach(study: Json) -> StudyTable:
-    strengths = study["approach"]
+def _approach(study: Camera) -> StudyTable:
+    strengths = study.approach
     named = tuple(f"at {_percent(strength)}" for strength in strengths) if len(strengths) > 1 else ("Number",)
-    words = (
-        ("Event fired in Mid-task", ("triggered",)),
-        ("... and a query followed it", ("query_after_the_event",)),
-        ("Reset fails, the hand never came within the trigger's distance", ("reset", "failed_never_entered")),
-        ("Reset fails after it came within the distance", ("reset", "failed_entered")),
-        ("Reset succeeds without coming within the distance", ("reset", "succeeded_never_entered")),
-        ("Reset succeeds after it came within the distance", ("reset", "succeeded_entered")),
-        ("Base and Mid-task succeed, Reset fails", ("base_and_middle_succeed_reset_fails", "cases")),
-        (
-            "... of these: Reset never came within the distance",
-            ("base_and_middle_succeed_reset_fails", "reset_never_entered"),
-        ),
-        ("Base and Reset succeed, Mid-task fails", ("base_and_reset_succeed_middle_fails", "cases")),
-        (
-            "... of these: a query followed the event",
-            ("base_and_reset_succeed_middle_fails", "with_a_query_after_the_event"),
-        ),
-        (
-            "... of these: and no stale action was executed",
-            ("base_and_reset_succeed_middle_fails", "without_stale_actions"),
-        ),
-    )
     rows = [
-        (label, *(_count(strengths[strength], place) for strength in strengths)) for label, place in words
+        (label, *(str(count(strengths[strength])) for strength in strengths)) for label, count in _APPROACH
     ]
     return StudyTable("Approach", ("Cases", *named), rows)
 
 
-def _count(values: Json, place: Sequence[str]) -> str:
-    found: Any = values
-    for key in place:
-        found = found[key]
-    return str(found)
+_APPROACH: tuple[tuple[str, Callable[[Approach], int]], ...] = (
+    ("Event fired in Mid-task", lambda row: row.triggered),
+    ("... and a query followed it", lambda row: row.query_after_the_event),
+    (
+        "Reset fails, the hand never came within the trigger's distance",
+        lambda row: row.reset.failed_never_entered,
+    ),
+    ("Reset fails after it came within the distance", lambda row: row.reset.failed_entered),
+    (
+        "Reset succeeds without coming within the distance",
+        lambda row: row.reset.succeeded_never_entered,
+    ),
+    ("Reset succeeds after it came within the distance", lambda row: row.reset.succeeded_entered),
+    (
+        "Base and Mid-task succeed, Reset fails",
+        lambda row: row.base_and_middle_succeed_reset_fails.cases,
+    ),
+    (
+        "... of these: Reset never came within the distance",
+        lambda row: row.base_and_middle_succeed_reset_fails.reset_never_entered,
+    ),
+    (
+        "Base and Reset succeed, Mid-task fails",
+        lambda row: row.base_and_reset_succeed_middle_fails.cases,
+    ),
+    (
+        "... of these: a query followed the event",
+        lambda row: row.base_and_reset_succeed_middle_fails.with_a_query_after_the_event,
+    ),
+    (
+        "... of these: and no stale action was executed",
+        lambda row: row.base_and_reset_succeed_middle_fails.without_stale_actions,
+    ),
+)
 
 
 # Query cadence.
 
 
-def _cadence(study: Json) -> list[StudyTable]:
+def _cadence(study: Cadence) -> list[StudyTable]:
     rows = []
-    for setting in study["settings"]:
-        stale = setting["stale_actions"]
+    for setting in study.settings:
+        stale = setting.stale_actions
         rows.append(
             (
-                setting["label"] + (" (own)" if setting["own"] else ""),
-                rate_text(setting["base_success"]),
-                rate_text(setting["dynamic_success"]),
-                change_text(setting["paired_change"]),
-                percent(setting["conditional_regression"]["value"]),
-                count_text(setting["response_coverage"]),
-                "n/a" if stale["mean"] is None else f"{stale['median']:g} / {stale['mean']:.2f}",
+                setting.label + (" (own)" if setting.own else ""),
+                rate_text(setting.base_success),
+                rate_text(setting.dynamic_success),
+                change_text(setting.paired_change),
+                percent(setting.conditional_regression.value),
+                count_text(setting.response_coverage),
+                "n/a" if stale.mean is None else f"{stale.median:g} / {stale.mean:.2f}",
             )
         )
     head = ("Setting", "Base", "Dynamic", "Change", "Lost", "Query after", "Stale")
@@ -332,25 +353,21 @@ def _cadence(study: Json) -> list[StudyTable]:
             narrow=4,
         ),
         *(
-            _best(what, study["best"][key])
+            _best(what, study.best[key])
             for what, key in (("Base", "base_success"), ("Dynamic", "dynamic_success"))
         ),
     ]
 
 
-_TURNED = {"value": "value", "lower": "upper", "upper": "lower"}
-"""A difference the other way round: which end becomes which."""
-
-
-def _best(what: str, best: Json) -> StudyTable:
-    rows = [(best["setting"], rate_text(best), "best")]
+def _best(what: str, best: BestSetting) -> StudyTable:
+    rows = [(best.setting, rate_text(best), "best")]
     rows += [
         (
             name,
-            change_text({end: 0.0 - difference[of] for end, of in _TURNED.items()}),
-            "not shown to be worse" if name in best["not_worse"] else "worse",
+            change_text(_turned(difference)),
+            "not shown to be worse" if name in best.not_worse else "worse",
         )
-        for name, difference in best["differences"].items()
+        for name, difference in best.differences.items()
     ]
     return StudyTable(
         f"Best setting for {what}",
@@ -359,4 +376,17 @@ def _best(what: str, best: Json) -> StudyTable:
         "The first of equals is listed as the best. The intervals account for the choice: those of all rates "
         "hold together with 95%, and so do those of the differences of all pairs of settings.",
         narrow=3,
+    )
+
+
+def _turned(difference: SettingDifference) -> SettingDifference:
+    """The difference the other way round."""
+
+    def negative(value: float | None) -> float | None:
+        return None if value is None else 0.0 - value
+
+    return SettingDifference(
+        value=negative(difference.value),
+        lower=negative(difference.upper),
+        upper=negative(difference.lower),
     )

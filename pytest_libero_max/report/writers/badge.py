@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import percent
 
 BADGE_NAME = "badge.json"
@@ -12,7 +12,7 @@ BADGE_NAME = "badge.json"
 _BLUE, _GREY = "14708a", "8794a1"
 
 
-def badge_json(report: Json) -> str:
+def badge_json(report: Report) -> str:
     """The badge of a run: Base and Dynamic success, and on what they were measured.
 
     A run that is incomplete has none, and its badge says so.
@@ -20,14 +20,14 @@ def badge_json(report: Json) -> str:
     Args:
         report: As in ``report.json``.
     """
-    selection, case_set = report["selection"], report["provenance"]["case_set"]["name"]
+    selection, case_set = report.selection, report.provenance["case_set"]["name"]
     cases = case_set.removeprefix("track ").removeprefix("manifest ")
-    if selection is not None and not selection["whole"]:
-        cases = f"{selection['chosen']} of {selection['of']} of {cases}"
-    label = f"LIBERO-MAX {cases}, {report['substrate']['name']}"
+    if selection is not None and not selection.whole:
+        cases = f"{selection.chosen} of {selection.of} of {cases}"
+    label = f"LIBERO-MAX {cases}, {report.substrate.name}"
     message, color = "incomplete", _GREY
-    if report["pairs"]["complete"]:
-        overall = report["overall"]
-        base, dynamic = (percent(overall[name]["value"]) for name in ("base_success", "dynamic_success"))
+    if report.pairs.complete:
+        overall = report.overall
+        base, dynamic = percent(overall.base_success.value), percent(overall.dynamic_success.value)
         message, color = f"Base {base}, Dynamic {dynamic}", _BLUE
     return json.dumps({"schemaVersion": 1, "label": label, "message": message, "color": color}) + "\n"

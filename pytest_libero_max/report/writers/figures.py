@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.report.formats import count_text, interval_text, percent, points
+from pytest_libero_max.report.blocks import Result
+from pytest_libero_max.report.document import Report
+from pytest_libero_max.report.formats import interval_text, percent, points
 from pytest_libero_max.report.writers.svg import (
     GAIN,
     GRID,
@@ -27,15 +28,15 @@ from pytest_libero_max.report.writers.svg import (
 _ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 220, 420, 170, 34
 
 
-def arrow_plot(report: Json, dimension: str = "event") -> str:
+def arrow_plot(report: Report, dimension: str = "event") -> str:
     """Success rates: a ring for Base, an arrow to Dynamic, one row a group and one for all pairs."""
-    rows = {"all pairs": report["overall"], **report["by"][dimension]}
+    rows = {"all pairs": report.overall, **report.by[dimension]}
     shapes = _axis(len(rows), _share, [(tick / 100, f"{tick}%") for tick in range(0, 101, 20)])
     for index, (name, block) in enumerate(rows.items()):
         y = _TOP + _ROW * (index + 0.5)
-        base, dynamic = block["base_success"]["value"], block["dynamic_success"]["value"]
+        base, dynamic = block.base_success.value, block.dynamic_success.value
         shapes.append(_label(name, block, y))
-        if base is None:
+        if base is None or dynamic is None:
             continue
         color = _direction(dynamic - base)
         shapes += [
@@ -46,31 +47,32 @@ def arrow_plot(report: Json, dimension: str = "event") -> str:
     return _figure(len(rows), f"Base to Dynamic success by {dimension}", shapes)
 
 
-def change_profile(report: Json, dimension: str = "event") -> str:
+def change_profile(report: Report, dimension: str = "event") -> str:
     """Paired changes with their 95% intervals, one row a group and one for all pairs."""
-    rows = {"all pairs": report["overall"], **report["by"][dimension]}
+    rows = {"all pairs": report.overall, **report.by[dimension]}
     shapes = _axis(len(rows), _signed, [(tick / 100, f"{tick:+d}") for tick in range(-100, 101, 50)])
     shapes.append(line(_signed(0), _TOP, _signed(0), _TOP + _ROW * len(rows), INK))
     for index, (name, block) in enumerate(rows.items()):
         y = _TOP + _ROW * (index + 0.5)
-        change = block["paired_change"]
+        change = block.paired_change
         shapes.append(_label(name, block, y))
-        if change["value"] is None:
+        if change.value is None:
             continue
-        color = _direction(change["value"])
-        shapes.append(line(_signed(change["lower"]), y, _signed(change["upper"]), y, color, 2.5))
-        note = f"{points(change['value'])} {interval_text(change, signed=True)}"
+        color = _direction(change.value)
+        if change.lower is not None and change.upper is not None:
+            shapes.append(line(_signed(change.lower), y, _signed(change.upper), y, color, 2.5))
+        note = f"{points(change.value)} {interval_text(change, signed=True)}"
         shapes += [
-            circle(_signed(change["value"]), y, 5, color),
+            circle(_signed(change.value), y, 5, color),
             text(_LABEL + _PLOT + 16, y + 4, note, color=MUTED),
         ]
     return _figure(len(rows), f"Paired change in percentage points by {dimension}", shapes)
 
 
-def category_map(report: Json) -> str:
+def category_map(report: Report) -> str:
     """Paired change of every source category under every event; grey where no pair was played."""
-    cells: Mapping[str, Mapping[str, Json]] = report["category_by_event"]
-    events = [event for event in EVENTS if event in report["by"]["event"]]
+    cells = report.category_by_event
+    events = [event for event in EVENTS if event in report.by["event"]]
     width, top = 84, 58
     shapes: list[str] = []
     for column, event in enumerate(events):
@@ -81,15 +83,15 @@ def category_map(report: Json) -> str:
         y = top + _ROW * row
         shapes.append(text(_LABEL - 10, y + _ROW / 2 + 4, category, "end"))
         for column, event in enumerate(events):
-            change = by_event[event]["paired_change"] if event in by_event else None
+            change = by_event[event].paired_change if event in by_event else None
             x = _LABEL + width * column
-            if change is None or change["value"] is None:
+            if change is None or change.value is None:
                 shapes.append(rectangle(x + 1, y + 1, width - 2, _ROW - 2, GRID))
                 continue
-            strong = abs(change["value"]) > 0.3
-            words = f"{points(change['value'])} ({change['of']})"
+            strong = abs(change.value) > 0.3
+            words = f"{points(change.value)} ({change.of})"
             shapes += [
-                rectangle(x + 1, y + 1, width - 2, _ROW - 2, shade(change["value"])),
+                rectangle(x + 1, y + 1, width - 2, _ROW - 2, shade(change.value)),
                 text(x + width / 2, y + _ROW / 2 + 4, words, "middle", 11, "white" if strong else ON_LIGHT),
             ]
     height = top + _ROW * len(cells) + 12
@@ -98,10 +100,10 @@ def category_map(report: Json) -> str:
     )
 
 
-def stale_histogram(report: Json) -> str:
+def stale_histogram(report: Report) -> str:
     """How many pairs executed how many stale actions before the next query."""
-    stale = report["overall"]["stale_actions"]
-    counts = {int(actions): pairs for actions, pairs in stale["histogram"].items()}
+    stale = report.overall.stale_actions
+    counts = {int(actions): pairs for actions, pairs in stale.histogram.items()}
     height, bottom = 150, 180
     most, last = max(counts.values(), default=1), max(counts, default=0)
     width = max(18.0, min(40.0, 560 / (last + 1)))
@@ -118,7 +120,7 @@ def stale_histogram(report: Json) -> str:
     return document(across, bottom + 48, "Stale-action exposure, pairs by actions", shapes)
 
 
-FIGURES: Mapping[str, Callable[[Json], str]] = {
+FIGURES: Mapping[str, Callable[[Report], str]] = {
     "base-to-dynamic": arrow_plot,
     "paired-change": change_profile,
     "categories": category_map,
@@ -137,11 +139,11 @@ def _axis(rows: int, place: Callable[[float], float], ticks: list[tuple[float, s
     return shapes
 
 
-def _label(name: str, block: Json, y: float) -> str:
-    floor = " *" if block["floor"] else ""
-    pairs = count_text({"count": block["played"], "of": block["planned"]})
-    same = block["played"] == block["planned"]
-    return text(_LABEL - 10, y + 4, f"{name}{floor} ({block['played'] if same else pairs})", "end")
+def _label(name: str, block: Result, y: float) -> str:
+    floor = " *" if block.floor else ""
+    pairs = f"{block.played}/{block.planned}"
+    same = block.played == block.planned
+    return text(_LABEL - 10, y + 4, f"{name}{floor} ({block.played if same else pairs})", "end")
 
 
 def _figure(rows: int, title: str, shapes: list[str]) -> str:

@@ -6,11 +6,15 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json
+import msgspec
+
 from pytest_libero_max.benchmark.structs import decode_json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.build import REPORT_VERSION, build_report
+from pytest_libero_max.report.blocks import Block
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.document import REPORT_VERSION, Report
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.studies.study_figures import study_figures
@@ -27,7 +31,7 @@ MARKDOWN_NAME = "report.md"
 HTML_NAME = "report.html"
 
 
-def report_of(stored: StoredRun) -> Json:
+def report_of(stored: StoredRun) -> Report:
     """The report of a run as read from disk.
 
     Raises:
@@ -40,9 +44,9 @@ def report_of(stored: StoredRun) -> Json:
 
 def write_reports(
     folder: Path,
-    amend: Callable[[Json], Json] | None = None,
+    amend: Callable[[Report], Report] | None = None,
     on_problem: Callable[[str], object] | None = None,
-) -> tuple[Json, list[Path]]:
+) -> tuple[Report, list[Path]]:
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
     Args:
@@ -78,7 +82,7 @@ def write_reports(
     return report, written
 
 
-def run_page(report: Json, stored: StoredRun, folder: Path) -> str:
+def run_page(report: Report, stored: StoredRun, folder: Path) -> str:
     """The content of ``report.html``, with links to the films and pictures in the folder of the run."""
     regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
     films: dict[str, list[str]] = {}
@@ -91,7 +95,7 @@ def run_page(report: Json, stored: StoredRun, folder: Path) -> str:
     return html(report, regressions, replay_command(stored), films, stored, cases, pairs_file(folder).name)
 
 
-def write_figures(report: Json, folder: Path) -> list[Path]:
+def write_figures(report: Report, folder: Path) -> list[Path]:
     """Write the figures of a report into an existing folder: as SVG, and as PNG where the extra is installed.
 
     Raises:
@@ -100,10 +104,10 @@ def write_figures(report: Json, folder: Path) -> list[Path]:
     return write_drawings(all_figures(report), folder)
 
 
-def all_figures(report: Json) -> dict[str, str]:
+def all_figures(report: Report) -> dict[str, str]:
     """The SVG documents of a report by the stem of their file name, those of its study included."""
     figures = {stem: draw(report) for stem, draw in FIGURES.items()}
-    return figures | study_figures(report.get("study"))
+    return figures | study_figures(report.study)
 
 
 def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:
@@ -120,12 +124,12 @@ def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-def report_json(report: Json) -> str:
-    """The content of ``report.json``: fields in the report's order, a final newline."""
-    return json.dumps(report, indent=1, allow_nan=False) + "\n"
+def report_json(report: Block) -> str:
+    """Return the content of ``report.json`` or another document: fields in their order, a final newline."""
+    return json.dumps(msgspec.to_builtins(report), indent=1, allow_nan=False) + "\n"
 
 
-def read_report(path: Path) -> Json:
+def read_report(path: Path) -> Report:
     """Read a ``report.json`` (or the one in a folder).
 
     Raises:
@@ -141,7 +145,7 @@ def read_report(path: Path) -> Json:
             f"Cannot read {path}: {error}. Give a report.json or the folder of a run."
         ) from error
     try:
-        report = decode_json(content, "Compute it again from its pairs.jsonl.")
+        report: Any = decode_json(content, "Compute it again from its pairs.jsonl.")
     except ReportError as error:
         raise ReportError(f"{path}: {error}") from error
     version = report.get("schema_version") if isinstance(report, dict) else None
@@ -150,7 +154,10 @@ def read_report(path: Path) -> Json:
             f"{path} has schema_version={version!r}, but this version reads {REPORT_VERSION}. "
             "Compute it again from its pairs.jsonl."
         )
-    return dict(report)
+    try:
+        return msgspec.convert(report, Report)
+    except msgspec.ValidationError as error:
+        raise ReportError(f"{path} is damaged: {error}. Compute it again from its pairs.jsonl.") from error
 
 
 def make_folder(folder: Path) -> None:

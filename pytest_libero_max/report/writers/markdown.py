@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights
+from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.statements import LIMITS_TITLE
+from pytest_libero_max.report.studies.document import Study
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
@@ -27,11 +29,11 @@ from pytest_libero_max.report.writers.summary import (
 )
 
 
-def markdown(report: Json) -> str:
+def markdown(report: Report) -> str:
     """Render a report; ends with a newline."""
-    provenance, pairs = report["provenance"], report["pairs"]
+    provenance, pairs = report.provenance, report.pairs
     lines = [f"# {title_text(report)}", ""]
-    if not pairs["complete"]:
+    if not pairs.complete:
         lines += [f"**{incomplete_text(pairs)}** All rates below are over the played pairs.", ""]
     partial = unsupported_text(pairs)
     if partial is not None:
@@ -39,10 +41,10 @@ def markdown(report: Json) -> str:
     repaired = repaired_text(pairs)
     if repaired is not None:
         lines += [repaired, ""]
-    if report["substrate"]["note"]:
-        lines += [report["substrate"]["note"], ""]
-    if report["caveats"]:
-        lines += [*(f"- {caveat_text(caveat)}" for caveat in report["caveats"]), ""]
+    if report.substrate.note:
+        lines += [report.substrate.note, ""]
+    if report.caveats:
+        lines += [*(f"- {caveat_text(caveat)}" for caveat in report.caveats), ""]
     clipping = clipping_text(report)
     if clipping is not None:
         lines += [clipping, ""]
@@ -50,8 +52,8 @@ def markdown(report: Json) -> str:
     lines += ["", f"## {highlights.TITLE}", "", *_table(("What", "Where", "Value"), highlight_rows(report))]
     lines += ["", highlights.NOTE]
     for key, dimension in DIMENSIONS.items():
-        lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report["by"][key])]
-    by_event = {**report["by"]["event"], ALL_PAIRS: report["overall"]}
+        lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report.by[key])]
+    by_event = {**report.by["event"], ALL_PAIRS: report.overall}
     lines += ["", "## Coverage and stale actions", "", *_groups("coverage", "Event", by_event)]
     lines += ["", "## Given a query after the event", "", *_groups("given_response", "Event", by_event)]
     lines += ["", GIVEN_RESPONSE_NOTE]
@@ -61,35 +63,35 @@ def markdown(report: Json) -> str:
         "cases: differences between them are descriptions, not effects.",
         "",
     ]
-    lines += _study(report["study"]) if "study" in report else []
-    for title, values in report["sections"].items():
+    lines += [] if report.study is None else _study(report.study)
+    for title, values in report.sections.items():
         lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",
-        *(f"- {text}" for text in report["statements"].values()),
+        *(f"- {text}" for text in report.statements.values()),
     ]
     lines += ["", "## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
     digests = [("case set", provenance["case_set"]["digest"])]
     if "released_as" in provenance["case_set"]:
         digests.append(("case set is", provenance["case_set"]["released_as"]))
-    if report["selection"]:
-        digests.append(("selected cases", report["selection"]["digest"]))
+    if report.selection:
+        digests.append(("selected cases", report.selection.digest))
     lines += _table(("Part", "Version"), [*versions, *digests])
     return "\n".join(lines) + "\n"
 
 
-def _quantities(report: Json) -> list[tuple[str, str]]:
-    rows = [(column.title, column.long(report["overall"])) for column in columns_in("summary")]
+def _quantities(report: Report) -> list[tuple[str, str]]:
+    rows = [(column.title, column.long(report.overall)) for column in columns_in("summary")]
     noise = noise_text(report)
     if noise is not None:
         rows.append(("Noise floor: Base played twice", noise))
     return rows
 
 
-def _study(study: Json) -> list[str]:
-    lines = [f"## Study: {study['title']}", ""]
+def _study(study: Study) -> list[str]:
+    lines = [f"## Study: {study.title}", ""]
     lines += [line for note in study_notes(study) for line in (note, "")]
     for table in study_tables(study):
         lines += [f"### {table.title}", "", *_table(table.head, table.rows), ""]
@@ -97,7 +99,7 @@ def _study(study: Json) -> list[str]:
     return lines
 
 
-def _groups(table: Table, title: str, groups: Mapping[str, Json]) -> list[str]:
+def _groups(table: Table, title: str, groups: Mapping[str, Result]) -> list[str]:
     """One row a group, and the note on groups whose Base success is too low."""
     columns = columns_in(table)
     rows = [

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import OptionError, ReportError
+from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
 
 TRACK_SIZES: Mapping[str, int] = {"smoke": 32, "lite": 800, "max": 8000}
@@ -44,31 +44,24 @@ class Expectation:
             )
 
 
-def expectations_of(report: Json) -> tuple[Expectation, ...]:
+def expectations_of(report: Report) -> tuple[Expectation, ...]:
     """What an earlier run lets one expect, overall and for each event it played.
 
     Of its gains and regressions, the fewer are what chance does.
 
     Raises:
-        ReportError: The report lacks a number, or has something else in its place.
         OptionError: A number cannot be.
     """
-    try:
-        blocks = {"overall": report["overall"], **report["by"]["event"]}
-        return tuple(
-            Expectation(
-                name,
-                block["base_success"]["value"],
-                min(block["outcomes"]["change_associated_success"], block["outcomes"]["regression"])
-                / block["played"],
-            )
-            for name, block in blocks.items()
-            if block["played"]
+    blocks = {"overall": report.overall, **report.by["event"]}
+    return tuple(
+        Expectation(
+            name,
+            block.base_success.value or 0.0,
+            min(block.outcomes.change_associated_success, block.outcomes.regression) / block.played,
         )
-    except (LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise ReportError(
-            f"The report is damaged ({error!r}). Compute it again with libero-max report."
-        ) from error
+        for name, block in blocks.items()
+        if block.played
+    )
 
 
 def power_lines(expectations: tuple[Expectation, ...], change: float | None = None) -> list[str]:

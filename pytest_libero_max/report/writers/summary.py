@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from textwrap import wrap
+from typing import Any
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
+from pytest_libero_max.report.document import Caveat, PairCounts, Report
 from pytest_libero_max.report.formats import count_text, rate_text
 from pytest_libero_max.report.studies.study_tables import study_lines
-from pytest_libero_max.runs.stopped import Stopped
 
 ALL_PAIRS = "all pairs"
 
@@ -24,7 +25,7 @@ _NAMED = 3
 FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of robustness there."
 
 
-def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
+def summary_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
     """Render a report for the terminal.
 
     Args:
@@ -34,23 +35,23 @@ def summary_lines(report: Json, paths: Sequence[str] = ()) -> list[str]:
     Returns:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.
     """
-    pairs, overall = report["pairs"], report["overall"]
-    lines = [] if pairs["complete"] else [incomplete_text(pairs)]
+    pairs, overall = report.pairs, report.overall
+    lines = [] if pairs.complete else [incomplete_text(pairs)]
     lines += _header(report)
     lines += wrap(unsupported_text(pairs) or "", 100)
     lines += wrap(repaired_text(pairs) or "", 100)
-    lines += substrate_lines(report["substrate"])
+    lines += substrate_lines(report.substrate)
     lines.append("")
-    if pairs["played"] == 0:
+    if pairs.played == 0:
         return [*lines, "No pair was played; there is nothing to report.", *_written(paths)]
-    if not pairs["complete"]:
-        lines.append(f"Over the {pairs['played']} played pairs only:")
+    if not pairs.complete:
+        lines.append(f"Over the {pairs.played} played pairs only:")
     lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
-    lines += study_lines(report["study"]) if "study" in report else []
-    return [*lines, *_caveat_lines(report["caveats"]), *_clipping_lines(report), *_written(paths)]
+    lines += [] if report.study is None else study_lines(report.study)
+    return [*lines, *_caveat_lines(report.caveats), *_clipping_lines(report), *_written(paths)]
 
 
-def _overall_lines(overall: Json) -> Iterator[str]:
+def _overall_lines(overall: Result) -> Iterator[str]:
     shown = [(column, column.line) for column in COLUMNS if column.line is not None]
     for title, cells in groupby(shown, key=lambda cell: cell[1].title):
         texts = []
@@ -60,8 +61,8 @@ def _overall_lines(overall: Json) -> Iterator[str]:
         yield f"{title:<32}{'   '.join(texts)}"
 
 
-def _event_lines(report: Json) -> Iterator[str]:
-    columns, events = columns_in("narrow"), report["by"]["event"]
+def _event_lines(report: Report) -> Iterator[str]:
+    columns, events = columns_in("narrow"), report.by["event"]
     yield _row("Event", headings("narrow"), columns)
     for name, row in events.items():
         yield _row(group_label(name, row), [column.short(row) for column in columns], columns)
@@ -69,143 +70,143 @@ def _event_lines(report: Json) -> Iterator[str]:
         yield FLOOR_NOTE
 
 
-def _row(name: str, cells: Sequence[str], columns: Sequence[Column]) -> str:
+def _row(name: str, cells: Sequence[str], columns: Sequence[Column[Any]]) -> str:
     return f"{name:<24}" + "".join(
         f" {cell:>{column.width}}" for cell, column in zip(cells, columns, strict=True)
     )
 
 
-def group_label(name: str, row: Json) -> str:
+def group_label(name: str, row: Result) -> str:
     """The name of a group, with a star where Base success is too low to fall."""
-    return f"{name} *" if row["floor"] else name
+    return f"{name} *" if row.floor else name
 
 
-def any_floor(rows: Iterable[Json]) -> bool:
+def any_floor(rows: Iterable[Result]) -> bool:
     """Whether a group has the star of :func:`group_label`, so that :data:`FLOOR_NOTE` is needed."""
-    return any(row["floor"] for row in rows)
+    return any(row.floor for row in rows)
 
 
-def noise_text(report: Json) -> str | None:
+def noise_text(report: Report) -> str | None:
     """What playing Base twice showed, and whether fewer pairs were played twice than was asked for.
 
     None where nothing was asked for and nothing was played twice.
     """
-    noise, asked = report["noise_floor"], report["provenance"]["protocol"].get("noise_floor") or 0
-    measured = noise["flips"]["of"] if noise else 0
+    noise, asked = report.noise_floor, report.provenance["protocol"].get("noise_floor") or 0
+    measured = noise.flips.of if noise else 0
     if not noise and not asked:
         return None
     lacking = f"asked for {asked} pairs, measured on {measured}" if measured < asked else ""
     if not noise:
         return f"{lacking}: none of the chosen pairs was played"
-    text = f"{rate_text(noise['flips'])} ended otherwise, {count_text(noise['identical'])} bit for bit alike"
+    text = f"{rate_text(noise.flips)} ended otherwise, {count_text(noise.identical)} bit for bit alike"
     return f"{text} ({lacking})" if lacking else text
 
 
-def clipping_text(report: Json) -> str | None:
+def clipping_text(report: Report) -> str | None:
     """The warning about actions outside [-1, 1]; None where there were none."""
-    clipped = report["clipped_actions"]
-    if clipped is None or clipped["pairs"] == 0:
+    clipped = report.clipped_actions
+    if clipped is None or clipped.pairs == 0:
         return None
     return (
-        f"Actions outside [-1, 1] in {clipped['pairs']} of {report['pairs']['played']} pairs, up to "
-        f"{clipped['largest_share']:.1%} of the components of a rollout. They are clipped. Check the units "
+        f"Actions outside [-1, 1] in {clipped.pairs} of {report.pairs.played} pairs, up to "
+        f"{clipped.largest_share:.1%} of the components of a rollout. They are clipped. Check the units "
         "and the normalisation of the adapter's actions."
     )
 
 
-def _caveat_lines(caveats: Sequence[Json]) -> list[str]:
+def _caveat_lines(caveats: Sequence[Caveat]) -> list[str]:
     if not caveats:
         return []
-    counts = ", ".join(f"{caveat['name'].replace('_', ' ')} {caveat['pairs']}" for caveat in caveats)
+    counts = ", ".join(f"{caveat.name.replace('_', ' ')} {caveat.pairs}" for caveat in caveats)
     return wrap(f"Notes on pairs (see report.md): {counts}.", 100)
 
 
-def _noise_lines(report: Json) -> list[str]:
+def _noise_lines(report: Report) -> list[str]:
     text = noise_text(report)
     return [] if text is None else [f"{'Noise floor: Base played twice':<32}{text}"]
 
 
-def _clipping_lines(report: Json) -> list[str]:
+def _clipping_lines(report: Report) -> list[str]:
     text = clipping_text(report)
     return [] if text is None else wrap(text, 100)
 
 
-def substrate_lines(substrate: Json) -> list[str]:
+def substrate_lines(substrate: Substrate) -> list[str]:
     """The warning that belongs wherever scores of a stand-in substrate are printed."""
-    if substrate["scores_comparable_with_published"] is not False:
+    if substrate.scores_comparable_with_published is not False:
         return []
-    return [f"Scores on the {substrate['name']} substrate are not comparable with published ones."]
+    return [f"Scores on the {substrate.name} substrate are not comparable with published ones."]
 
 
-def incomplete_text(pairs: Json) -> str:
+def incomplete_text(pairs: PairCounts) -> str:
     """First sentence of a run that lacks a planned pair: incomplete, or stopped by the rule it declared."""
-    stopped = Stopped.from_dict(pairs["stopped"]) if "stopped" in pairs else None
+    stopped = pairs.stopped
     if stopped is not None and stopped.rule is not None:
-        invalid = f", {pairs['invalid']} invalid" if pairs["invalid"] else ""
+        invalid = f", {pairs.invalid} invalid" if pairs.invalid else ""
         return (
             f"STOPPED by rule {stopped.rule} at {stopped.at} of {stopped.of}: {stopped.reason}. "
-            f"{pairs['played']} of {pairs['planned']} planned pairs played{invalid}. No score."
+            f"{pairs.played} of {pairs.planned} planned pairs played{invalid}. No score."
         )
-    shards = "".join(f", shard {shard} not among the merged runs" for shard in pairs["missing_shards"])
+    shards = "".join(f", shard {shard} not among the merged runs" for shard in pairs.missing_shards)
     return (
-        f"INCOMPLETE: {pairs['played']} of {pairs['planned']} planned pairs played, "
-        f"{pairs['invalid']} invalid, {pairs['missing']} missing{shards}. No score."
+        f"INCOMPLETE: {pairs.played} of {pairs.planned} planned pairs played, "
+        f"{pairs.invalid} invalid, {pairs.missing} missing{shards}. No score."
         + ("" if stopped is None else f" Stopped: {stopped.reason}.")
     )
 
 
-def _header(report: Json) -> list[str]:
-    pairs = report["pairs"]
-    title, played = title_text(report), f"{pairs['played']} of {pairs['planned']} planned pairs played"
+def _header(report: Report) -> list[str]:
+    pairs = report.pairs
+    title, played = title_text(report), f"{pairs.played} of {pairs.planned} planned pairs played"
     line = f"{title}: {played}"
     return [line] if len(line) <= 100 else [f"{title}:", played]
 
 
-def title_text(report: Json) -> str:
+def title_text(report: Report) -> str:
     """What was measured: policy with H and Q, substrate, which part of which cases, strength and program."""
-    count = report["pairs"]["unsupported"]
+    count = report.pairs.unsupported
     unsupported = f", {count} of them unsupported" if count else ""
-    strength = report["provenance"]["protocol"].get("strength")
+    strength = report.provenance["protocol"].get("strength")
     scaled = "" if strength is None else f", events at strength {strength:g}"
-    program = report["provenance"]["protocol"].get("program")
+    program = report.provenance["protocol"].get("program")
     if program is not None:
         scaled += f", program {program['name']} ({program['digest'][:12]})"
-    substrate = report["substrate"]["name"]
+    substrate = report.substrate.name
     return f"{_policy(report)} on {substrate}, {selection_text(report)}{unsupported}{scaled}"
 
 
-def unsupported_text(pairs: Json) -> str | None:
+def unsupported_text(pairs: PairCounts) -> str | None:
     """What unsupported pairs mean; None where there are none."""
-    if not pairs["unsupported"]:
+    if not pairs.unsupported:
         return None
     return (
-        f"PARTIAL: {pairs['unsupported']} pairs of {', '.join(pairs['unsupported_suites'])} are unavailable, "
+        f"PARTIAL: {pairs.unsupported} pairs of {', '.join(pairs.unsupported_suites)} are unavailable, "
         "because the policy declares that it does not support these suites. They are neither played nor "
         "failed. Results over the other pairs are not ranked with those of whole runs."
     )
 
 
-def repaired_text(pairs: Json) -> str | None:
+def repaired_text(pairs: PairCounts) -> str | None:
     """Which pairs were measured only when they were played again; None where there are none."""
-    names = pairs["repaired_pairs"]
+    names = pairs.repaired_pairs
     if not names:
         return None
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return f"Measured when played again after an error: {len(names)} ({', '.join(names[:_NAMED])}{more})."
 
 
-def selection_text(report: Json) -> str:
+def selection_text(report: Report) -> str:
     """Which part of which case set: ``24 of 800 cases of track lite (selection: -k camera_shift)``."""
-    if report["selection"] is not None:
-        return str(report["selection"]["text"])
-    name = report["provenance"]["case_set"]["name"]
-    return f"{report['pairs']['planned']} cases of {name} (selection not recorded)"
+    if report.selection is not None:
+        return report.selection.text
+    name = report.provenance["case_set"]["name"]
+    return f"{report.pairs.planned} cases of {name} (selection not recorded)"
 
 
-def _policy(report: Json) -> str:
-    spec = report["policy"]
+def _policy(report: Report) -> str:
+    spec = report.policy
     if spec is None:
-        return str(report["provenance"]["policy"]["reference"])
+        return str(report.provenance["policy"]["reference"])
     privileged = ", privileged" if spec["privileged"] else ""
     control = f", {spec['control']} control" if "control" in spec else ""
     wrappers = "".join(f", {words}" for words in spec.get("wrappers", ()))

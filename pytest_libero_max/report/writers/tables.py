@@ -6,15 +6,19 @@ import csv
 import io
 from collections.abc import Iterator
 
+from msgspec.structs import asdict
+
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.columns import COLUMNS, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.document import Macro, Report
 from pytest_libero_max.report.writers.summary import title_text
 
 ALL_PAIRS = "overall"
 
 
-def csv_text(report: Json) -> str:
+def csv_text(report: Report) -> str:
     """One row for the run and for every group, one column or three (estimate and interval) for each quantity.
 
     After the groups come the unweighted mean over source categories (``macro``), for every source the
@@ -30,43 +34,44 @@ def csv_text(report: Json) -> str:
     return buffer.getvalue()
 
 
-def _csv_rows(report: Json) -> Iterator[Json]:
-    yield _csv_row(ALL_PAIRS, ALL_PAIRS, report["overall"])
+def _csv_rows(report: Report) -> Iterator[Json]:
+    yield _csv_row(ALL_PAIRS, ALL_PAIRS, report.overall)
     for dimension in DIMENSIONS:
-        for group, row in report["by"][dimension].items():
+        for group, row in report.by[dimension].items():
             yield _csv_row(dimension, group, row)
-    yield _macro_row(report["macro"]["category"])
-    for source, extremes in report["extremes"].items():
-        for what, group in extremes.items():
-            yield _csv_row(f"{what}.{source}", group, report["by"]["category"][group])
-    if report["largest_split"] is not None:
-        event = report["largest_split"]["event"]
-        for variant in report["largest_split"]["dynamic_success"]:
+    yield _macro_row(report.macro.category)
+    for source, extremes in report.extremes.items():
+        for what, group in asdict(extremes).items():
+            yield _csv_row(f"{what}.{source}", group, report.by["category"][group])
+    if report.largest_split is not None:
+        event = report.largest_split.event
+        for variant in report.largest_split.dynamic_success:
             group = f"{event}-{variant}"
-            yield _csv_row("largest_split", group, report["by"]["variant"][group])
+            yield _csv_row("largest_split", group, report.by["variant"][group])
 
 
-def _macro_row(macro: Json) -> Json:
-    rates = {name: macro[name] for name in ("base_success", "dynamic_success", "paired_change")}
+def _macro_row(macro: Macro) -> Json:
+    rates = asdict(macro)
+    del rates["groups"]
     return {"dimension": "macro", "group": "category", **rates}
 
 
-def _csv_row(dimension: str, group: str, row: Json) -> Json:
+def _csv_row(dimension: str, group: str, row: Result) -> Json:
     values: Json = {"dimension": dimension, "group": group}
     for column in COLUMNS:
         values |= column.numbers(row)
     return values
 
 
-def latex_text(report: Json, dimension: str = "event") -> str:
+def latex_text(report: Report, dimension: str = "event") -> str:
     """A ``tabular`` of one breakdown in percent and percentage points, with the whole run as its last row."""
     columns = columns_in("narrow")
-    rows = [*report["by"][dimension].items(), ("All pairs", report["overall"])]
+    rows = [*report.by[dimension].items(), ("All pairs", report.overall)]
     head = (DIMENSIONS[dimension].title, *headings("narrow"))
     lines = [
         f"% {_escaped(title_text(report))}",
         "% Percent; changes in percentage points with their 95% interval.",
-        *(f"% {_escaped(note)}" for note in [report["substrate"]["note"]] if note),
+        *(f"% {_escaped(note)}" for note in [report.substrate.note] if note),
         rf"\begin{{tabular}}{{l{'r' * len(columns)}}}",
         r"\hline",
         rf"{' & '.join(head)} \\",

@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
 from pytest_libero_max.report.comparison.compare_figures import (
@@ -18,11 +17,12 @@ from pytest_libero_max.report.comparison.compare_figures import (
 )
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown, write_comparison
 from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.comparison.document import Comparison
 from pytest_libero_max.report.page.packing import unpacked
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, plain, plan, record_of
 
 PAIRS = plan()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -44,7 +44,7 @@ def _runs(runs: int) -> dict[str, StoredRun]:
     }
 
 
-def _comparison(runs: int) -> Json:
+def _comparison(runs: int) -> Comparison:
     return compare_runs(_runs(runs))
 
 
@@ -68,8 +68,8 @@ def test_the_figure_of_events_has_a_dot_for_every_run_and_the_quartiles_over_the
     assert len(root.findall(f"{SVG}circle")) == 3 * 8 + 3  # and those of the legend
     notes = [shape.text for shape in root.iter(f"{SVG}text") if shape.text and "[" in shape.text]
     assert len(notes) == 8
-    for event, over_runs in THREE["events"].items():
-        changes = sorted(run["by_event"][event]["value"] for run in THREE["runs"])
+    for event, over_runs in plain(THREE)["events"].items():
+        changes = sorted(run["by_event"][event]["value"] for run in plain(THREE)["runs"])
         assert [over_runs[key] for key in ("lowest", "median", "highest")] == changes
         assert over_runs["lower_quartile"] == pytest.approx((changes[0] + changes[1]) / 2)
         assert over_runs["upper_quartile"] == pytest.approx((changes[1] + changes[2]) / 2)
@@ -79,7 +79,7 @@ def test_the_figure_of_outcomes_has_bars_as_long_as_the_shares() -> None:
     root = ElementTree.fromstring(outcome_shares(THREE))
     bars = [float(bar.attrib["width"]) for bar in root.findall(f"{SVG}rect")][4:]
     assert len(bars) == 3 * 4
-    for run, start in zip(THREE["runs"], range(0, 12, 4), strict=True):
+    for run, start in zip(plain(THREE)["runs"], range(0, 12, 4), strict=True):
         whole = sum(bars[start : start + 4])
         shares = [bar / whole for bar in bars[start : start + 4]]
         counts = ["preserved_success", "change_associated_success", "regression", "persistent_failure"]
@@ -131,7 +131,7 @@ def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every
         "preserved_success",
         "yes",
     ]
-    flips = {flip["item_id"] for flip in compare_runs(runs)["flips"]}
+    flips = {flip["item_id"] for flip in plain(compare_runs(runs))["flips"]}
     assert {name for name, changed in outcomes["Changed"].items() if changed == "yes"} == flips
     place = str(data["items"].index(item))
     assert data["films"][place] == [

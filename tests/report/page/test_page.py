@@ -13,6 +13,7 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, run_cases
 from pytest_libero_max.report.page.document import document
 from pytest_libero_max.report.page.events import events_section
@@ -140,13 +141,13 @@ def test_every_event_of_the_benchmark_has_a_picture(pair: PlannedPair) -> None:
 
 
 def test_the_origin_says_what_was_recorded_and_what_was_not() -> None:
-    report = _report()
-    report["provenance"] = {
+    provenance = {
         **PROVENANCE,
         "started": "2026-05-01T12:30:00+00:00",
         "platform": {**PROVENANCE["platform"], "processor": "A processor", "cores": 8},
         "policy": {**PROVENANCE["policy"], "profile": "mine"},
     }
+    report = structs.replace(_report(), provenance=provenance)
     rows = dict(origin_rows(report, _run()))
     assert (rows["date"], rows["profile"]) == ("2026-05-01T12:30:00+00:00", "mine")
     assert rows["machine"] == "Linux, x86_64, 2.36, A processor, 8 cores"
@@ -172,6 +173,6 @@ def test_a_page_may_run_its_own_script_and_load_from_its_own_folder_alone() -> N
     assert "script-src 'none'" in document("plain", [])
 
 
-def _report() -> Json:
+def _report() -> Report:
     run = _run()
     return build_report(run.records, run.errors, run.run.planned, run.run.provenance)

@@ -19,7 +19,7 @@ from pytest_libero_max.report.studies.recovery import compare_recovery
 from pytest_libero_max.report.studies.recovery_text import recovery_lines
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
-from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
+from tests.report.made_up import POLICY, PROVENANCE, plain, plan, record_of
 
 PLANNED = [pair for pair in plan(30) if pair.event == "sensor_noise_onset"]  # 60 of plus, 60 of pro
 Flags = Sequence[bool]
@@ -55,8 +55,8 @@ GATED = run_of("gated", flags((81, True)), flags((12, False), (69, True)))
 
 def test_gains_and_gap_closure_are_differences_over_the_same_cases() -> None:
     recovery = compare_recovery([GATED, NATIVE, ALWAYS])
-    effects = {(row["mode"], row["over"], row["quantity"]): row for row in recovery["effects"]}
-    assert list(recovery["modes"]) == ["native", "always", "gated"]
+    effects = {(row["mode"], row["over"], row["quantity"]): row for row in plain(recovery)["effects"]}
+    assert list(plain(recovery)["modes"]) == ["native", "always", "gated"]
     assert [(mode, quantity) for mode, _, quantity in effects] == [
         *(("gated", name) for name in ("dynamic", "base", "closure")),
         *(("always", name) for name in ("dynamic", "base", "closure")),
@@ -72,14 +72,14 @@ def test_gains_and_gap_closure_are_differences_over_the_same_cases() -> None:
 
 
 def test_an_interval_needs_enough_cases_that_changed() -> None:
-    effects = compare_recovery([NATIVE, ALWAYS])["effects"]
+    effects = plain(compare_recovery([NATIVE, ALWAYS]))["effects"]
     base = next(row for row in effects if row["quantity"] == "base")
     assert (base["changed_configurations"], base["lower"]) == (2, None)
     assert base["exact"]["lower"] < 0 < base["exact"]["upper"]
 
 
 def test_groups_are_the_sources_and_the_corruptions() -> None:
-    groups = compare_recovery([NATIVE, GATED])["groups"]
+    groups = plain(compare_recovery([NATIVE, GATED]))["groups"]
     assert [(row["name"], row["pairs"]) for row in groups] == [
         ("plus", 60),
         ("pro", 60),
@@ -90,11 +90,11 @@ def test_groups_are_the_sources_and_the_corruptions() -> None:
 
 
 def test_activation_and_cost_are_of_the_queries_that_were_asked() -> None:
-    gated = compare_recovery([NATIVE, GATED])["modes"]["gated"]
+    gated = plain(compare_recovery([NATIVE, GATED]))["modes"]["gated"]
     assert gated["active"]["base"] == {"count": 120, "of": 1200, "value": 0.1}
     assert gated["active"]["dynamic"]["value"] == 1.0
     assert gated["seconds_per_query"] == pytest.approx(0.3 / 30)
-    native = compare_recovery([NATIVE, GATED])["modes"]["native"]
+    native = plain(compare_recovery([NATIVE, GATED]))["modes"]["native"]
     assert native["active"] == {"base": None, "dynamic": None}
     assert native["seconds_per_query"] is None
 
@@ -146,7 +146,7 @@ def test_the_command_reads_folders_in_any_order(tmp_path: Path, capsys: pytest.C
     printed = capsys.readouterr().out
     written = json.loads((tmp_path / "recovery.json").read_text(encoding="utf-8"))
     assert printed == "\n".join(recovery_lines(compare_recovery([NATIVE, GATED]))) + "\n"
-    assert written["effects"] == compare_recovery([NATIVE, GATED])["effects"]
+    assert written["effects"] == plain(compare_recovery([NATIVE, GATED]))["effects"]
 
 
 def test_the_whole_frozen_track_is_compared() -> None:
@@ -171,6 +171,8 @@ def test_the_whole_frozen_track_is_compared() -> None:
         return StoredRun(Run(planned, PROVENANCE), tuple(records), (), torn=False)
 
     recovery = compare_recovery([played("native", 3), played("always", 2)])
-    assert recovery["pairs"]["common"] == 300
-    (gain,) = [row for row in recovery["effects"] if row["quantity"] == "dynamic" and row["over"] == "native"]
+    assert plain(recovery)["pairs"]["common"] == 300
+    (gain,) = [
+        row for row in plain(recovery)["effects"] if row["quantity"] == "dynamic" and row["over"] == "native"
+    ]
     assert gain["value"] == pytest.approx(50 / 300)

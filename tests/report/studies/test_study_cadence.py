@@ -9,20 +9,21 @@ import jsonschema
 import pytest
 from msgspec.structs import replace
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_csv
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
+from tests.report.made_up import plain
 from tests.report.studies.studied import Cell, study_of
 
 GR00T = {2: (490, 335), 4: (530, 386), 8: (554, 411), 12: (524, 426), 16: (529, 406)}
 """Successes of 800 in Base and Dynamic by Q = H, from the paper's percentages."""
 
 
-def sweep(counts: dict[str, tuple[int, int]], cases: int, settings: str) -> Json:
+def sweep(counts: dict[str, tuple[int, int]], cases: int, settings: str) -> Report:
     """The report of a sweep with so many successes in Base and Dynamic, by the end of the arms' names."""
     cells = []
     for number in range(cases):
@@ -38,13 +39,13 @@ def sweep(counts: dict[str, tuple[int, int]], cases: int, settings: str) -> Json
 
 
 @pytest.fixture(scope="module")
-def report() -> Json:
+def report() -> Report:
     counts = {"" if q == 16 else f"_h{q}q{q}": successes for q, successes in GR00T.items()}
     return sweep(counts, 800, "2/2,4/4,8/8,12/12,16/16")
 
 
-def test_rates_and_changes_of_every_setting(report: Json) -> None:
-    settings = report["study"]["settings"]
+def test_rates_and_changes_of_every_setting(report: Report) -> None:
+    settings = plain(report)["study"]["cadence"]["settings"]
     assert [setting["label"] for setting in settings] == [f"H={q} Q={q}" for q in GR00T]
     assert [setting["own"] for setting in settings] == [False, False, False, False, True]
     for setting, (base, dynamic) in zip(settings, GR00T.values(), strict=True):
@@ -56,11 +57,11 @@ def test_rates_and_changes_of_every_setting(report: Json) -> None:
         assert setting["stale_actions"]["median"] == 2
 
 
-def test_the_best_settings_are_those_the_paper_names(report: Json) -> None:
-    best = report["study"]["best"]
+def test_the_best_settings_are_those_the_paper_names(report: Report) -> None:
+    best = plain(report)["study"]["cadence"]["best"]
     assert best["base_success"]["setting"] == "H=8 Q=8"
     assert best["dynamic_success"]["setting"] == "H=12 Q=12"
-    own = report["study"]["settings"][3]["dynamic_success"]
+    own = plain(report)["study"]["cadence"]["settings"][3]["dynamic_success"]
     assert best["dynamic_success"]["lower"] < own["lower"]  # it was chosen
     assert best["dynamic_success"]["upper"] > own["upper"]
 
@@ -68,14 +69,14 @@ def test_the_best_settings_are_those_the_paper_names(report: Json) -> None:
 def test_equal_settings_differ_by_a_zero_without_a_sign_of_its_own() -> None:
     report = sweep({"": (2, 1), "_q2": (2, 1)}, 3, "2")
     text = "\n".join(summary_lines(report))
-    assert report["study"]["best"]["base_success"]["setting"] == "H=16 Q=2"
+    assert plain(report)["study"]["cadence"]["best"]["base_success"]["setting"] == "H=16 Q=2"
     assert "-0.0" not in text
     assert "not shown to be worse" in text
 
 
 def test_settings_that_are_not_shown_to_be_worse() -> None:
-    study = sweep({"": (20, 10), "_q2": (19, 9), "_q8": (20, 2)}, 24, "2,8")["study"]
-    best = study["best"]["dynamic_success"]
+    study = plain(sweep({"": (20, 10), "_q2": (19, 9), "_q8": (20, 2)}, 24, "2,8"))["study"]
+    best = study["cadence"]["best"]["dynamic_success"]
     assert best["setting"] == "H=16 Q=16"
     assert best["not_worse"] == ["H=16 Q=2"]
     assert best["differences"]["H=16 Q=8"]["value"] == pytest.approx(8 / 24)
@@ -88,8 +89,9 @@ def test_every_writer_prints_a_sweep_of_any_size(cases: int) -> None:
     schema = json.loads(
         resources.files("pytest_libero_max.report").joinpath("report.schema.json").read_text()
     )
-    jsonschema.Draft202012Validator(schema).validate(json.loads(json.dumps(report)))
+    jsonschema.Draft202012Validator(schema).validate(plain(report))
     for text in (markdown(report), html(report, [], ["pytest"]), "\n".join(summary_lines(report))):
         assert ("H=8 Q=4" in text) == bool(cases)
-    assert study_csv(report["study"]).startswith("place,value\nname,cadence\n")
-    assert list(study_figures(report["study"])) == (["cadence"] if cases else [])
+    assert report.study is not None
+    assert study_csv(report.study).startswith("place,value\nname,cadence\n")
+    assert list(study_figures(report.study)) == (["cadence"] if cases else [])

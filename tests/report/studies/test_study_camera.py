@@ -8,15 +8,17 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from msgspec.structs import replace
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_csv
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
+from tests.report.made_up import plain
 from tests.report.studies.studied import Cell, study_of
 
 PRINTED = 0.0005 + 1e-9
@@ -49,18 +51,18 @@ XVLA = [
 
 
 @pytest.fixture(scope="module")
-def report() -> Json:
+def report() -> Report:
     planned, records, provenance = study_of(XVLA, {"name": "camera-timing"})
     return build_report(records, [], planned, provenance)
 
 
-def test_the_papers_rates_and_intervals(report: Json) -> None:
+def test_the_papers_rates_and_intervals(report: Report) -> None:
     printed = {"base": (682, 65.4, 71.0), "reset": (13, 0.6, 2.0), "dynamic": (124, 10.4, 14.5)}
     for arm, (count, lower, upper) in printed.items():
-        rate = report["study"]["rates"][arm]
+        rate = plain(report)["study"]["camera"]["rates"][arm]
         assert (rate["count"], rate["of"]) == (count, 1000)
         assert (100 * rate["lower"], 100 * rate["upper"]) == pytest.approx((lower, upper), abs=100 * PRINTED)
-    by_source = {arm: rate["by_source"] for arm, rate in report["study"]["rates"].items()}
+    by_source = {arm: rate["by_source"] for arm, rate in plain(report)["study"]["camera"]["rates"].items()}
     counts = {arm: [rates[source]["count"] for source in ("plus", "pro")] for arm, rates in by_source.items()}
     assert counts == {"base": [524, 158], "reset": [12, 1], "dynamic": [93, 31]}
 
@@ -75,9 +77,9 @@ def test_the_papers_rates_and_intervals_of_other_policies(policy: str) -> None:
         for number in range(cases)
     ]
     planned, records, provenance = study_of(cells, {"name": "camera-timing"})
-    study = build_report(records, [], planned, provenance)["study"]
+    study = plain(build_report(records, [], planned, provenance))["study"]
     for arm, row in printed.items():
-        rate = study["rates"][arm]
+        rate = study["camera"]["rates"][arm]
         assert f"{100 * rate['value']:.1f}" == f"{row['rate']:.1f}"
         assert [f"{100 * rate[end]:.1f}" for end in ("lower", "upper")] == [
             f"{end:.1f}" for end in row["interval"]
@@ -87,8 +89,8 @@ def test_the_papers_rates_and_intervals_of_other_policies(policy: str) -> None:
         }
 
 
-def test_the_papers_contrast_of_mid_task_and_reset(report: Json) -> None:
-    found = report["study"]["contrasts"][0]
+def test_the_papers_contrast_of_mid_task_and_reset(report: Report) -> None:
+    found = plain(report)["study"]["camera"]["contrasts"][0]
     assert (found["first"], found["second"]) == ("dynamic", "reset")
     assert (found["gains"], found["losses"]) == (113, 2)
     assert found["value"] == 0.111
@@ -103,8 +105,8 @@ def test_the_papers_contrast_of_mid_task_and_reset(report: Json) -> None:
         assert 0.08 < group["lower"] < 0.111 < group["upper"] < 0.15
 
 
-def test_the_papers_approach_counts(report: Json) -> None:
-    approach = report["study"]["approach"]["1"]
+def test_the_papers_approach_counts(report: Report) -> None:
+    approach = plain(report)["study"]["camera"]["approach"]["1"]
     assert approach["reset"] == {
         "failed_never_entered": 516,
         "failed_entered": 471,
@@ -119,12 +121,12 @@ def test_the_papers_approach_counts(report: Json) -> None:
     }
 
 
-def test_many_cases_need_no_warning(report: Json) -> None:
+def test_many_cases_need_no_warning(report: Report) -> None:
     assert "With fewer than 30 cases" not in markdown(report)
 
 
-def test_joint_outcomes_add_up_to_the_cases(report: Json) -> None:
-    rows = report["study"]["outcomes"]
+def test_joint_outcomes_add_up_to_the_cases(report: Report) -> None:
+    rows = plain(report)["study"]["camera"]["outcomes"]
     assert sum(row["cases"] for row in rows) == 1000
     kept = next(row for row in rows if row["success"] == {"base": True, "reset": False, "dynamic": True})
     assert kept["cases"] == 106
@@ -135,12 +137,10 @@ def test_other_reports_stay_those_of_the_pair() -> None:
     cells = [cell("plus", "101", 6), cell("pro", "110", 4), cell("pro", "000", 2)]
     planned, records, provenance = study_of(cells, {"name": "camera-timing"})
     report = build_report(records, [], planned, provenance)
-    plain = build_report(records, [], planned, {**provenance, "protocol": {"prefix": "fork"}})
-    apart = ("study", "provenance")
-    assert {key: value for key, value in plain.items() if key not in apart} == {
-        key: value for key, value in report.items() if key not in apart
-    }
-    assert list(plain["study"]["arms"]) == ["base", "dynamic", "reset"]
+    without = build_report(records, [], planned, {**provenance, "protocol": {"prefix": "fork"}})
+    assert without.study is not None
+    assert list(without.study.arms or {}) == ["base", "dynamic", "reset"]
+    assert replace(without, provenance={}, study=None) == replace(report, provenance={}, study=None)
 
 
 # Himem-WAM lost 34 Base-and-Reset successes in Mid-task, 5 of them without a stale action.
@@ -149,8 +149,8 @@ def test_other_reports_stay_those_of_the_pair() -> None:
 def test_stale_actions_of_lost_cases() -> None:
     cells = [cell("plus", "110", 5, stale=0), cell("plus", "110", 29, stale=4), cell("pro", "111", 600)]
     planned, records, provenance = study_of(cells, {"name": "camera-timing"})
-    study = build_report(records, [], planned, provenance)["study"]
-    assert study["approach"]["1"]["base_and_reset_succeed_middle_fails"] == {
+    study = plain(build_report(records, [], planned, provenance))["study"]
+    assert study["camera"]["approach"]["1"]["base_and_reset_succeed_middle_fails"] == {
         "cases": 34,
         "with_a_query_after_the_event": 34,
         "without_stale_actions": 5,
@@ -167,8 +167,8 @@ def test_seven_outcomes_within_and_between_strengths() -> None:
     cells = [seven("plus", "1111111", 20), seven("plus", "1110101", 12), seven("pro", "1110100", 8)]
     cells += [seven("pro", "1010000", 5), seven("plus", "0000000", 5)]
     planned, records, provenance = study_of(cells, {"name": "camera-strength"})
-    study = build_report(records, [], planned, provenance)["study"]
-    assert list(study["conditions"].values()) == [
+    study = plain(build_report(records, [], planned, provenance))["study"]
+    assert list(study["camera"]["conditions"].values()) == [
         "Base",
         "Reset 25%",
         "Mid-task 25%",
@@ -177,7 +177,7 @@ def test_seven_outcomes_within_and_between_strengths() -> None:
         "Reset 100%",
         "Mid-task 100%",
     ]
-    counts = {arm: rate["count"] for arm, rate in study["rates"].items()}
+    counts = {arm: rate["count"] for arm, rate in study["camera"]["rates"].items()}
     assert counts == {
         "base": 45,
         "reset_25": 40,
@@ -187,13 +187,13 @@ def test_seven_outcomes_within_and_between_strengths() -> None:
         "reset": 20,
         "dynamic": 32,
     }
-    contrasts = {(row["first"], row["second"]): row for row in study["contrasts"]}
+    contrasts = {(row["first"], row["second"]): row for row in study["camera"]["contrasts"]}
     assert len(contrasts) == 9 + 6
     assert contrasts["dynamic_50", "reset_50"]["gains"] == 20
     assert contrasts["reset", "reset_25"]["losses"] == 20
-    gaps = {(row["first"], row["second"]): row["value"] for row in study["gap_contrasts"]}
+    gaps = {(row["first"], row["second"]): row["value"] for row in study["camera"]["gap_contrasts"]}
     assert gaps == pytest.approx({("0.5", "0.25"): 0.3, ("1", "0.25"): 0.14, ("1", "0.5"): -0.16})
-    assert list(study["approach"]) == ["0.25", "0.5", "1"]
+    assert list(study["camera"]["approach"]) == ["0.25", "0.5", "1"]
 
 
 @pytest.mark.parametrize("name", ["camera-timing", "camera-strength"])
@@ -204,17 +204,18 @@ def test_every_writer_prints_a_study_of_any_size(name: str, cells: list[Cell]) -
     schema = json.loads(
         resources.files("pytest_libero_max.report").joinpath("report.schema.json").read_text()
     )
-    jsonschema.Draft202012Validator(schema).validate(json.loads(json.dumps(report)))
+    jsonschema.Draft202012Validator(schema).validate(plain(report))
     for text in (markdown(report), html(report, [], ["pytest"]), "\n".join(summary_lines(report))):
         assert ("Reset" in text) == bool(cells)
         assert ("With fewer than 30 cases" in text) == bool(cells)
-    assert study_csv(report["study"]).startswith("place,value\nname,camera-")
-    assert bool(study_figures(report["study"])) == bool(cells)
+    assert report.study is not None
+    assert study_csv(report.study).startswith("place,value\nname,camera-")
+    assert bool(study_figures(report.study)) == bool(cells)
 
 
 def test_few_groups_decide_nothing() -> None:
     planned, records, provenance = study_of([cell("plus", "101", 12)], {"name": "camera-timing"})
-    (contrast, *_) = build_report(records, [], planned, provenance)["study"]["contrasts"]
+    (contrast, *_) = plain(build_report(records, [], planned, provenance))["study"]["camera"]["contrasts"]
     assert contrast["degenerate"]
     assert contrast["exact"]["lower"] < 1.0
     assert contrast["by_groups"]["reference_tasks"]["lower"] is None

@@ -5,7 +5,7 @@ import pytest
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.writers.power_text import Expectation, expectations_of, power_lines
-from tests.report.made_up import PROVENANCE, plan, records_of
+from tests.report.made_up import PROVENANCE, plain, plan, records_of
 
 POWER = """\
 Smallest loss (percentage points) that the exact McNemar test resolves at level 0.05,
@@ -35,9 +35,9 @@ def test_an_earlier_run_gives_the_expectations() -> None:
     pairs = plan(per_cell=3)
     report = build_report(records_of(pairs), [], pairs, PROVENANCE)
     expected = expectations_of(report)
-    assert [one.name for one in expected] == ["overall", *report["by"]["event"]]
-    assert expected[0].base == report["overall"]["base_success"]["value"]
-    outcomes = report["overall"]["outcomes"]
+    assert [one.name for one in expected] == ["overall", *plain(report)["by"]["event"]]
+    assert expected[0].base == plain(report)["overall"]["base_success"]["value"]
+    outcomes = plain(report)["overall"]["outcomes"]
     fewer = min(outcomes["change_associated_success"], outcomes["regression"])
     assert expected[0].gain == fewer / len(pairs)
     assert expectations_of(build_report([], [], pairs, PROVENANCE)) == ()

@@ -1,0 +1,258 @@
+"""Blocks of a report: rates, changes and intervals, declared once for writers, readers and the schema.
+
+The schemas of ``report.json`` and ``comparison.json`` are made from these classes and their docstrings.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+Count = Annotated[int, Meta(ge=0)]
+Positive = Annotated[int, Meta(ge=1)]
+Text = Annotated[str, Meta(min_length=1)]
+Share = Annotated[float, Meta(ge=0, le=1)]
+Difference = Annotated[float, Meta(ge=-1, le=1)]
+WideDifference = Annotated[float, Meta(ge=-2, le=2)]
+Log10 = Annotated[float, Meta(le=0)]
+Amount = Annotated[float, Meta(ge=0)]
+
+
+class Block(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A JSON object of a report: exactly these fields, in this order."""
+
+
+class Ratio(Block, frozen=True, kw_only=True):
+    """A ratio with its counts.
+
+    Attributes:
+        count: Numerator; negative for a loss.
+        of: Denominator.
+        value: count / of; None where the denominator is zero.
+    """
+
+    count: int
+    of: Count
+    value: float | None
+
+
+class Rate(Block, frozen=True, kw_only=True):
+    """A rate with its counts and 95% interval; None where the denominator is zero.
+
+    Attributes:
+        count: Pairs that have the property.
+        of: Pairs that were asked: the denominator.
+        value: count / of, 0 to 1; None where the denominator is zero.
+        lower: Lower end of the 95% Wilson interval.
+        upper: Upper end of the 95% Wilson interval.
+    """
+
+    count: Count
+    of: Count
+    value: Share | None
+    lower: Share | None
+    upper: Share | None
+
+
+class Interval(Block, frozen=True, kw_only=True):
+    """A 95% interval.
+
+    Attributes:
+        lower: Lower end; None where there is none.
+        upper: Upper end; None where there is none.
+    """
+
+    lower: WideDifference | None
+    upper: WideDifference | None
+
+
+class TaskInterval(Block, frozen=True, kw_only=True):
+    """A 95% interval for statements about other tasks: tasks are resampled with all their pairs.
+
+    Attributes:
+        tasks: Tasks that the pairs are of.
+        changed_tasks: Tasks in which a pair changed.
+        value: The estimate over all pairs.
+        lower: Lower end; None where too few tasks changed to decide.
+        upper: Upper end; None where too few tasks changed to decide.
+    """
+
+    tasks: Count
+    changed_tasks: Count
+    lower: WideDifference | None
+    upper: WideDifference | None
+    value: WideDifference | None
+
+
+class Bootstrap(Block, frozen=True, kw_only=True):
+    """The paper's percentile bootstrap.
+
+    Attributes:
+        lower: Lower end of the 95% interval.
+        upper: Upper end of the 95% interval.
+        degenerate: True if all differences are equal, so that the interval has no width and says nothing
+            about precision.
+    """
+
+    lower: Difference | None
+    upper: Difference | None
+    degenerate: bool | None
+
+
+class Bootstraps(Bootstrap, frozen=True, kw_only=True):
+    """The paper's percentile bootstrap over all pairs alike, and with the sources kept.
+
+    Attributes:
+        by_source: The same with the number of pairs of each source kept.
+    """
+
+    by_source: Bootstrap
+
+
+class Change(Block, frozen=True, kw_only=True):
+    """A paired change with its intervals.
+
+    Attributes:
+        count: Gains minus regressions.
+        of: Played pairs.
+        value: Paired change, the mean of Dynamic less Base: count / of, -1 to 1; negative for a loss.
+        lower: Lower end of the melded exact 95% interval, which takes all pairs as independent.
+        upper: Upper end of the melded exact 95% interval.
+        by_task: 95% interval for statements about other tasks: tasks are resampled with all their pairs.
+        bootstrap: The paper's percentile bootstrap, for comparison with it; too narrow with few changed
+            pairs.
+    """
+
+    count: int
+    of: Count
+    value: Difference | None
+    lower: Difference | None
+    upper: Difference | None
+    by_task: TaskInterval
+    bootstrap: Bootstraps
+
+
+class Outcomes(Block, frozen=True, kw_only=True):
+    """Pairs by outcome, written (Base, Dynamic).
+
+    Attributes:
+        preserved_success: Pairs that succeed in Base and in Dynamic, (1,1).
+        change_associated_success: Pairs that fail in Base and succeed in Dynamic, (0,1).
+        regression: Pairs that succeed in Base and fail in Dynamic, (1,0).
+        persistent_failure: Pairs that fail in both, (0,0).
+    """
+
+    preserved_success: Count
+    change_associated_success: Count
+    regression: Count
+    persistent_failure: Count
+
+
+class McNemar(Block, frozen=True, kw_only=True):
+    """Exact two-sided McNemar test of regressions against gains.
+
+    Attributes:
+        regressions: Pairs (1,0).
+        gains: Pairs (0,1).
+        p_value: 0 where below the smallest double; the logarithm stays exact.
+        log10_p_value: Decimal logarithm of the p-value; None without a pair (1,0) or (0,1).
+    """
+
+    regressions: Count
+    gains: Count
+    p_value: Share | None
+    log10_p_value: Log10 | None
+
+
+class StaleActions(Block, frozen=True, kw_only=True):
+    """Queued actions executed between the event and the next query.
+
+    Attributes:
+        pairs: Pairs in which a query followed the event.
+        unanswered: Pairs whose episode ended between the event and the next query; not counted in the numbers
+            below.
+        mean: Mean number of actions executed between the event and the next query; None without a pair.
+        median: Median of the same; the mean of the middle two for an even number of pairs.
+        quantiles: Quantiles of the same by probability (0.05, 0.25, 0.75, 0.95), by inverse CDF; None without
+            a pair.
+        histogram: Pairs by number of stale actions, written as text.
+    """
+
+    pairs: Count
+    unanswered: Count
+    mean: Amount | None
+    median: Amount | None
+    quantiles: dict[str, Count | None]
+    histogram: dict[str, Count]
+
+
+class GivenResponse(Block, frozen=True, kw_only=True):
+    """Results over the pairs in which a query followed the event.
+
+    Attributes:
+        base_success: Base success rate.
+        dynamic_success: Dynamic success rate.
+        paired_change: Mean of Dynamic less Base success.
+        outcomes: Pairs by outcome.
+    """
+
+    base_success: Ratio
+    dynamic_success: Ratio
+    paired_change: Ratio
+    outcomes: Outcomes
+
+
+class Result(Block, frozen=True, kw_only=True):
+    """The result of a set of pairs: a row of the tables.
+
+    Attributes:
+        planned: Planned pairs of the group.
+        played: Played pairs of the group; everything below is over these.
+        base_success: Base success rate.
+        dynamic_success: Dynamic success rate.
+        paired_change: Mean of Dynamic less Base success.
+        outcomes: Pairs by outcome, written (Base, Dynamic).
+        conditional_regression: Of the Base successes, those that fail in Dynamic.
+        retained: Dynamic successes over Base successes, newly solved cases included.
+        mcnemar: Exact two-sided McNemar test of regressions against gains.
+        trigger_coverage: Pairs whose event fired.
+        response_coverage: Pairs in which the policy was queried after the event.
+        stale_actions: Queued actions executed between the event and the next query, over the pairs that have
+            one. They measure the delay of feedback under the policy's own serving protocol, not whether a
+            change was noticed.
+        given_response: The same results over the pairs in which a query followed the event. The rollout
+            itself decides whether one did, so these do not replace the results over all pairs.
+        floor: True if Base success is below the level at which a small change says nothing about robustness;
+            None without a pair.
+    """
+
+    planned: Count
+    played: Count
+    base_success: Rate
+    dynamic_success: Rate
+    paired_change: Change
+    outcomes: Outcomes
+    conditional_regression: Rate
+    retained: Ratio
+    mcnemar: McNemar
+    trigger_coverage: Rate
+    response_coverage: Rate
+    stale_actions: StaleActions
+    given_response: GivenResponse
+    floor: bool | None
+
+
+class Substrate(Block, frozen=True, kw_only=True):
+    """The substrate of a run, and what its scores may be compared with.
+
+    Attributes:
+        name: Name of the substrate, for example embedded or libero.
+        scores_comparable_with_published: False where scores must not be compared with published ones; None
+            where that depends on the installations, event semantics and variations in the provenance.
+        note: A sentence to print beside every score; None where none is needed.
+    """
+
+    name: Text
+    scores_comparable_with_published: bool | None
+    note: str | None

@@ -1,0 +1,325 @@
+"""``report.json`` as one typed document: built by ``report.build``, read by every writer, gate and reader."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+from pytest_libero_max.report.blocks import (
+    Block,
+    Change,
+    Count,
+    Difference,
+    Outcomes,
+    Positive,
+    Rate,
+    Ratio,
+    Result,
+    Share,
+    Substrate,
+    Text,
+)
+from pytest_libero_max.report.studies.document import Study
+
+REPORT_VERSION: Final = 3
+
+
+class Stop(Block, frozen=True, kw_only=True):
+    """Why a run was stopped before every planned pair was played.
+
+    Attributes:
+        reason: For people, without a period.
+        of: Number of planned pairs.
+        rule: The stopping rule as asked for; None where something broke, or -x stopped the run.
+        at: Number of pairs, the first ones in the order of play, on which the rule decided; None without a
+            rule.
+    """
+
+    reason: Text
+    of: Positive
+    rule: str | None
+    at: Count | None
+
+
+class InvalidPair(Block, frozen=True, kw_only=True):
+    """A pair that could not be measured.
+
+    Attributes:
+        case_id: Id of the case in its manifest.
+        item_id: Name of the test item; select it with -k.
+        phase: Part in which it failed: setup, base, dynamic, crash, or the name of another arm.
+        kind: Type of the error.
+        message: Message of the error.
+    """
+
+    case_id: Text
+    item_id: Text
+    phase: str
+    kind: str
+    message: str
+
+
+class MissingPair(Block, frozen=True, kw_only=True):
+    """A planned pair with neither a record nor an error.
+
+    Attributes:
+        case_id: Id of the case in its manifest.
+        item_id: Name of the test item; select it with -k.
+    """
+
+    case_id: Text
+    item_id: Text
+
+
+class PairCounts(Block, frozen=True, kw_only=True):
+    """Pairs that were planned, played and lost, and which were lost.
+
+    Attributes:
+        planned: Assigned pairs; the denominator of the headline.
+        played: Pairs with a valid record.
+        invalid: Pairs that could not be measured because of an error of the machinery, never of the policy.
+        missing: Planned pairs with neither a record nor an error.
+        complete: True if every planned pair was played, at least one was planned, and no shard lacks.
+        missing_shards: Shards that the merged runs lack, for example 3/4; a run without one of its shards is
+            not complete.
+        invalid_pairs: The invalid pairs in the order of their case ids.
+        missing_pairs: The missing pairs in the order of their case ids.
+        repaired_pairs: Item ids of pairs that were measured when they were played again after an error.
+        unsupported: Pairs of suites that the policy declares it does not support. They are not among the
+            planned ones: neither played nor failed.
+        unsupported_suites: The suites of these pairs.
+        stopped: Why the run was stopped before every planned pair was played; None where it was not.
+    """
+
+    planned: Count
+    played: Count
+    invalid: Count
+    missing: Count
+    complete: bool
+    missing_shards: list[str]
+    invalid_pairs: list[InvalidPair]
+    missing_pairs: list[MissingPair]
+    repaired_pairs: list[str]
+    unsupported: Count
+    unsupported_suites: list[str]
+    stopped: Stop | None = None
+
+
+class PresentShards(Block, frozen=True, kw_only=True):
+    """Parts of a divided case set that are here.
+
+    Attributes:
+        of: Number of parts.
+        present: Numbers of those that are here, from 1.
+    """
+
+    of: Positive
+    present: list[Positive]
+
+
+class PlayedSelection(Block, frozen=True, kw_only=True):
+    """The part of the case set that was played.
+
+    Attributes:
+        asked: The user's selection, as the command line spells it.
+        chosen: Number of cases that the run plays.
+        of: Number of cases of the whole track or manifest.
+        digest: SHA-256 of the sorted ids of the chosen cases, hexadecimal.
+        shards: Shards that these are; None where the cases were not divided, or where all shards are here.
+        merged: True if this is several runs joined.
+        whole: True if these are all cases of the track or manifest.
+        missing_shards: Shards that a merge lacks, for example 3/4.
+        text: The selection in words.
+    """
+
+    asked: list[str]
+    chosen: Count
+    of: Count
+    digest: Text
+    shards: PresentShards | None
+    merged: bool
+    whole: bool
+    missing_shards: list[str]
+    text: Text
+
+
+class Headline(Block, frozen=True, kw_only=True):
+    """Rates over all planned pairs.
+
+    Attributes:
+        status: complete where every planned pair was played; otherwise withheld, and the rates are None.
+        reason: Why the rates are withheld; None where they are not.
+        base_success: Base success rate.
+        dynamic_success: Dynamic success rate.
+        paired_change: Mean of Dynamic less Base success.
+    """
+
+    status: Literal["complete", "withheld"]
+    reason: str | None
+    base_success: Rate | None = None
+    dynamic_success: Rate | None = None
+    paired_change: Change | None = None
+
+
+class Caveat(Block, frozen=True, kw_only=True):
+    """A note on pairs whose scene, prompt or event is not what its name promises.
+
+    Attributes:
+        name: Stable key of the caveat.
+        pairs: Played pairs that it concerns.
+        played: All played pairs.
+        text: The note, as a sentence.
+    """
+
+    name: Text
+    pairs: Positive
+    played: Positive
+    text: Text
+
+
+class NoiseFloor(Block, frozen=True, kw_only=True):
+    """Base played twice on some cases.
+
+    Attributes:
+        flips: Second Base rollouts that ended otherwise than the first.
+        identical: Second Base rollouts that were the same bit for bit.
+    """
+
+    flips: Rate
+    identical: Ratio
+
+
+class ClippedActions(Block, frozen=True, kw_only=True):
+    """Action components outside [-1, 1], which the controller clips.
+
+    Attributes:
+        pairs: Pairs with an executed action that had a component outside [-1, 1].
+        largest_share: Largest share of such components in a rollout, over the 7 components of every executed
+            action.
+    """
+
+    pairs: Count
+    largest_share: Share
+
+
+class Cell(Block, frozen=True, kw_only=True):
+    """A source category under an event.
+
+    Attributes:
+        planned: Planned pairs of the cell.
+        outcomes: Outcomes of its played pairs.
+        paired_change: Paired change over its played pairs, without an interval.
+    """
+
+    planned: Count
+    outcomes: Outcomes
+    paired_change: Ratio
+
+
+class Macro(Block, frozen=True, kw_only=True):
+    """Unweighted means over groups.
+
+    Attributes:
+        groups: Number of groups that were averaged.
+        base_success: Mean of the groups' Base success rates, 0 to 1; None where a group has no played pair.
+        dynamic_success: Mean of the groups' Dynamic success rates, 0 to 1; None where a group has no played
+            pair.
+        paired_change: Mean of the groups' paired changes, -1 to 1; None where a group has no played pair.
+    """
+
+    groups: Count
+    base_success: Share | None
+    dynamic_success: Share | None
+    paired_change: Difference | None
+
+
+class Macros(Block, frozen=True, kw_only=True):
+    """Unweighted means over groups; secondary to the rates over all pairs.
+
+    Attributes:
+        category: Over source categories.
+    """
+
+    category: Macro
+
+
+class Split(Block, frozen=True, kw_only=True):
+    """The event whose parameter variants differ most in Dynamic success.
+
+    Attributes:
+        event: Name of the event.
+        dynamic_success: Dynamic success rate, 0 to 1, by variant.
+        difference: Largest less smallest of these rates, 0 to 1.
+    """
+
+    event: Text
+    dynamic_success: dict[str, Share | None]
+    difference: Share | None
+
+
+class Extremes(Block, frozen=True, kw_only=True):
+    """Source categories that stand out, the first by name among equals.
+
+    Attributes:
+        lowest_base_success: The category of lowest Base success.
+        largest_loss: The category of lowest paired change.
+    """
+
+    lowest_base_success: Text
+    largest_loss: Text
+
+
+class Report(Block, frozen=True, kw_only=True):
+    """The report of a run: everything that is computed from its pairs.
+
+    Attributes:
+        schema_version: Version of this document's form; it changes when a field is added, removed or given
+            another meaning.
+        pairs: Pairs that were planned, played and lost, and which were lost.
+        selection: The part of the case set that was played; None for runs that did not record it.
+        headline: Rates over all planned pairs; withheld while one is missing or invalid.
+        policy: The policy's spec as played, as in its records; None where no pair was played.
+        substrate: The substrate of the run, and what its scores may be compared with.
+        caveats: Notes on single pairs of this run whose scene, prompt or event is not what its name promises,
+            or whose policy server was interrupted.
+        overall: The result over all played pairs.
+        noise_floor: Base played twice on some cases: how often the second ended otherwise, and how often it
+            was the same bit for bit.
+        clipped_actions: Action components outside [-1, 1], which the controller clips; None where the records
+            do not say.
+        by: Results by group, for eight ways of grouping: event, family, suite, source, category (source and
+            source category), severity, variant (event and parameter variant) and difficulty. Groups hold
+            different cases: differences between groups are descriptions, not effects.
+        category_by_event: Outcomes of each source category (outer key) under each event (inner key).
+        macro: Unweighted means over groups; secondary to the rates over all pairs.
+        largest_split: The event whose two parameter variants differ most in Dynamic success; None where no
+            event has two played variants. The variants hold different cases: a description, not an effect.
+        extremes: By source, the source categories that stand out, the first by name among equals; sources
+            without a played pair are left out.
+        study: Results of the study of the run; None for a run of no study.
+        sections: Tables that hooks of the user's own have added: titles with names and values. Not computed
+            from the pairs.
+        statements: What these numbers do not show: sentences by a stable key.
+        methods: How the numbers are computed, a sentence each.
+        provenance: Everything that could change a result, as the header of pairs.jsonl has it.
+    """
+
+    schema_version: Literal[3] = REPORT_VERSION
+    pairs: PairCounts
+    selection: PlayedSelection | None
+    headline: Headline
+    policy: dict[str, Any] | None
+    substrate: Substrate
+    caveats: list[Caveat]
+    overall: Result
+    noise_floor: NoiseFloor | None
+    clipped_actions: ClippedActions | None
+    by: dict[str, dict[str, Result]]
+    category_by_event: dict[str, dict[str, Cell]]
+    macro: Macros
+    largest_split: Split | None
+    extremes: dict[str, Extremes]
+    study: Study | None = None
+    sections: dict[str, dict[str, str | int | float | bool | None]]
+    statements: dict[str, Text]
+    methods: dict[str, str | float]
+    provenance: dict[str, Any]

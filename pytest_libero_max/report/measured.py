@@ -1,0 +1,126 @@
+"""Statistics as blocks of the report: the one place that says which number goes into which field."""
+
+from __future__ import annotations
+
+from pytest_libero_max.report import blocks
+from pytest_libero_max.report.blocks import Bootstrap, Bootstraps, Change, McNemar, Rate, Result, StaleActions
+from pytest_libero_max.stats.breakdown import at_floor
+from pytest_libero_max.stats.clusters import TaskInterval
+from pytest_libero_max.stats.exposure import Exposure
+from pytest_libero_max.stats.intervals import Interval, MeanChange
+from pytest_libero_max.stats.outcome_table import Outcomes, Ratio
+from pytest_libero_max.stats.paired import PairedResult
+
+
+def result_of(result: PairedResult, planned: int) -> Result:
+    """Return a measured set of pairs, with the number of planned ones."""
+    outcomes, given = result.outcomes, result.given_response
+    return Result(
+        planned=planned,
+        played=outcomes.total,
+        base_success=rate_of(outcomes.base, result.base),
+        dynamic_success=rate_of(outcomes.dynamic, result.dynamic),
+        paired_change=change_of(result),
+        outcomes=outcomes_of(outcomes),
+        conditional_regression=rate_of(outcomes.conditional_regression, result.conditional_regression),
+        retained=ratio_of(outcomes.retained),
+        mcnemar=McNemar(
+            regressions=result.mcnemar.losses,
+            gains=result.mcnemar.gains,
+            p_value=number(result.mcnemar.p_value if outcomes.total else None),
+            log10_p_value=number(result.mcnemar.log10_p if outcomes.total else None),
+        ),
+        trigger_coverage=rate_of(result.trigger_coverage, result.trigger_interval),
+        response_coverage=rate_of(result.response_coverage, result.response_interval),
+        stale_actions=stale_of(result.exposure),
+        given_response=blocks.GivenResponse(
+            base_success=ratio_of(given.base),
+            dynamic_success=ratio_of(given.dynamic),
+            paired_change=ratio_of(given.change),
+            outcomes=outcomes_of(given),
+        ),
+        floor=at_floor(outcomes),
+    )
+
+
+def number(value: float | None) -> float | None:
+    """Round to twelve significant digits: all that is meant, and the same text on every machine."""
+    return None if value is None else float(f"{value:.12g}")
+
+
+def ratio_of(ratio: Ratio) -> blocks.Ratio:
+    """Return a ratio with its counts."""
+    return blocks.Ratio(count=ratio.count, of=ratio.of, value=number(ratio.value))
+
+
+def rate_of(ratio: Ratio, interval: Interval | None) -> Rate:
+    """Return a ratio with its counts and interval."""
+    lower, upper = ends(interval)
+    return Rate(count=ratio.count, of=ratio.of, value=number(ratio.value), lower=lower, upper=upper)
+
+
+def change_of(result: PairedResult) -> Change:
+    """Return the paired change: exact interval, the one clustered by task, and the paper's two bootstraps."""
+    change, whole, by_source = result.outcomes.change, result.bootstrap, result.bootstrap_by_source
+    value = number(change.value)
+    lower, upper = ends(result.change)
+    low, high = ends(whole)
+    return Change(
+        count=change.count,
+        of=change.of,
+        value=value,
+        lower=lower,
+        upper=upper,
+        by_task=_by_task(result.change_by_task, value),
+        bootstrap=Bootstraps(
+            lower=low,
+            upper=high,
+            degenerate=whole.degenerate if whole else None,
+            by_source=_bootstrap(by_source),
+        ),
+    )
+
+
+def ends(interval: Interval | MeanChange | None) -> tuple[float | None, float | None]:
+    """Return both ends of an interval; None where there is none."""
+    return (None, None) if interval is None else (number(interval.lower), number(interval.upper))
+
+
+def interval_of(interval: Interval | MeanChange | None) -> blocks.Interval:
+    """Return an interval; None at both ends where there is none."""
+    lower, upper = ends(interval)
+    return blocks.Interval(lower=lower, upper=upper)
+
+
+def outcomes_of(outcomes: Outcomes) -> blocks.Outcomes:
+    """Return the four counts under the names of the pair record."""
+    return blocks.Outcomes(
+        preserved_success=outcomes.preserved_success,
+        change_associated_success=outcomes.change_associated_success,
+        regression=outcomes.regression,
+        persistent_failure=outcomes.persistent_failure,
+    )
+
+
+def stale_of(exposure: Exposure) -> StaleActions:
+    """Return the stale actions."""
+    return StaleActions(
+        pairs=exposure.pairs,
+        unanswered=exposure.unanswered,
+        mean=number(exposure.mean),
+        median=number(exposure.median),
+        quantiles=dict(exposure.quantiles),
+        histogram={str(value): count for value, count in exposure.histogram.items()},
+    )
+
+
+def _by_task(interval: TaskInterval, value: float | None) -> blocks.TaskInterval:
+    lower, upper = ends(interval.interval)
+    return blocks.TaskInterval(
+        tasks=interval.tasks, changed_tasks=interval.changed, lower=lower, upper=upper, value=value
+    )
+
+
+def _bootstrap(change: MeanChange | None) -> Bootstrap:
+    lower, upper = ends(change)
+    return Bootstrap(lower=lower, upper=upper, degenerate=change.degenerate if change else None)

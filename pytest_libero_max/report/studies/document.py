@@ -1,0 +1,369 @@
+"""The part of ``report.json`` that is about a study, declared once for writers, readers and the schema."""
+
+from __future__ import annotations
+
+from pytest_libero_max.report.blocks import (
+    Block,
+    Count,
+    Difference,
+    Interval,
+    Outcomes,
+    Positive,
+    Rate,
+    Share,
+    StaleActions,
+    Text,
+    WideDifference,
+)
+
+
+class Mean(Block, frozen=True, kw_only=True):
+    """A mean over cases with its bootstrap interval.
+
+    Attributes:
+        value: Mean over the cases; None without cases.
+        lower: Lower end of the 95% percentile interval of the exact bootstrap distribution, with the number
+            of cases of each source kept.
+        upper: Upper end of the same.
+        degenerate: True if all cases of each source are alike, so that the interval has no width and says
+            nothing about precision.
+    """
+
+    value: WideDifference | None
+    lower: WideDifference | None
+    upper: WideDifference | None
+    degenerate: bool | None
+
+
+class SourceRate(Block, frozen=True, kw_only=True):
+    """Success in one condition of a camera study, of the cases of a source.
+
+    Attributes:
+        count: Cases that succeed.
+        of: Cases: the denominator.
+        value: Mean over the cases; None without cases.
+        lower: Lower end of the 95% percentile interval of the exact bootstrap distribution.
+        upper: Upper end of the same.
+        degenerate: True if all cases are alike.
+    """
+
+    count: Count
+    of: Count
+    value: WideDifference | None
+    lower: WideDifference | None
+    upper: WideDifference | None
+    degenerate: bool | None
+
+
+class ConditionRate(SourceRate, frozen=True, kw_only=True):
+    """Success in one condition of a camera study.
+
+    Attributes:
+        by_source: The same within each source.
+    """
+
+    by_source: dict[str, SourceRate]
+
+
+class GroupInterval(Block, frozen=True, kw_only=True):
+    """An interval that resamples groups of cases.
+
+    Attributes:
+        groups: Groups of cases that are resampled whole.
+        changed: Groups in which a case differs.
+        replicates: Resamples.
+        lower: Lower end of the 95% interval; None where too few groups changed to decide.
+        upper: Upper end of the same.
+    """
+
+    groups: Count
+    changed: Count
+    replicates: Count
+    lower: WideDifference | None
+    upper: WideDifference | None
+
+
+class ConditionContrast(Block, frozen=True, kw_only=True):
+    """Mean of the first condition less the second, over the same cases. Pointwise: nothing is corrected for.
+
+    Attributes:
+        first: Arm, or strength in a contrast between strengths, that is subtracted from.
+        second: Arm or strength that is subtracted.
+        gains: Cases in which the difference is above 0: only the first succeeds.
+        losses: Cases in which the difference is below 0: only the second succeeds.
+        value: Mean over the cases; None without cases.
+        lower: Lower end of the 95% percentile interval of the exact bootstrap distribution, with the number
+            of cases of each source kept.
+        upper: Upper end of the same.
+        degenerate: True if all cases of each source are alike, so that the interval has no width.
+        exact: Melded exact interval, which also has a width where few cases differ; None at both ends for a
+            difference of differences.
+        by_source: The mean and its interval within each source.
+        by_groups: Intervals over groups of cases: reference_tasks jointly across the sources, source_tasks
+            and configurations within each source.
+    """
+
+    first: Text
+    second: Text
+    gains: Count
+    losses: Count
+    value: WideDifference | None
+    lower: WideDifference | None
+    upper: WideDifference | None
+    degenerate: bool | None
+    exact: Interval
+    by_source: dict[str, Mean]
+    by_groups: dict[str, GroupInterval]
+
+
+class JointOutcome(Block, frozen=True, kw_only=True):
+    """Cases that ended alike in all arms.
+
+    Attributes:
+        success: Success of each arm.
+        cases: Cases that ended so.
+    """
+
+    success: dict[str, bool]
+    cases: Count
+
+
+class ResetApproach(Block, frozen=True, kw_only=True):
+    """All cases by the end of Reset.
+
+    Attributes:
+        failed_never_entered: Reset fails, and the hand never came within the trigger's distance.
+        failed_entered: Reset fails after the hand came within the distance.
+        succeeded_never_entered: Reset succeeds without coming within the distance.
+        succeeded_entered: Reset succeeds after it came within the distance.
+    """
+
+    failed_never_entered: Count
+    failed_entered: Count
+    succeeded_never_entered: Count
+    succeeded_entered: Count
+
+
+class LostInReset(Block, frozen=True, kw_only=True):
+    """Cases that only Reset loses.
+
+    Attributes:
+        cases: Cases that succeed in Base and Mid-task and fail in Reset.
+        reset_never_entered: Those in which Reset never came within the distance.
+    """
+
+    cases: Count
+    reset_never_entered: Count
+
+
+class LostInMiddle(Block, frozen=True, kw_only=True):
+    """Cases that only Mid-task loses.
+
+    Attributes:
+        cases: Cases that succeed in Base and Reset and fail in Mid-task.
+        with_a_query_after_the_event: Those in which a query followed the event.
+        without_stale_actions: Those of them in which no stale action was executed.
+    """
+
+    cases: Count
+    with_a_query_after_the_event: Count
+    without_stale_actions: Count
+
+
+class Approach(Block, frozen=True, kw_only=True):
+    """How near the hand came, and what followed the event.
+
+    Attributes:
+        triggered: Cases in which the event fired in Mid-task.
+        query_after_the_event: Cases in which a query followed it.
+        reset: All cases by the end of Reset.
+        base_and_middle_succeed_reset_fails: Cases that only Reset loses.
+        base_and_reset_succeed_middle_fails: Cases that only Mid-task loses.
+    """
+
+    triggered: Count
+    query_after_the_event: Count
+    reset: ResetApproach
+    base_and_middle_succeed_reset_fails: LostInReset
+    base_and_reset_succeed_middle_fails: LostInMiddle
+
+
+class Camera(Block, frozen=True, kw_only=True):
+    """Results of a camera study.
+
+    Attributes:
+        conditions: Name of each arm in tables. Mid-task is the arm dynamic.
+        rates: Success by arm.
+        outcomes: Endings of cases in all arms together, the frequent ones first.
+        contrasts: Within each strength, and of each timing between strengths.
+        gap_contrasts: Mid-task less Reset at one strength, less the same at another.
+        approach: How near the hand came, by strength.
+    """
+
+    conditions: dict[str, str]
+    rates: dict[str, ConditionRate]
+    outcomes: list[JointOutcome]
+    contrasts: list[ConditionContrast]
+    gap_contrasts: list[ConditionContrast]
+    approach: dict[str, Approach]
+
+
+class SourceInterval(Block, frozen=True, kw_only=True):
+    """The paper's interval.
+
+    Attributes:
+        lower: Lower end of the paper's interval, with the number of cases of each source kept.
+        upper: Upper end of the same.
+    """
+
+    lower: Difference | None
+    upper: Difference | None
+
+
+class SettingChange(Block, frozen=True, kw_only=True):
+    """Dynamic less Base at a setting, the mean over the cases.
+
+    Attributes:
+        count: Gains minus regressions.
+        of: Cases: the denominator.
+        value: Paired change.
+        lower: Lower end of the melded exact 95% interval.
+        upper: Upper end of the same.
+        bootstrap_by_source: The paper's interval.
+    """
+
+    count: int
+    of: Count
+    value: Difference | None
+    lower: Difference | None
+    upper: Difference | None
+    bootstrap_by_source: SourceInterval
+
+
+class CadenceSetting(Block, frozen=True, kw_only=True):
+    """One setting of a cadence sweep. Its executed prefixes are its own.
+
+    Attributes:
+        label: H and Q in one text, for people.
+        horizon: H (chunk size), the most actions a query returns.
+        query_interval: Q (execution horizon, replan steps), the actions executed before the next query.
+        own: True for the policy's own cadence, whose pairs the rest of the report is about.
+        base_success: Success in Base at this setting.
+        dynamic_success: Success in Dynamic at this setting.
+        paired_change: Dynamic less Base, the mean over the cases.
+        outcomes: The four outcomes (Base, Dynamic).
+        conditional_regression: Base successes lost in Dynamic.
+        trigger_coverage: Cases whose event fired.
+        response_coverage: Cases with a query after the event.
+        stale_actions: Stale actions of the cases with a query after the event.
+    """
+
+    label: Text
+    horizon: Positive
+    query_interval: Positive
+    own: bool
+    base_success: Rate
+    dynamic_success: Rate
+    paired_change: SettingChange
+    outcomes: Outcomes
+    conditional_regression: Rate
+    trigger_coverage: Rate
+    response_coverage: Rate
+    stale_actions: StaleActions
+
+
+class SettingDifference(Block, frozen=True, kw_only=True):
+    """Success of the best setting less that of another.
+
+    Attributes:
+        value: Success of the best less that of the other.
+        lower: Lower end of its exact interval, which holds together with those of all pairs of settings with
+            95%.
+        upper: Upper end of the same.
+    """
+
+    value: Difference | None
+    lower: Difference | None
+    upper: Difference | None
+
+
+class BestSetting(Block, frozen=True, kw_only=True):
+    """The best setting, with intervals that account for the choice.
+
+    Attributes:
+        setting: Label of the setting of the highest rate, the first among equals.
+        count: Its cases that succeed.
+        of: Cases: the denominator.
+        value: Its success rate.
+        lower: Lower end of its interval, which holds together with those of all settings with 95% (Wilson,
+            Bonferroni).
+        upper: Upper end of the same.
+        not_worse: Other settings that the cases do not show to be worse.
+        differences: From each other setting.
+    """
+
+    setting: Text
+    count: Count
+    of: Count
+    value: Share | None
+    lower: Share | None
+    upper: Share | None
+    not_worse: list[str]
+    differences: dict[str, SettingDifference]
+
+
+class Cadence(Block, frozen=True, kw_only=True):
+    """Results of a cadence sweep.
+
+    Attributes:
+        settings: By Q and then H.
+        best: Best setting for base_success and for dynamic_success; empty without cases.
+    """
+
+    settings: list[CadenceSetting]
+    best: dict[str, BestSetting]
+
+
+class Executed(Block, frozen=True, kw_only=True):
+    """Executed steps and queries; settle steps and queries asked again as a check are not counted.
+
+    Attributes:
+        arms: Arms of all cases.
+        steps: Policy steps executed, shared ones once.
+        steps_singly: Policy steps with every arm played by itself from the start.
+        steps_as_pairs: Policy steps with a Base for every arm that has an event, as in runs of their own.
+        queries: Policy queries, shared ones once.
+        queries_singly: Policy queries with every arm played by itself.
+        queries_as_pairs: Policy queries with a Base for every arm that has an event.
+    """
+
+    arms: Count
+    steps: Count
+    steps_singly: Count
+    steps_as_pairs: Count
+    queries: Count
+    queries_singly: Count
+    queries_as_pairs: Count
+
+
+class Study(Block, frozen=True, kw_only=True):
+    """Results of the study of a run.
+
+    Attributes:
+        name: Name of the study; arms where cases have further arms without one.
+        title: Heading of its part of the report.
+        cases: Measured cases.
+        arms: Success by arm, over the cases that were played in it: programs, and studies of other packages;
+            None for the camera studies and the cadence sweep.
+        camera: Results of a camera study; None for another one.
+        cadence: Results of a cadence sweep; None for another study.
+        executed: Steps and queries that were executed.
+    """
+
+    name: Text
+    title: Text
+    cases: Count
+    arms: dict[str, Rate] | None = None
+    camera: Camera | None = None
+    cadence: Cadence | None = None
+    executed: Executed
