@@ -1,7 +1,7 @@
-"""The contract of a substrate: what it plays, what it says of itself, and what it can be told.
+"""Contract of a substrate: its worlds, its description, and its options.
 
 A substrate is a folder of this package, or another package's entry point, with a :class:`SubstrateKind`.
-Nothing outside asks for a substrate by its name: what makes a difference elsewhere is a field of the kind.
+Other code never compares the names of substrates: each difference that matters there is a field of the kind.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Substrate(Protocol):
     def fingerprint(self) -> Mapping[str, str]:
         """Return what could change a result in every scene: package versions, installation, GL backend.
 
-        What one scene is made of is told by :meth:`~pytest_libero_max.worlds.contract.World.scene_fields`.
+        The content of a single scene is in :meth:`~pytest_libero_max.worlds.contract.World.scene_fields`.
         """
         ...
 
@@ -106,7 +106,7 @@ class Tracks:
 
     Attributes:
         folder: Folder of its own versions of tracks, below that of all tracks; empty for none.
-        defaults: Tracks to play where none is named: the first of which every case plays, or the last.
+        defaults: Tracks to play where none is named: the first one of which every case plays, else the last.
         pictured: Track of which a gallery shows the events.
     """
 
@@ -152,10 +152,9 @@ class SubstrateKind:
     Attributes:
         name: The name under which it is asked for.
         open: Opens it. What it imports, it imports when it is called.
-        describe: Returns, without building anything, what tells one opening of it from another, as JSON
-            values: a report holds them.
-        lacking: Returns why cases of a case set cannot play, by case id, the same words for all that lack the
-            same; told without building anything. A case that it does not name may still turn out not to play.
+        describe: Returns a description for the report, as JSON values, without building anything.
+        lacking: Returns the reasons why cases of a case set cannot play, by case id, the same words for the
+            same reason, without building anything. A case that is absent may still turn out not to play.
         catalogue: Opens the catalogue of its source variations, from which cases can be chosen.
         variation_of: Finds the source variation of its own that a case plays, without building anything.
             Raises :class:`.SubstrateError` where it has none.

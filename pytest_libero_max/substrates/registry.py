@@ -1,4 +1,4 @@
-"""The substrates there are: a folder of this package each, and those that other packages add."""
+"""The substrates: the folders of this package, and those that other packages add."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substr
 
 
 def scores_of(name: str) -> dict[str, Any]:
-    """Return what the scores of a substrate mean, as a run records it.
+    """Return the standing of a substrate's scores, as a run records it.
 
     Args:
         name: Name of a substrate. One that is not installed here is taken for an unknown one.

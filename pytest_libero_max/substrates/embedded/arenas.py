@@ -1,6 +1,6 @@
 """The rooms: tables in a plain room, a kitchen, a living room and a study, and one bare floor.
 
-Each has LIBERO's cameras and lights and LIBERO's heights; what a room looks like is our own.
+Each has LIBERO's cameras, lights and heights; the looks are our own.
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ class Arena:
         spares_edges: True if LIBERO shrinks a region by the object's nominal radius before it draws a place.
         friction: Of the surface: sliding, torsional, rolling.
         solids: Collision shapes of the table, in the frame of its body; empty for the bare floor.
-        floor: Draws the floor. wall: Draws the walls. top: Draws the table's top.
+        floor: Draws the floor.
+        wall: Draws the walls.
+        top: Draws the table's top.
         frame: Colour of the table's legs.
     """
 

@@ -119,4 +119,4 @@ class _SceneModel:
         return self._document
 
     def generate_id_mappings(self, sim: Any) -> None:
-        """Nothing to map: segmentation images are not offered."""
+        """Do nothing: segmentation images are not offered."""

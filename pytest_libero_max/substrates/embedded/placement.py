@@ -253,7 +253,7 @@ def _touching_entities(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData)
 
 
 def _settle(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """Simulate until nothing has moved for a while, the robot held where it is; whether that happened."""
+    """Simulate until nothing moves, the robot held in place; return True if that happened."""
     import mujoco
 
     held_q, held_v = _robot_addresses(model)

@@ -51,9 +51,10 @@ class OnSite:
     """The object's origin lies over a site, at most 10 cm above it.
 
     Attributes:
-        body: The object. site: A region of a fixture or of the table or floor. fixture: Root body of the
-        fixture that must touch the object, or None for table and floor, where LIBERO asks
-            for no contact.
+        body: The object.
+        site: A region of a fixture or of the table or floor.
+        fixture: Root body of the fixture that must touch the object; None for table and floor, where LIBERO
+            asks for no contact.
     """
 
     body: str

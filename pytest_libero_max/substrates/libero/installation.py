@@ -135,8 +135,8 @@ def find_installation(
 ) -> Installation:
     """Locate an installation.
 
-    The configuration file that LIBERO keeps in the home directory is not consulted: it is shared by all
-    of them, and as often as not it names the folders of another.
+    The configuration file that LIBERO keeps in the home directory is not consulted: all of them share it, and
+    it often names the folders of another one.
 
     Args:
         root: A checkout, or the folder of site-packages. None: whatever ``import libero`` would find.

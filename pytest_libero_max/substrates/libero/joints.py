@@ -17,7 +17,8 @@ class Joints:
     """Addresses of a compiled scene's joints.
 
     Attributes:
-        nq, nv: How many positions and velocities there are.
+        nq: Number of positions.
+        nv: Number of velocities.
         spans: By joint name the first and the last but one of its positions and of its velocities.
     """
 
@@ -44,7 +45,7 @@ def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Arr
         states: (n, 1 + nq + nv) of the first.
         source: Its joints.
         target: The other's joints.
-        start: (1 + nq + nv,) of the other: what the joints that only it has keep.
+        start: (1 + nq + nv,) of the other: values of the joints that only it has.
 
     Raises:
         SubstrateError: The states are not the first scene's, or the other lacks one of its joints or has it

@@ -92,7 +92,7 @@ class PlusNeeds:
         )
 
     def lacking(self, name: str) -> str:
-        """Say what the task of this name needs and is not there; empty for nothing."""
+        """Return the needs of the task of this name that are not there, in words; empty for none."""
         category = plus_category(name)
         if category == "Sensor Noise" and _noise(name) in _MOTION_BLUR and not self.motion_blur:
             return f"Motion blur needs Wand: {NOISE_CURE}"
@@ -106,17 +106,17 @@ class PlusNeeds:
 
 
 def pro_lacks(installation: Installation, category: str, suite: str, index: int) -> str:
-    """Say what a task of LIBERO-PRO needs that is not there; empty for nothing."""
+    """Return the needs of a task of LIBERO-PRO that are not there, in words; empty for none."""
     if category == "object" and installation.flavour != "LIBERO-PRO":
         return f"Its objects are in LIBERO-PRO alone: `{INSTALL}`"
     return "" if has_own_files(installation, category, suite, index) else f"Its task files: `{INSTALL}`"
 
 
 def lacking(installations: Sequence[Installation], cases: Iterable[Case]) -> dict[str, str]:
-    """Reasons why cases cannot play here, by id: the same words for all that lack the same. Others may play.
+    """Return the reasons why cases cannot play here, by id, the same words for the same reason.
 
-    What can only be seen when a scene is built (an initial state that cannot be varied so, a damaged file)
-    is not looked for.
+    Reasons that show only when a scene is built (an initial state that cannot be varied, a damaged file) are
+    not looked for, so others may still not play.
     """
     plus = first_of(installations, "plus")
     needs = None if plus is None else PlusNeeds.of(plus)

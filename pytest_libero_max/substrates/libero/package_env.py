@@ -128,7 +128,7 @@ def _retried(action: Callable[[], Any], randomization_error: type[Exception]) ->
 
 @contextlib.contextmanager
 def own_randomness() -> Iterator[None]:
-    """Leave the global generators as they were."""
+    """Restore the global random generators after the block."""
     numpy_state, python_state = np.random.get_state(), random.getstate()  # noqa: NPY002 - the package's own
     try:
         yield
@@ -139,7 +139,7 @@ def own_randomness() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _no_debugger() -> Iterator[None]:
-    """Let a failed placement raise what it raises after it has asked for the debugger."""
+    """Let a failed placement raise its error without stopping in the debugger."""
     original = pdb.set_trace
     pdb.set_trace = _carry_on
     try:

@@ -26,7 +26,7 @@ _GAP_M = 0.01
 _LAYER_M = 0.04
 """Objects farther apart in height cannot be in each other's way."""
 _RADIUS_M = 0.04
-"""Of what names none: fixtures."""
+"""Radius of entities that declare none: fixtures."""
 _SHORTEST_M = 0.06
 _PRESSED_M = 0.001
 _MAY_BE_PRESSED = ("table_collision", "floor")

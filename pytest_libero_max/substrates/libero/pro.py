@@ -11,7 +11,7 @@
 - ``observation`` darkens every image of every camera and adds noise, the same at every step, whose seed is
   the case's.
 
-The runtime looks at the scene after each of them, which shifts when later observations are sampled.
+The runtime observes the scene after each of them, which shifts the sampling of later observations.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _tint(world: LiberoWorld, section: Section) -> None:
 
 
 def _resize(world: LiberoWorld, section: Section) -> None:
-    """Nothing: see the module's text."""
+    """Do nothing; see the module's docstring."""
 
 
 def _occlude(world: LiberoWorld, section: Section) -> None:

@@ -219,7 +219,7 @@ def interests(world: LiberoWorld) -> list[str]:
 
 
 def tinted(world: LiberoWorld) -> tuple[str, ...]:
-    """Return the goal's destinations; where it has none but the work surface, what it is about."""
+    """Return the goal's destinations but for the work surface; without any, the goal's subjects."""
     destinations: list[str] = []
     subjects: list[str] = []
     for predicate, *arguments in world.problem["goal_state"]:

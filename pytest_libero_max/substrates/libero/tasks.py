@@ -26,7 +26,7 @@ class Task:
 
     Attributes:
         suite: For example ``libero_spatial``.
-        index: Its place in the suite's order 0.
+        index: Index in the suite's order, from 0.
         name: Stem of its BDDL file.
         bddl: The BDDL file.
         states: Its initial states.
@@ -40,7 +40,7 @@ class Task:
 
     @property
     def language(self) -> str:
-        """The authors' prompt: what the benchmark makes of the name."""
+        """The authors' prompt, which the benchmark derives from the task's name."""
         return sentence(self.name)
 
     @property
@@ -50,7 +50,7 @@ class Task:
 
     @property
     def source(self) -> str:
-        """Part of the scene's name that tells it from other sources' tasks of the same place."""
+        """Part of the scene's name that distinguishes it from tasks of other sources with the same index."""
         return ""
 
     @contextlib.contextmanager

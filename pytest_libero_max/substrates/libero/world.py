@@ -1,19 +1,19 @@
 """A genuine scene in our own loop, with the states, images and success of the package's own step.
 
 The package's control step does more than its physics: it samples observations in the middle of the step
-and judges success before the step is quite over. What it delivers is reproduced:
+and judges success before the step is quite over. Its results are reproduced:
 
-- the first control step after a reset starts from the kinematics of the pose the *reset* gave, because the
+- the first control step after a reset starts from the kinematics of the pose of the *reset*, because the
   package sets the initial state without telling the controller;
-- observations are sampled at one substep of 25: the 25th after a reset. Each time somebody asks for a fresh
-  observation out of turn, that substep is one earlier from then on. An evaluation that sets the initial state
-  and nothing else samples at the 24th. The authors' runner looks three times more before the first step,
-  twice to see that the renderer is steady and once after the setup, and samples at the 21st. Poses and images
-  are those of the beginning of that substep, joint values those of its end;
+- observations are sampled at one substep of 25: the 25th after a reset. Each observation that is forced
+  between steps moves the sampling one substep earlier from then on. An evaluation that sets the initial state
+  and nothing else samples at the 24th. The authors' runner forces three more before the first step, two to
+  see that the renderer is steady and one after the setup, and samples at the 21st. Poses and images are those
+  of the beginning of that substep, joint values those of its end;
 - success is judged with the positions and contacts of the beginning of the last substep.
 
-A look between steps sees what was sampled in the last step, unless something was altered since: then it sees
-the world as it is, as after the package's forced update.
+An observation between steps shows the values sampled in the last step. If something was altered since, it
+shows the present world, as after the package's forced update.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _RUNNERS_LOOKS = 3
 that have to show the same image, and one after the setup, whether or not there is one."""
 
 _PIN = 8
-"""A pinned object: where its pose is in the joint positions, 0 for none (the arm is there), and the pose."""
+"""Length of a pinned object's state: address in the joint positions (0: the arm is there), pose."""
 
 
 class LiberoWorld(RobosuiteWorld):
@@ -67,8 +67,8 @@ class LiberoWorld(RobosuiteWorld):
         states: (n, 1 + nq + nv) initial states.
         semantics: ``published``: objects taken out are put where the authors put them, inside the floor,
             and come back as they then are; what is moved keeps its share of the solver's warm start; the
-            looks of the authors' runner, before the first step and after an event, shift the sampling of
-            observations. ``corrected``: none of it.
+            forced observations of the authors' runner, before the first step and after an event, shift the
+            sampling. ``corrected``: none of these.
         reference_textures: Draw all textures as the authors' MuJoCo does. MuJoCo from 3.3.3 on draws those
             that are tagged as sRGB darker.
         noise: Noise that the package's wrapper puts on what a step returns: image, camera, steps since reset.
@@ -155,7 +155,7 @@ class LiberoWorld(RobosuiteWorld):
         return graspable_parts_of(self._env, self._model)
 
     def varied(self, vary: Callable[[LiberoWorld], object] | None) -> LiberoWorld:
-        """Return this world, which every reset from now on hands to the changes of a source variation."""
+        """Return this world; from now on every reset applies a source variation."""
         self._vary = vary
         return self
 
@@ -166,7 +166,7 @@ class LiberoWorld(RobosuiteWorld):
             self.look()
 
     def look(self) -> None:
-        """Look out of turn, as a source variation does in the middle of its changes."""
+        """Force an observation, as a source variation does in the middle of its changes."""
         self._after_alteration()
         self._sample_earlier()
 
@@ -253,7 +253,7 @@ class LiberoWorld(RobosuiteWorld):
         return False
 
     def _put_back(self) -> None:
-        """Return the pinned object to its place, and see the world as it is then: the runtime looks again."""
+        """Return the pinned object to its place and observe again, as the runtime does."""
         address = int(self._pinned[0])
         self._data.qpos[address : address + 7] = self._pinned[1:]
         self._settle()
@@ -379,7 +379,7 @@ class LiberoWorld(RobosuiteWorld):
         return super()._segmented(camera, size)
 
     def _look(self) -> None:
-        """Bring what is drawn to the moment at which LIBERO's observations were sampled."""
+        """Set the drawn state to the time at which LIBERO samples its observations."""
         if self._renderer is None:
             self._renderer = self._new_renderer()
         assert self._view is not None

@@ -3,8 +3,8 @@
 It plays the whole contract of :class:`~pytest_libero_max.worlds.contract.World` on plain MuJoCo: a
 table, a box to move, a plate to move it to, five small things in the way, a cabinet with a drawer, a
 hand that floats where the actions push it, LIBERO's two cameras, two lights. A control step takes
-some tenths of a millisecond and building it a few. It has no arm and no LIBERO task: what is true here
-about invariants is meant to be true everywhere, what is measured here about policies means nothing.
+some tenths of a millisecond and building it a few. It has no arm and no LIBERO task: invariants that
+hold here are meant to hold everywhere, measurements of policies here mean nothing.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ INITS = 10
 LANGUAGE = "put the box on the plate"
 TABLE_TOP_M = 0.4
 STEP_M = 0.05
-"""Distance that one control step at full deflection sends the hand, as with LIBERO's controller."""
+"""Distance that a control step at full deflection moves the hand, as with LIBERO's controller."""
 
 _SUBSTEPS = 10  # of 5 ms, together the 50 ms of a control step
 _REACH_M = (0.35, 0.35, 0.35)
 _HAND_START_M = (0.0, -0.25, TABLE_TOP_M + 0.25)
-"""In the world; the hand's joints measure from there."""
+"""World position from which the hand's joints measure."""
 
 _CLUTTER = {
     "clutter_1": ("0.02 0.02 0.02", "0.9 0.5 0.1 1"),

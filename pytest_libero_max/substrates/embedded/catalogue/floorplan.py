@@ -1,7 +1,7 @@
-"""A floor plan of each task: what stands where on the table or floor, and where there is free space.
+"""Floor plan of each task: positions of everything on the table or floor, and the free space.
 
-Worked out from the task tables and the designs of the objects; no simulator is involved. What stands
-somewhere is a rectangle, wide enough for every initial state.
+Computed from the task tables and the designs of the objects, without a simulator. Each thing is a rectangle
+or a disc, wide enough for every initial state.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array
 
 MIN_REACH_M, MAX_REACH_M = 0.38, 0.78
-"""Horizontal distances from the robot's base between which what it has to handle must stand."""
+"""Smallest and largest horizontal distance of objects to handle from the robot's base."""
 
 _AREA = (-0.45, 0.36, -0.45, 0.45)
 """Range of x and y in which objects are put, m, world."""
@@ -68,7 +68,7 @@ class Footprint:
         return replace(self, x=self.x + dx, y=self.y + dy)
 
     def gap(self, other: Footprint) -> float:
-        """Least distance between the two less what both may be off, m; negative where they overlap.
+        """Least distance between the two minus the slack of both, m; negative where they overlap.
 
         Between rectangles that are corner to corner it is a little less than that.
         """

@@ -1,6 +1,6 @@
 """The catalogue of LIBERO-Plus: 10,030 variations in seven categories and five levels of difficulty.
 
-How many there are of each kind for each task is LIBERO-Plus's own (:mod:`.counts`), and so are the ranges of
+The numbers of variations of each kind and task are LIBERO-Plus's own (:mod:`.counts`), so are the ranges of
 the parameters where they are published: camera moves, start poses, image corruptions, slots and radii of
 layouts. What the original keeps in data files is chosen here in the same spirit: the lamps' colours,
 directions, gloss and shadows, the surfaces, and all words.
@@ -122,7 +122,7 @@ def _chosen(suite: str, base: int, category: str) -> Iterator[tuple[int, _Candid
 
 
 def _difficulties(suite: str, category: str, magnitudes: list[float]) -> list[int | None]:
-    """Levels by rank, so many of each as LIBERO-Plus has; a hash says which are left without."""
+    """Return levels by rank, as many of each as LIBERO-Plus has; a hash selects those without one."""
     *counts, none = DIFFICULTY[category][suite]
     numbers = sorted(range(len(magnitudes)), key=lambda n: share(suite, category, "level", n))
     levels: list[int | None] = [None] * len(magnitudes)
@@ -139,7 +139,7 @@ def _difficulties(suite: str, category: str, magnitudes: list[float]) -> list[in
 
 @cache
 def _room(kind: str) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
-    """Return the material of a room's work surface, and what that and the walls look like."""
+    """Return the material of a room's work surface, and the looks of that and of the walls."""
     arena = ARENAS[kind]
     material, picture = ("room_table", arena.top()) if arena.solids else ("room_floor", arena.floor())
     return material, _mean_and_spread(picture), _mean_and_spread(arena.wall())
@@ -177,7 +177,7 @@ def _contrast(name: str, nominal: tuple[float, ...]) -> float:
 
 
 def _pivot(arena: Arena) -> tuple[float, float, float]:
-    """LIBERO-Plus turns about a point 10 cm below a table's top in every room; here the point goes along."""
+    """Return the pivot: 10 cm below the table's top (LIBERO-Plus uses one height for all rooms)."""
     return (0.0, 0.0, round(max(arena.top_z - 0.1, 0.0), 6))
 
 

@@ -1,9 +1,8 @@
 """The catalogue of LIBERO-PRO: ten categories, one variation of each of the forty tasks, ten initial states.
 
-Which objects are recast, which change places, and what each other task is are LIBERO-PRO's own; where its
-variation would do nothing, or leave nothing to do, another is chosen, and the entry says so. Where a
-parameter is given here and not there, the note beside it says why. The initial states are those of the
-unmodified task.
+Recast objects, exchanged places and other tasks are LIBERO-PRO's own. Where its variation would do nothing,
+or leave nothing to do, another is chosen, and the entry says so. A parameter that LIBERO-PRO does not give
+has a note that says why. The initial states are those of the unmodified task.
 """
 
 from __future__ import annotations

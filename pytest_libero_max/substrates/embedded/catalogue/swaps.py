@@ -64,7 +64,7 @@ def exchanged(task: Task, takes_place_of: Mapping[str, str]) -> tuple[Json, ...]
 
 
 def _put(plan: Floorplan, name: str, other: str) -> Json:
-    """Hand the place of what rests on something over to what comes down there."""
+    """Return the change that puts ``name`` where ``other`` was."""
     if other not in plan.carried:
         return PutObject(name, plan.arena.surface, (0.0, 0.0), other).to_dict()
     carrier = plan.carried[other]
@@ -166,7 +166,7 @@ def _in_front(plan: Floorplan, carrier: str) -> Iterator[Footprint]:
 
 
 def _put_occluder(plan: Floorplan, carrier: str, footprint: Footprint) -> Json:
-    """Next to an object it follows the object's own initial states; a fixture has none."""
+    """Place the occluder next to an object as that is in each initial state, or before a fixture."""
     if category(category_of(carrier)).fixture:
         return PutObject(OCCLUDER, plan.arena.surface, (footprint.x, footprint.y)).to_dict()
     x, y = plan.centre(carrier)

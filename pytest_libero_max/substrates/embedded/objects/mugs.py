@@ -51,11 +51,11 @@ class _Shape:
         return math.copysign(1.0, self.end - self.middle)
 
     def height(self, share: float) -> float:
-        """Between the bottom (0) and the top (1)."""
+        """Height at a share of the way from the bottom (0) to the top (1), m."""
         return self.bottom + (self.top - self.bottom) * share
 
     def wall(self, share: float) -> float:
-        """Outside of the wall under the handle, as y, at a height between the bottom (0) and the top (1)."""
+        """Outside of the wall under the handle, as y, at the same share of the height, m."""
         return self.middle + self.side * (self.foot + (self.rim - self.foot) * share)
 
 

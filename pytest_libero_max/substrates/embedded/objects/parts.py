@@ -42,7 +42,7 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """In m^3."""
+        """Volume in m^3."""
         return 8 * self.half[0] * self.half[1] * self.half[2]
 
 
@@ -142,13 +142,16 @@ class Category:
     """A kind of object that scenes can contain any number of times.
 
     Attributes:
-        name: LIBERO's category. fixture: Bolted to the scene instead of free. root: Its root body,
-        ``<instance>_<root.name>``. upright: Orientation of the body at reset. origin_height: Height of the
-        body's origin above the surface it stands on, m. spread_margin: LIBERO's ``horizontal_radius`` in m,
-        by which the placement interval of a region shrinks. textures: Pictures of the skins by key, drawn
-        when a scene is built. states: What ``open``, ``close``, ``turnon`` and ``turnoff`` mean for its
-        joints. lift: How much higher than a cabinet LIBERO puts the origin of a fixture, m. turn: Range of
-        the angle about z by which LIBERO turns it at reset, rad.
+        name: LIBERO's category.
+        root: Root body, ``<instance>_<root.name>``.
+        fixture: True if it is bolted to the scene instead of free.
+        upright: Orientation of the body at reset.
+        origin_height: Height of the body's origin above the surface it stands on, m.
+        spread_margin: LIBERO's ``horizontal_radius``, by which the placement interval of a region shrinks, m.
+        textures: Pictures of the skins by key, drawn when a scene is built.
+        states: Joint positions for ``open``, ``close``, ``turnon`` and ``turnoff``.
+        lift: Height that LIBERO adds to the origin of a fixture beyond that of a cabinet, m.
+        turn: Range of the angle about z by which LIBERO turns it at reset, rad.
     """
 
     name: str

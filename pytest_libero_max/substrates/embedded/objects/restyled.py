@@ -22,7 +22,7 @@ SMALL_SCALE = 0.7
 high, which no finger grips."""
 
 SMALL_FIXTURE_SCALE = (0.85, 1.0, 1.0)
-"""Fixtures get narrower only: how far their drawers and doors move decides what counts as open."""
+"""Fixtures get narrower only: the thresholds of open and closed depend on the travel of drawers and doors."""
 
 
 @dataclass(frozen=True)
