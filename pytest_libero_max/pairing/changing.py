@@ -1,4 +1,4 @@
-"""Acts on a world between its steps: the beginning of a case, and a change with what it did."""
+"""Actions on a world between its steps: the beginning of a case, and a change with its measured effect."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
     Args:
         change: The change.
         world: The world.
-        spec: Whose cameras to measure the change of pixels in. None: nothing is rendered.
+        spec: Policy spec with the cameras in which to measure the change of pixels; None to render nothing.
         item_id: The case, for messages.
 
     Raises:

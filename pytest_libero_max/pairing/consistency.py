@@ -16,8 +16,8 @@ from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import WorldState
 
 SAMPLE_INTERVAL = 4
-"""Queries of which one is kept where arms cannot part any more; the last kept one is asked again when the arm
-has ended."""
+"""One query of this many is kept where arms cannot part any more; the last one kept is asked again at the end
+of the arm."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Memory:
 
     Attributes:
         value: The copy; None for a policy without one.
-        digest: Its fingerprint then; None where it cannot be told.
+        digest: Its fingerprint then; None where it cannot be computed.
     """
 
     value: object
@@ -46,8 +46,8 @@ class Memory:
         """Give the policy the memory back, if it has any.
 
         Args:
-            stage: Whose policy.
-            step: When it was copied, for messages.
+            stage: Stage of the policy.
+            step: Step of the copy, for messages.
 
         Raises:
             AdapterError: The copy has changed since, or the policy raised.

@@ -82,7 +82,7 @@ class ArmEnv:
 
     @property
     def result(self) -> RolloutResult:
-        """The episode that has ended, with what the probes saw.
+        """The episode that has ended, with the columns of the probes.
 
         Raises:
             ProtocolError: It has not ended.
@@ -94,7 +94,7 @@ class ArmEnv:
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, Info]:
-        """Begin the episode: initial state, setup, settle steps, what happens at the start.
+        """Begin the episode: initial state, setup, settle steps, changes at the start.
 
         Args:
             seed: Ignored: the case fixes everything.

@@ -71,7 +71,7 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
 
     The world is restored from its snapshot (``fork``) or played there from reset (``replay``). A policy with
     ``snapshot`` and ``restore`` gets the memory it had; one without is, by contract, a function of the
-    observation and the query. What both are worth is measured (unless the spec says ``repeatable=False``):
+    observation and the query. Both are checked (unless the spec says ``repeatable=False``):
     the policy is asked the last query of the prefix again, with the memory it had then, and the answer must
     be the recorded bytes. In ``replay`` it is asked every query of the prefix again, at the same steps, and
     shown every step if it is one that sees them, so a policy whose memory is made of what it has seen is

@@ -141,7 +141,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         """Return the record of an arm.
 
         Args:
-            arm: Which.
+            arm: The arm.
             rollouts: End of every arm, in the order of the arms; those that ended as one have one object.
         """
         rollout = rollouts[arm.name]
@@ -203,7 +203,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     Everything but ``timings`` is a function of the case, the policy and the versions in ``fingerprints``:
     two runs, ``fork`` and ``replay``, any number of workers give the same bytes (:meth:`identity`).
 
-    The properties are a view of the pair, Base and Dynamic, for what is said of pairs.
+    The properties view the record as a pair, Base and Dynamic.
 
     Attributes:
         case_id: Unique in the manifest.
@@ -577,7 +577,7 @@ def result_from_dict(values: Json) -> PairRecord | PairError:
 
 
 def _require_consistent_arm(arm: ArmRecord) -> None:
-    """Check that what an arm says of its event agrees.
+    """Check that the fields of an arm about its event agree.
 
     Raises:
         ReportError: It does not.
@@ -617,7 +617,7 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
 
 
 def _require_consistent_pair(record: PairRecord) -> None:
-    """Check that what the arms of a record say agrees.
+    """Check that the arms of a record agree with each other.
 
     Raises:
         ReportError: It does not.

@@ -85,11 +85,11 @@ class RolloutResult:
 
 @dataclass(frozen=True)
 class Parted:
-    """Arms that have shared everything so far, and where they go on.
+    """Arms that have shared everything so far, and the branch point from which they go on.
 
     Attributes:
         arms: The arms.
-        branch: From where; None: from the start.
+        branch: The branch point; None: the start.
     """
 
     arms: tuple[Arm, ...]
@@ -285,7 +285,7 @@ class Rollout:
         return self._due
 
     def _next_query(self) -> Query:
-        """Return the next query; what is needed to ask it again is kept, where it will be."""
+        """Return the next query; keep what is needed to ask it again, where it will be."""
         stage, trajectory = self._stage, self.trajectory
         index = len(trajectory.queries)
         if stage.spec.repeatable and (self._may_part or index % SAMPLE_INTERVAL == 0):

@@ -1,6 +1,6 @@
 """The runner: plays the arms of a case, what they share only once, and makes the record.
 
-:func:`play_pair` does all of it. Its pieces, for a test of your own: :func:`play_prefix` plays a case up to
+:func:`play_pair` does all of it. Its parts, for a test of your own: :func:`play_prefix` plays a case up to
 its event, :func:`inject` makes the change, :func:`continue_rollout` plays on, :func:`return_to` goes back.
 """
 
@@ -297,12 +297,12 @@ def play_prefix(case: Case, world: World, policy: Policy) -> BranchPoint | None:
 
 
 def inject(case: Case, world: World, spec: PolicySpec | None = None, strength: float = 1.0) -> Json:
-    """Apply the case's event to the world now, once, and say what it did.
+    """Apply the case's event to the world now, once, and return its evidence.
 
     Args:
         case: The case.
         world: Its world, at the branch point.
-        spec: Whose cameras to measure the change of pixels in. None: nothing is rendered.
+        spec: Policy spec with the cameras in which to measure the change of pixels; None to render nothing.
         strength: Share of the event's change, see :func:`~pytest_libero_max.events.schedules.change_of`.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The fingerprints of a pair that are about its scene. Importing this imports no simulator."""
+"""Fingerprints of the scene of a pair. Importing this imports no simulator."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import World
 
 SCENE, START = "scene", "start"
-"""Their names."""
+"""Names of the fingerprints."""
 
 
 def scene_fingerprints(world: World, init: int) -> dict[str, str]:

@@ -84,7 +84,7 @@ class Firing:
     """An entry of a schedule that has happened.
 
     Attributes:
-        entry: Which.
+        entry: The entry.
         step: Policy steps executed before it.
         queries: Policy queries before it.
         distance_m: Distance of the end effector to the case's trigger entity then.

@@ -1,4 +1,4 @@
-"""Wall-clock time while a pair is played: seconds by name, and who is told when something may take too long.
+"""Wall-clock time of a pair: seconds by name, and the watch that may end a call that takes too long.
 
 Nothing here changes what is measured: an episode ends by steps, never by seconds.
 """
@@ -10,7 +10,7 @@ from typing import Protocol
 
 
 class Clock:
-    """Adds up how long named stretches took; stretches may nest, and each then counts in full."""
+    """Adds up the seconds of named blocks; blocks may nest, and each then counts in full."""
 
     def __init__(self) -> None:
         self._seconds: dict[str, float] = {}
@@ -55,7 +55,7 @@ class Watch(Protocol):
         """Note that a call of the policy begins: ``reset`` or ``predict``."""
 
     def step(self) -> None:
-        """Work of the simulator begins: a reset, a step, images. It goes on until the next call."""
+        """Note that work of the simulator begins: a reset, a step, images. It goes on until the next call."""
 
 
 class NoWatch:

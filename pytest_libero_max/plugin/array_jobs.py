@@ -1,4 +1,4 @@
-"""Which shard a job of an array plays: the scheduler says so in the environment."""
+"""Shard of a job of an array, from the environment variables of its scheduler."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 COUNT = "LIBERO_MAX_SHARDS"
-"""Variable with the number of shards, for a scheduler that does not say it, or not of the whole array."""
+"""Variable with the number of shards, for a scheduler that sets none for the whole array."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Scheduler:
         first: The number of the first job, or the variable that has it.
         last: Variable with the number of the last job; None where there is none.
         step: Variable with the step between two numbers; None where it is 1.
-        count: Variable with how many jobs there are; None where there is none.
+        count: Variable with the number of jobs; None where there is none.
         cure: Option that numbers an array so that its jobs are shards 1 to N.
     """
 

@@ -1,7 +1,7 @@
 """Case support: the default track of a substrate, and the cases of a track that it can play.
 
-Decided from files alone, before anything is built. A user who names the pairs himself (``-k``, ``-m``, node
-ids) is not refused: what cannot play is then an error of its own pair.
+Decided from files alone, before anything is built. A run whose pairs the user names (``-k``, ``-m``, ids)
+is not refused: a case that cannot play is then an error of its own pair.
 """
 
 from __future__ import annotations

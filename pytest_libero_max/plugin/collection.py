@@ -33,7 +33,7 @@ from pytest_libero_max.plugin.stash_keys import (
 )
 
 PSEUDO_PATH = "libero-max"
-"""Stands for the pairs on the command line and begins their node ids, wherever the package is installed."""
+"""Pseudo path of the pairs on the command line, and the beginning of their node ids."""
 
 PAIRS_FILE = Path(__file__).with_name("pairs.py")
 CASE_FIXTURE = "libero_max_case"
@@ -182,7 +182,7 @@ def noise_cases_of(config: pytest.Config) -> frozenset[str]:
 
 
 def aim(config: pytest.Config) -> None:
-    """Make the command line mean the pairs where it says so.
+    """Resolve the pairs on the command line.
 
     ``libero-max`` and ``libero-max::...`` stand for the pairs; a policy on the command line without any
     path means nothing but the pairs.

@@ -1,4 +1,4 @@
-"""The side that owns the run: it plans the pairs, receives every record and stores it."""
+"""Controller of a run: plans the pairs, receives every record and stores it."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ class RunController:
     """Registered on the controller of a distributed run, or on the only process of a plain one.
 
     Attributes:
-        progress: Another plugin, which shows how far the run is.
-        stop: Another plugin, which stops the run.
-        end: Another plugin, which reports at the end.
+        progress: Plugin that shows the progress.
+        stop: Plugin that stops the run.
+        end: Plugin that reports at the end.
 
     Raises:
         pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
@@ -278,7 +278,7 @@ class RunController:
         self.stop.stored(name, pair)
 
     def _stored(self, pair: PairRecord | PairError, case: Case) -> PairRecord | PairError:
-        """Store a pair, or why it is none. What concerns all later pairs as well stops the session."""
+        """Store a pair, or its error. An error that concerns all later pairs as well stops the session."""
         assert self.store is not None
         try:
             self.store.append(pair)
@@ -296,7 +296,7 @@ class RunController:
         self.stop.abort(message, status)
 
     def _tell(self, pair: PairRecord | PairError) -> None:
-        """Tell conftest files of a stored pair; the first time that one of them raises is said at the end."""
+        """Pass a stored pair to conftest files; the first exception of one is reported at the end."""
         try:
             self.config.hook.pytest_libero_max_pair_stored(pair=copy.deepcopy(pair), config=self.config)
         except Exception as error:  # a user's hook may raise anything, and must not cost the run

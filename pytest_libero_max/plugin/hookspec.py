@@ -24,7 +24,7 @@ def pytest_libero_max_pair_stored(pair: PairRecord | PairError, config: pytest.C
                 print(pair.item_id, getattr(pair, "outcome", "invalid"), file=file)
 
     Args:
-        pair: The measured pair, or what broke it. Nothing that is done to it reaches the results.
+        pair: The measured pair, or its error. Altering it does not alter the results.
         config: pytest's config.
     """
 

@@ -1,4 +1,4 @@
-"""Pair records in pytest's test reports: attached by who plays a pair, read and shown by the controller."""
+"""Pair records in pytest's test reports: attached by the player, read and shown by the controller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shows in the terminal how far a run is, and notes it for whoever watches its folder.
+"""Progress of a run in the terminal, and as a note for whoever watches its folder.
 
 On a terminal it is one line below pytest's own output, drawn before pytest waits and erased before it writes,
 so that nothing of it stays. Elsewhere, for example in the log of a CI service, there is a line a minute, and
@@ -199,7 +199,7 @@ class RunProgress:
 
 
 def _duplicate(stream: TextIO) -> TextIO | None:
-    """Another way to the same terminal, which pytest's capturing does not take away."""
+    """Return a duplicate of the stream that pytest's capturing leaves alone."""
     try:
         return os.fdopen(os.dup(stream.fileno()), "w", encoding="utf-8", errors="replace")
     except (AttributeError, OSError, UnsupportedOperation, ValueError):

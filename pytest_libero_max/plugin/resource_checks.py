@@ -10,10 +10,10 @@ from pytest_libero_max.substrates.contract import SubstrateKind
 
 MIB = 2**20
 _PAIR_BYTES = 10_000
-"""A pair in ``pairs.jsonl`` and in the reports: more than twice what those of the reference policies take."""
+"""Disk space of a pair in ``pairs.jsonl`` and the reports: more than twice that of the reference policies."""
 
 _REPORT_BYTES = 32 * MIB
-"""The reports and their figures, whatever the number of pairs."""
+"""Disk space of the reports and their figures, whatever the number of pairs."""
 
 
 def require_disk_space(output: Path, pairs: int) -> None:

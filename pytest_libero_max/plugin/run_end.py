@@ -46,7 +46,7 @@ class RunEnd:
         self._stop = stop
 
     def finish(self, session: pytest.Session, store: PairStore | None, *, measured_before: bool) -> None:
-        """End the run, write its reports and decide its gates. A failure is said, and hides nothing else.
+        """End the run, write its reports and decide its gates. A failure is reported and hides nothing else.
 
         Args:
             session: Its exit status becomes that of the run.
@@ -72,7 +72,7 @@ class RunEnd:
         self.lines += self._set_status(session, failed_gates, bool(problems), measured_before)
 
     def _report(self, on_problem: Callable[[str], None]) -> int:
-        """Compute the report, write it, decide the gates and say all that; returns how many gates fail."""
+        """Compute and write the report and decide the gates; return the number of gates that fail."""
         from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
         from pytest_libero_max.report.writers.files import write_reports
         from pytest_libero_max.report.writers.summary import summary_lines
@@ -114,7 +114,7 @@ class RunEnd:
             return report
 
     def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
-        """Gates that a session asks for and cannot decide, because it planned no pair, fail it."""
+        """Fail a session whose gates cannot be decided because it planned no pair."""
         if not self.settings.gate or only_lists(self.config):
             return
         self.lines.append(f"gate FAIL  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
@@ -125,7 +125,7 @@ class RunEnd:
     def _set_status(
         self, session: pytest.Session, failed_gates: int, problems: bool, measured_before: bool
     ) -> list[str]:
-        """Turn pytest's status into ours where the run itself has more to say; never anything into OK."""
+        """Replace pytest's status where the run itself has more to say; never by OK."""
         if self._stop.status is not None:
             session.exitstatus = self._stop.status
             return [

@@ -39,7 +39,7 @@ LIMIT_REACHED = (
 
 
 def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
-    """Play a pair in the process of the session or of its worker; what goes wrong is left on the item."""
+    """Play a pair in the process of the session or of its worker; an error is kept on the item."""
     process = pair_process_of(request.config)
     try:
         with process.pair():
@@ -54,7 +54,7 @@ def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
 def _leave(
     request: pytest.FixtureRequest, case: Case, process: PairProcess, error: BaseException
 ) -> NoReturn:
-    """Leave what went wrong on the item, and fail it; outside of its handler, or pytest shows it twice."""
+    """Keep an error on the item and fail it; outside of the error's handler, or pytest shows it twice."""
     from pytest_libero_max.policies.check import ends_the_session
 
     limit = process.ended_by(error)
@@ -158,7 +158,7 @@ def _arms(case: Case, policy: Policy, settings: Settings, repeat_base: bool) -> 
 
 
 def _keep(pair: Pair, case: Case, world: World, settings: Settings) -> list[str]:
-    """Keep what the options ask for beside the record of a measured pair; returns what could not be kept."""
+    """Write the trace and the film that the options ask for; return messages about failures."""
     from pytest_libero_max.pairing.trace import traces_of, write_trace
 
     notes = []

@@ -1,4 +1,4 @@
-"""Stops a run: one seam for a session that plays itself, for the workers of xdist and for actors on Ray.
+"""Stop of a run: the same for a session that plays itself, for workers of xdist and for actors on Ray.
 
 Each process that plays asks its own :class:`PairGate` before it begins a pair. :meth:`RunStop.stop` in the
 process that owns the run closes all of them.

@@ -25,7 +25,7 @@ DECLARED = pytest.StashKey[tuple[object, object]]()
 """On the config: the policy that was played last, and a copy of its spec from before its first pair."""
 
 RESULT = pytest.StashKey[Json]()
-"""On an item: its pair record, or what broke, as JSON types."""
+"""On an item: its pair record or pair error, as JSON types."""
 
 ADAPTER_DIGEST = pytest.StashKey[str]()
 """On the config of a process that plays: the digest of the adapter's code, once the policy can be played."""
@@ -37,13 +37,13 @@ RESULT_ATTRIBUTE = "libero_max"
 """The attribute of a test report that carries the same to the controller."""
 
 STOP = pytest.StashKey[str]()
-"""On an item: why the run is to stop, found by the process that played the pair."""
+"""On an item: reason to stop the run, found by the process that played the pair."""
 
 STOP_ATTRIBUTE = "libero_max_stop"
 """The attribute of a test report that carries the same to the controller."""
 
 NOTE = pytest.StashKey[str]()
-"""On an item: what went wrong beside its pair, which is measured all the same."""
+"""On an item: failures beside its pair, which is measured all the same."""
 
 NOTE_ATTRIBUTE = "libero_max_note"
 """The attribute of a test report that carries the same to the controller."""

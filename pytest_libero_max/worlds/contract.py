@@ -48,8 +48,7 @@ the hand is, in units of the controller. ``absolute``: a pose of the grip site i
 axis times angle in rad. The seventh is the gripper in both."""
 
 FARTHEST_M = 3.0
-"""No position that an absolute action asks for is farther than this from the world's origin, m, which the
-arm never reaches."""
+"""Largest distance of an absolute action's position from the world's origin, m; out of the arm's reach."""
 
 Goal = tuple[tuple[str, ...], ...]
 """Predicates that must all hold, as BDDL writes them: ``(("on", "akita_black_bowl_1", "plate_1"),)``."""
@@ -89,7 +88,7 @@ class PixelFilter(Protocol):
         Args:
             image: (H, W, 3) uint8. Must not be written to.
             camera: Camera name, for example ``agentview``.
-            step: Control steps since the filter was added; 0 for a look right after it was added.
+            step: Control steps since the filter was added; 0 for an image right after that.
         """
         ...
 
@@ -121,7 +120,7 @@ class WorldState:
     control: Control = "delta"
 
     def differing(self, other: WorldState) -> tuple[str, ...]:
-        """Names of what is not bit for bit the same in another state; model fields by their own names."""
+        """Return the names of everything that differs from another state; model fields by their own names."""
         fields = [
             name for name, value in self.model.items() if value.tobytes() != other.model[name].tobytes()
         ]
@@ -187,7 +186,7 @@ class World(Protocol):
         ...
 
     def set_control(self, control: Control) -> None:
-        """Take the actions of all further steps for movements or for poses, until the next reset.
+        """Set the meaning of the actions of all further steps, until the next reset.
 
         Raises:
             SubstrateError: There is no such mode.
@@ -204,7 +203,7 @@ class World(Protocol):
     def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
         """Return the number of pixels of a (size, size) image that show each entity, occlusion included.
 
-        What is drawn decides, before any pixel filter: a filter changes colours and hides no entity here.
+        Counted before any pixel filter, which changes colours and hides no entity here.
 
         Raises:
             SubstrateError: No such camera.
@@ -274,7 +273,7 @@ class World(Protocol):
         ...
 
     def close(self) -> None:
-        """Give back GL contexts and memory. The world cannot be used afterwards."""
+        """Release GL contexts and memory. The world cannot be used afterwards."""
         ...
 
 
@@ -394,7 +393,7 @@ def alterable(world: World) -> AlterableWorld:
     """Return the world as one that changes can alter.
 
     Raises:
-        SubstrateError: It is none.
+        SubstrateError: It is not one.
     """
     if not isinstance(world, AlterableWorld):
         raise SubstrateError(

@@ -91,10 +91,10 @@ _WARNINGS = {
     "contacts were left out for lack of memory": mujoco.mjtWarning.mjWARN_CONTACTFULL,
     "constraints were left out for lack of memory": mujoco.mjtWarning.mjWARN_CNSTRFULL,
 }
-"""Warnings that MuJoCo counts and carries on after."""
+"""Warnings after which MuJoCo only counts and carries on."""
 
 FASTEST = 1e4
-"""Largest speed of a joint, m/s or rad/s; only where the integration has failed is one faster."""
+"""Largest plausible speed of a joint, m/s or rad/s; a faster one means that the integration has failed."""
 
 _UNIT_TOLERANCE = 1e-3
 
@@ -166,8 +166,8 @@ class MujocoWorld(ABC):
         ``_control`` says what the action is.
 
         Returns:
-            Whether it has seen itself that MuJoCo warns of nothing and no joint is faster than
-            :data:`FASTEST`; False where it has not looked.
+            True if it has checked that MuJoCo warns of nothing and no joint is faster than :data:`FASTEST`;
+            False where it has not checked.
         """
 
     @abstractmethod
@@ -182,7 +182,7 @@ class MujocoWorld(ABC):
 
     @abstractmethod
     def _decided(self) -> Mapping[str, Any]:
-        """Return what is decided about the scene and not compiled, by name: goal, gains of the control.
+        """Return the parts of a scene that are decided and not compiled, by name: goal, gains of the control.
 
         Values are arrays or JSON values, tuples among them.
         """

@@ -1,6 +1,6 @@
 """The robot of a world: the names of its parts and the numbers that are its own, in one place.
 
-Another robot needs another :class:`Robot`, and what is not told by names:
+Another robot needs another :class:`Robot`, and these, which follow from no name:
 
 - a control step: :mod:`.stepping` reproduces robosuite's ``OSC_POSE`` for any arm and gripper that robosuite
   drives with it, and checks the number of joints; gains, limits and indices come from the environment;

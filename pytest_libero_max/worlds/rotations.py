@@ -1,6 +1,6 @@
 """Rotations as unit quaternions (w, x, y, z): the only place of the package that computes with them.
 
-Plain floats in a fixed order of operations, so that no BLAS and no instruction set has a say in the result.
+Plain floats in a fixed order of operations, so that the result depends on no BLAS and no instruction set.
 
 The three ``unit_*`` functions divide by the same length, computed in three ways that differ in its last bit:
 for 20% of random quaternions by squares or by hypot, and for 24% of the turns that the source variations

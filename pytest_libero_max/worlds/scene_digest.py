@@ -1,4 +1,4 @@
-"""Digests of a scene, field by field: what is compiled and decided counts, the code that made it does not.
+"""Digests of a scene, field by field, over compiled and decided values and not over the code that made them.
 
 A field is one thing with a value: an array of the compiled model, a setting of its options, the goal, a gain
 of the controller. Equal values have equal digests, whatever module, class or version of this package made

@@ -174,7 +174,7 @@ class Stepper:
         return self.play(self.aim(action, control), action, self.substeps)
 
     def aim(self, action: Array, control: Control = "delta") -> Array:
-        """Set the goal, of a movement from the present kinematics; the goal position (3,), m, world.
+        """Set the goal of a movement from the present kinematics; return the goal position, (3,) m, world.
 
         A substrate that has to reproduce an environment whose controller starts from kinematics of
         another pose, as LIBERO's does after ``set_init_state``, plays that substep with robosuite's own
@@ -264,7 +264,7 @@ def _addresses() -> np.ndarray[Any, np.dtype[np.int64]]:
 
 
 def _mass_addresses(model: mujoco.MjModel, dofs: Any) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """(7, 7): where in the sparse ``qM`` each entry of the arm's mass matrix is, or -1 where it is zero."""
+    """Return the places in the sparse ``qM`` of the arm's mass matrix, (7, 7); -1 where that is zero."""
     places = np.full((len(dofs), len(dofs)), -1, dtype=np.int64)
     rows = {int(dof): row for row, dof in enumerate(dofs)}
     for dof, row in rows.items():

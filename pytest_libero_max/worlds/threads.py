@@ -1,4 +1,4 @@
-"""The linear algebra library (BLAS) of NumPy and SciPy: one thread, and which processor it computes for."""
+"""The linear algebra library (BLAS) of NumPy and SciPy: its threads and its kind of processor."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class ContactTimeline(Probe[Contacts]):
         return ((0, self._touching(view)),)
 
     def step(self, state: Contacts, view: View) -> Contacts:
-        """One entry more where the contacts have changed."""
+        """Return one entry more where the contacts have changed."""
         touching = self._touching(view)
         return state if touching == state[-1][1] else (*state, (view.trajectory.step, touching))
 

@@ -1,4 +1,4 @@
-"""The contract of a probe, and the asking of several in a rollout."""
+"""Contract of a probe, and the calls of several probes in a rollout."""
 
 from __future__ import annotations
 

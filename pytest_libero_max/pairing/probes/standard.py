@@ -67,7 +67,7 @@ class Contacts(Probe[None]):
 
 
 class Response(Probe[None]):
-    """Time between the first event and the policy's next look."""
+    """Delay between the first event and the policy's next query."""
 
     name = "response"
     schema = (
@@ -91,7 +91,7 @@ class Response(Probe[None]):
     every = "end"
 
     def columns(self, state: None, view: View) -> Mapping[str, Any]:
-        """Both; None where nothing happened, and no response where no query followed."""
+        """Return both columns; None where nothing happened, and no response where no query followed."""
         trajectory = view.trajectory
         if not trajectory.firings:
             return {"response_step": None, "stale_actions": None}

@@ -60,7 +60,7 @@ def play_isolated(request: pytest.FixtureRequest, case: Case) -> PairRecord:
 
 
 def _played(request: pytest.FixtureRequest, case: Case, log: CrashLog) -> Json:
-    """Play the pair, in the child; what comes of it as JSON values."""
+    """Play the pair in the child; return its result as JSON values."""
     workers = getattr(request.config, "workerinput", {}).get("workercount", 1)
     process = PairProcess(settings_of(request.config), int(workers), log)
     try:
@@ -81,7 +81,7 @@ def _played(request: pytest.FixtureRequest, case: Case, log: CrashLog) -> Json:
 
 
 def _in_child(folder: Path, play: Callable[[CrashLog], Json]) -> Json | Death:
-    """Call a function in a child of this process; what it returned, or how the child died."""
+    """Call a function in a child of this process; return its result, or the death of the child."""
     log, answer = folder / "crash-log", folder / "answer"
     answer.unlink(missing_ok=True)
     sys.stdout.flush()

@@ -69,7 +69,7 @@ class Retries:
         return RETRIED, "r", f"RETRIED ({report.longrepr})"
 
     def report_death(self, report: Any, case: Case, death: Death, play_again: Callable[[], bool]) -> None:
-        """Write into a report what becomes of the pair that a process played when it died.
+        """Write into a report that the pair of a dead process is played again, or why it is an error.
 
         Stops the run where every other pair would end like this one. A pair of a run that has been stopped is
         not played again: it stays missing.

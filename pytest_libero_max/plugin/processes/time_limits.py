@@ -1,4 +1,4 @@
-"""Time limits on the wall clock: what takes too long ends, and is never a failed episode."""
+"""Time limits on the wall clock: an activity that takes too long is ended, and is never a failed episode."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pytest_libero_max.plugin.processes.crash_log import (
 )
 
 GRACE_S = 5.0
-"""Time that the session's own process has to leave what it is in, before it is ended, s."""
+"""Time for the session's own process to react to the exception before it is ended, s."""
 
 _MONOTONIC = 1
 _ABSOLUTE = 1
@@ -77,7 +77,7 @@ class Timer:
             raise OSError(ctypes.get_errno(), f"timer_create: {os.strerror(ctypes.get_errno())}")
 
     def arm(self, at: float) -> None:
-        """Send the signal at this moment, and not when an earlier call said."""
+        """Send the signal at this time, and not at that of an earlier call."""
         self._when[2] = int(at)
         self._when[3] = int(at % 1 * 1e9)
         self._set()
@@ -107,7 +107,7 @@ class Watchdog:
     A timer of the kernel sends a signal, whose handler writes the traceback of every thread and ends the
     process. Native code cannot hold it up. A process that plays pairs for a controller ends like this, and
     the controller goes on with a fresh one. The session's own process is asked first: an exception is raised
-    in its main thread, and only if nothing comes of it the process ends.
+    in its main thread, and the process is ended only if that has no effect.
 
     Args:
         limits: Longest time of each activity.

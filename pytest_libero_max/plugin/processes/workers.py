@@ -1,4 +1,4 @@
-"""Workers of xdist, seen from the controller: why one died, and the retry of its pair."""
+"""Workers of xdist, seen from the controller: their deaths, and the retries of their pairs."""
 
 from __future__ import annotations
 

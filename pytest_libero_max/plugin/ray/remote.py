@@ -141,7 +141,7 @@ def _end_with_parent() -> None:
 
 
 def _own_pipes() -> tuple[BinaryIO, BinaryIO]:
-    """Return connection to the actor, which nothing else in this process reads from or writes to."""
+    """Return the pipes to the actor, which nothing else in this process reads from or writes to."""
     commands, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDWR)
     os.dup2(nowhere, 0)

@@ -347,7 +347,7 @@ _CURE = (
 
 
 def _require_alone(config: pytest.Config) -> None:
-    """Refuse what hands out the tests as well, or needs them in this process.
+    """Refuse options that also hand out the tests, or need them in this process.
 
     Raises:
         pytest.UsageError: There is such an option.

@@ -1,4 +1,4 @@
-"""EGL's devices, and which of them draws.
+"""EGL's devices, and the choice of the one that draws.
 
 MuJoCo takes the first device that answers. EGL and CUDA count GPUs in different orders, and only CUDA heeds
 ``CUDA_VISIBLE_DEVICES``: on a machine with several GPUs the first one may be another than the policy's, or
@@ -90,7 +90,7 @@ def chosen() -> tuple[Device, int]:
 
 
 def check() -> None:
-    """Find out whether the device answers that ``MUJOCO_EGL_DEVICE_ID`` names, where EGL has any.
+    """Check that the device that ``MUJOCO_EGL_DEVICE_ID`` names answers, where EGL has any.
 
     Raises:
         OptionError: There is no such device.
@@ -177,7 +177,7 @@ class _Egl:
         return bool(shown and self._initialize(shown, None, None))
 
     def devices(self, numbered: bool) -> list[Device]:
-        """All devices; with CUDA's numbers only if they can matter, because asking wakes CUDA up."""
+        """Return all devices; with CUDA's numbers only if they can matter: asking initialises CUDA."""
         found = []
         for number, handle in enumerate(self.handles):
             software = _SOFTWARE in self._string(handle, _EXTENSIONS).split()

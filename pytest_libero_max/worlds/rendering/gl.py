@@ -23,13 +23,13 @@ OFFSCREEN = ("egl", "osmesa")
 """Backends that need no display, in the order in which they are tried."""
 
 DISABLED = ("disable", "disabled", "off", "false", "0")
-"""Spellings by which a user renounces images; the first is what we write ourselves."""
+"""Values of ``MUJOCO_GL`` that switch images off; the first is the one that we write."""
 
 _PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
 
 
 def prepare() -> str:
-    """Settle ``MUJOCO_GL`` and robosuite's macros; the name of the backend, or ``disable``.
+    """Settle ``MUJOCO_GL`` and robosuite's macros; return the name of the backend, or ``disable``.
 
     An explicit ``MUJOCO_GL`` is kept if its libraries load. Otherwise EGL is tried, then OSMesa. The
     choice is made once: later changes of the environment have no effect on this process.
@@ -41,9 +41,9 @@ def prepare() -> str:
 
 
 def check() -> None:
-    """Find out whether an explicit ``MUJOCO_GL`` or ``MUJOCO_EGL_DEVICE_ID`` can draw. Settles nothing.
+    """Check that an explicit ``MUJOCO_GL`` or ``MUJOCO_EGL_DEVICE_ID`` can draw. Settles nothing.
 
-    For whoever only hands out the work, before anything is played.
+    For a process that only hands out the work, before anything is played.
 
     Raises:
         OptionError: It is no backend for offscreen images, or its libraries do not load, or there is no such

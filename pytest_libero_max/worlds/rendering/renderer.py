@@ -143,7 +143,7 @@ class _Uploaded:
 
     Attributes:
         context: MuJoCo's handle of them.
-        model: One that has them; the last of those that asked, so that the others need not stay.
+        model: The model that asked last; earlier ones need not stay in memory.
         users: Renderers that draw with it; without any it is freed.
 
     Args:
@@ -186,7 +186,7 @@ class _Uploaded:
             getattr(self.context, name)[: values.size] = values.ravel()
 
     def release(self) -> None:
-        """One renderer less."""
+        """Count one renderer less, and free the buffers without any."""
         self.users -= 1
         if self.users == 0:
             _in_use.discard(self)
@@ -234,7 +234,7 @@ def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
 
 
 def require_images() -> None:
-    """Draw one image of next to nothing, to see whether this process can.
+    """Draw one tiny image to check that this process can.
 
     Raises:
         SimulatorError: It cannot; says what to do.
