@@ -55,7 +55,7 @@ ACTION_DIM = 7
 """Components of an action; spelled here because records are read where no simulator is."""
 
 _OWN_FIELDS = ("approach", "clipping", "contacts", "response")
-"""The probes of every pair, whose columns are fields of an arm's record."""
+"""The probes whose columns are fields of an arm's record."""
 
 ArmName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
 """Name of an arm."""
@@ -108,7 +108,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
             in the other: it was not played a second time. None for an arm that was played.
         notes: Counts of a wrapper around the policy, summed over the queries of Base, or over those after
             the first firing of another arm; by name. Absent without such a wrapper.
-        probes: Columns of each probe that was asked for, by its name. Absent without any.
+        probes: Columns of ``stages`` and of each probe that was asked for, by its name. Version 2 had none.
     """
 
     NOUN: ClassVar[str] = "arm"

@@ -170,10 +170,10 @@ def test_contacts_over_time_end_with_the_contacts_at_the_end(world: TinyWorld) -
 def test_a_record_keeps_the_columns_of_the_probes_that_were_asked_for(world: TinyWorld) -> None:
     record = played(world, ALL).record
     for name, arm in record.arms.items():
-        assert list(arm.probes) == ["counting", "queries", "contact_timeline"]
+        assert list(arm.probes) == ["stages", "counting", "queries", "contact_timeline"]
         assert arm.probes["counting"]["number"] == arm.steps, name
     assert PairRecord.from_dict(json.loads(json.dumps(record.to_dict()))) == record
-    assert "probes" not in played(world, STANDARD).record.to_dict()["arms"]["base"]
+    assert list(played(world, STANDARD).record.to_dict()["arms"]["base"]["probes"]) == ["stages"]
 
 
 # What a probe may not do.

@@ -51,7 +51,8 @@ class Lowest(Probe[float]):
 
 ## Those of every pair
 
-Their columns are fields of [an arm's record](../README.md#armrecord).
+Their columns are fields of [an arm's record](../README.md#armrecord), and those of `stages` are in its `probes`.
+The rules of a [diagnosis](../../report/README.md#causes) read them.
 
 {_table(STANDARD.standard)}
 
@@ -69,7 +70,7 @@ def _table(those: tuple[Probe[Any], ...] | list[Probe[Any]]) -> str:
         (
             code(probe.name),
             code(column.name),
-            f"list of {column.type}"
+            f"list of {column.type}{' or null' if column.optional else ''}"
             if column.many
             else f"{column.type} or null"
             if column.optional

@@ -7,7 +7,7 @@ from typing import Any
 
 from pytest_libero_max import report
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report import gates
+from pytest_libero_max.report import diagnosis, gates
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.comparison.document import Comparison
 from pytest_libero_max.report.dimensions import DIMENSIONS
@@ -62,6 +62,12 @@ the second.
 ### Scopes
 
 {_scopes()}
+
+## Causes
+
+{prose(description(diagnosis))}
+
+{table(("Cause", "Meaning"), ((code(name), meaning) for name, meaning in diagnosis.CAUSES.items()))}
 
 ## Fields of `report.json`
 

@@ -37,7 +37,7 @@ class Column:
         meaning: A noun phrase.
         unit: For example ``m``; None for what has none.
         many: True for a list.
-        optional: True if it may be None.
+        optional: True if it, or one of many, may be None.
     """
 
     name: str
@@ -53,8 +53,6 @@ class Column:
         Raises:
             ValueError: It is not of the column's type, or not finite.
         """
-        if value is None and self.optional:
-            return None
         if not self.many:
             return self._scalar(value)
         if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
@@ -62,6 +60,8 @@ class Column:
         return [self._scalar(item) for item in value]
 
     def _scalar(self, value: object) -> Scalar:
+        if value is None and self.optional:
+            return None
         if self.type == "bool" and isinstance(value, bool | np.bool_):
             return bool(value)
         if self.type == "str" and isinstance(value, str):
@@ -156,10 +156,11 @@ def check_probe(name: str, value: object) -> Probe[Any]:
 class Probes:
     """Probes that watch a rollout together.
 
-    Each is checked to leave the world as it is, by the world's digest, right after it is asked.
+    Each is checked to leave the world as it is, by the world's digest: those of every pair at the end of an
+    arm, and those that were asked for right after each call.
 
     Attributes:
-        standard: Those of every pair, which read nothing but what this package shows them.
+        standard: Those of every pair.
         added: Those that were asked for.
     """
 
@@ -206,10 +207,12 @@ class Probes:
         """
         where = f"{what} {view.trajectory.step if what == 'step' else len(view.trajectory.queries) - 1}"
         return tuple(
-            _asked(probe, where, view, lambda probe=probe, state=state: probe.step(state, view))  # type: ignore[misc]
-            if probe.every == what
-            else state
-            for probe, state in zip(self._all, view.trajectory.seen, strict=True)
+            state
+            if probe.every != what
+            else probe.step(state, view)
+            if number < len(self.standard)
+            else _asked(probe, where, view, lambda probe=probe, state=state: probe.step(state, view))  # type: ignore[misc]
+            for number, (probe, state) in enumerate(zip(self._all, view.trajectory.seen, strict=True))
         )
 
     def require_values(self, states: tuple[object, ...]) -> None:

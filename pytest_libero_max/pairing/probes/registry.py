@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 ENTRY_POINT_GROUP = "pytest_libero_max.probes"
 
 _MODULES = "pytest_libero_max.pairing.probes"
-_NO_PROBES = ("probe", "registry", "standard")
+_NOT_ASKED_FOR = ("probe", "registry", "standard", "stages")
 
 
 def _own() -> Mapping[str, Callable[[], Probe[Any]]]:
-    return {name: _loader(name) for name in modules_in(_MODULES) if name not in _NO_PROBES}
+    return {name: _loader(name) for name in modules_in(_MODULES) if name not in _NOT_ASKED_FOR}
 
 
 def _loader(name: str) -> Callable[[], Probe[Any]]:

@@ -1,4 +1,4 @@
-"""The probes of every pair: their columns are fields of the record, and cost nothing a step."""
+"""The probes of every pair: what is cheap to read. The columns of those here are fields of the record."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes, View
+from pytest_libero_max.pairing.probes.stages import Stages
 
 
 class Approach(Probe[None]):
@@ -102,5 +103,5 @@ class Response(Probe[None]):
         return {"response_step": response_step, "stale_actions": last - event.step}
 
 
-STANDARD = Probes((Approach(), Clipping(), Contacts(), Response()))
+STANDARD = Probes((Approach(), Clipping(), Contacts(), Response(), Stages()))
 """The probes of every pair."""

@@ -1,0 +1,600 @@
+"""Stages of an arm: what the hand and the objects of the task did, and when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from pytest_libero_max.events.triggers import ABOVE_RADIUS_M, distance_m
+from pytest_libero_max.pairing.probes.probe import Column, Probe, View
+from pytest_libero_max.pairing.trajectory import Firing, Step
+from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
+from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
+
+Point = tuple[float, ...]
+
+SAMPLE_STEPS = 5
+"""What costs more than a few microseconds is looked at after every fifth step."""
+
+STILL_M = 0.01
+"""A hand that stays within this distance of where it ends has stopped."""
+
+LIFTED_M = 0.01
+"""Height above its resting place from which an object counts as off its support."""
+
+MOVED_M = 0.02
+"""Distance from which an object counts as moved."""
+
+_HINGE = 3  # mjJNT_HINGE
+_NEAR_M = 0.3  # an object whose origin is farther from the hand than this cannot be between the fingers
+_LOOSE_STEPS = 3  # steps with one finger on it after which an object counts as lost
+_OPENING_STEPS = 5  # the fingers take as long to let go
+_PUSHING = 0.25  # mean movement asked for, in units of the action, of a hand that wants to move
+_PUSHING_M = 0.03  # likewise under absolute control
+_LOOK_STEPS = 4 * SAMPLE_STEPS  # all contacts take 0.4 ms
+_HELD_UP_M = 0.005  # a hand that moves less in a sample is held up
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """One fact of the goal, and how far the arm has come with what it is about.
+
+    Attributes:
+        fact: The fact; None where the world does not tell its goal, and the trigger entity is followed.
+        entity: The object of the fact, or the fixture that it is a part of.
+        part: True for a drawer, a door or a knob.
+        rest: (3,) m: where the object rests, or the part was.
+        start: Joint positions of the part.
+        old: (3,) m: where the object rested before a change moved it, or None.
+        old_place: (2,) m: where its destination was before a change moved that, or None.
+        at: (3,) m: where the object was when both fingers touched it last.
+        held: True if the fingers hold it.
+        lifted: True if it has been lifted since they do.
+        loose: Steps since both fingers touched it.
+    """
+
+    fact: Fact | None
+    entity: str
+    part: bool
+    rest: Point
+    start: Point = ()
+    old: Point | None = None
+    old_place: Point | None = None
+    at: Point = ()
+    held: bool = False
+    lifted: bool = False
+    loose: int = 0
+    # Columns.
+    satisfied_step: int | None = None
+    closest_m: float = math.inf
+    closest_step: int = 0
+    touch_step: int | None = None
+    close_step: int | None = None
+    close_m: float | None = None
+    close_old_m: float | None = None
+    grasp_step: int | None = None
+    lift_step: int | None = None
+    lift_m: float = 0.0
+    carried_m: float = 0.0
+    above_step: int | None = None
+    lost_step: int | None = None
+    lost_open: bool | None = None
+    lost_m: float | None = None
+    lost_old_m: float | None = None
+    lost_height_m: float = 0.0
+    travel: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """All that has been seen of an arm.
+
+    Attributes:
+        tracks: Facts of the goal, in its order.
+        hand: (3,) m: where the hand started.
+        objects: Each object with where it rests and what of it points up there.
+        moved: Other objects that have left that place, with the step.
+        wrong: Other objects that were lifted, with the step.
+        blocked: First step at which the hand was held up, or None, the number of steps, and by what.
+        firings: Number of firings that the above knows of.
+    """
+
+    tracks: tuple[Track, ...]
+    hand: Point
+    objects: tuple[tuple[str, Point, Point], ...]
+    moved: tuple[tuple[str, int], ...] = ()
+    wrong: tuple[tuple[str, int], ...] = ()
+    blocked: tuple[int | None, int, tuple[str, ...]] = (None, 0, ())
+    firings: int = 0
+
+
+def _of_goal(name: str, kind: Any, meaning: str, unit: str | None = None, optional: bool = True) -> Column:
+    return Column(name, kind, f"For each fact of the goal: {meaning}", unit, many=True, optional=optional)
+
+
+_OF_GOAL = (
+    Column(
+        "goal", "str", "Facts of the goal; the trigger entity where a world does not tell its goal", many=True
+    ),
+    _of_goal("entity", "str", "the object, or the fixture of a drawer, door or knob", optional=False),
+    _of_goal("satisfied", "bool", "True if it holds at the end", optional=False),
+    _of_goal("satisfied_step", "int", "first step at which it held, looked at every fifth step", "steps"),
+    _of_goal("closest_m", "float", "smallest distance of the hand", "m"),
+    _of_goal("closest_step", "int", "its step", "steps"),
+    _of_goal("touch_step", "int", "first step with a finger on it", "steps"),
+    _of_goal("close_step", "int", "step at which the gripper began to close nearest to it", "steps"),
+    _of_goal("close_m", "float", "distance of the hand then", "m"),
+    _of_goal("close_old_m", "float", "distance of the hand then to where it was before a change", "m"),
+    _of_goal("grasp_step", "int", "first step with both fingers on it", "steps"),
+    _of_goal("lift_step", "int", "first step at which they held it 1 cm above its place", "steps"),
+    _of_goal("lift_m", "float", "greatest height above its place while held", "m", optional=False),
+    _of_goal(
+        "carried_m", "float", "greatest horizontal distance from its place while held", "m", optional=False
+    ),
+    _of_goal("above_step", "int", "first step at which it was held within 8 cm of its destination", "steps"),
+    _of_goal("lost_step", "int", "last step at which it left the fingers after a lift", "steps"),
+    _of_goal("lost_open", "bool", "True if the gripper was being opened then"),
+    _of_goal("lost_m", "float", "horizontal distance from its destination then", "m"),
+    _of_goal("lost_old_m", "float", "that from where the destination was before a change", "m"),
+    _of_goal("fell_m", "float", "its height then above its height at the end", "m"),
+    _of_goal("holding", "bool", "True if the fingers hold it at the end", optional=False),
+    _of_goal("away_m", "float", "horizontal distance from its destination at the end", "m"),
+    _of_goal(
+        "shift_m", "float", "distance from where it rested at the start or after a change, at the end", "m"
+    ),
+    _of_goal("tilt_deg", "float", "by how much it leans at the end more than at the start", "deg"),
+    _of_goal("travel_m", "float", "greatest way of the joint of a drawer", "m"),
+    _of_goal("travel_rad", "float", "greatest way of the joint of a door or knob", "rad"),
+)
+
+
+class Stages(Probe[State]):
+    """How far the arm came with each fact of the goal, and what else the hand did.
+
+    Objects are where their origin is. A change in the arm begins the approach anew: the columns ``closest_*``
+    and ``close_*`` are about the time after it.
+    """
+
+    name = "stages"
+    schema = (
+        *_OF_GOAL,
+        Column("reach_m", "float", "Greatest distance of the hand from where it started", "m"),
+        Column("still_step", "int", "Step from which the hand stayed within 1 cm of where it ends", "steps"),
+        Column("repeated_queries", "int", "Number of queries at the end whose answers equal the one before"),
+        Column(
+            "blocked_step",
+            "int",
+            "First step at which the hand was told to move and did not",
+            "steps",
+            optional=True,
+        ),
+        Column("blocked_steps", "int", "Number of such steps, in fives", "steps"),
+        Column("blocked_by", "str", "Names of what the robot, or what it holds, touched then", many=True),
+        Column("moved", "str", "Other objects that moved by 2 cm or more", many=True),
+        Column("moved_step", "int", "Step of each, to five", "steps", many=True),
+        Column("moved_m", "float", "Distance of each from its place at the end", "m", many=True),
+        Column("toppled", "str", "Objects that lean by 45 degrees or more", many=True),
+        Column("wrong", "str", "Other objects that the fingers lifted", many=True),
+        Column("wrong_step", "int", "Step of each, to five", "steps", many=True),
+    )
+    cost = "0.05 ms a step on the embedded substrate"
+
+    def start(self, view: View) -> State:
+        """Places of everything, before the first step."""
+        world = view.world
+        objects = tuple(
+            (name, *_rest(world, name))
+            for name, entity in world.entities.items()
+            if entity.kind == "object" and name not in world.parked
+        )
+        return State(_tracks(view), _point(world.end_effector()), objects)
+
+    def step(self, state: State, view: View) -> State:
+        """Follow the objects of the goal; everything else every fifth step."""
+        trajectory = view.trajectory
+        if len(trajectory.firings) != state.firings:
+            state = _after_change(state, view)
+        last = trajectory.executed[-1]
+        closes = last.action[-1] > 0 and (
+            len(trajectory.executed) == 1 or trajectory.executed[-2].action[-1] <= 0
+        )
+        tracks = tuple(
+            [track if track.part else _follow(track, view, last, closes) for track in state.tracks]
+        )
+        if trajectory.step % SAMPLE_STEPS == 0:
+            return _sample(replace(state, tracks=tracks), view, last)
+        if all(new is old for new, old in zip(tracks, state.tracks, strict=True)):
+            return state
+        return replace(state, tracks=tracks)
+
+    def columns(self, state: State, view: View) -> Mapping[str, Any]:
+        """All that was seen, and the end."""
+        trajectory = view.trajectory
+        if len(trajectory.firings) != state.firings:
+            state = _after_change(state, view)
+        rows = [_row(track, state, view) for track in state.tracks]
+        moved = dict(state.moved)
+        rests = {name: (rest, up) for name, rest, up in state.objects}
+        now = {name: _rest(view.world, name) for name in rests}
+        ends = {name: distance_m(np.array(at), np.array(rests[name][0])) for name, (at, _) in now.items()}
+        subjects = {track.entity for track in state.tracks}
+        others = [name for name in rests if name not in subjects and ends[name] >= MOVED_M]
+        step, steps, blockers = state.blocked
+        return {
+            **{column: [row[column] for row in rows] for column in (column.name for column in _OF_GOAL)},
+            "reach_m": _metres(
+                max(
+                    (distance_m(s.end_effector, np.array(state.hand)) for s in trajectory.executed),
+                    default=0.0,
+                )
+            ),
+            "still_step": _still_step(trajectory.executed),
+            "repeated_queries": _repeated(view),
+            "blocked_step": step,
+            "blocked_steps": steps,
+            "blocked_by": blockers,
+            "moved": others,
+            "moved_step": [moved.get(name, trajectory.step) for name in others],
+            "moved_m": [_metres(ends[name]) for name in others],
+            "toppled": [name for name, (_, up) in now.items() if _tilt_deg(up, rests[name][1]) >= 45.0],
+            "wrong": [name for name, _ in state.wrong],
+            "wrong_step": [number for _, number in state.wrong],
+        }
+
+
+# The goal.
+
+
+def _tracks(view: View) -> tuple[Track, ...]:
+    """The facts of the goal as nothing has happened with them."""
+    world = view.world
+    if not isinstance(world, PrivilegedWorld):
+        return (Track(None, view.entity, False, _point(world.position(view.entity))),)
+    return tuple(_track(world, fact) for fact in world.goal)
+
+
+def _track(world: PrivilegedWorld, fact: Fact) -> Track:
+    entity = _owner(world, fact.subject)
+    if fact.place is None:
+        return Track(fact, entity, True, _point(_part(world, fact)), _joints(world, fact))
+    return Track(fact, entity, False, _point(world.position(entity)))
+
+
+def _owner(world: World, place: str) -> str:
+    """The entity that a place belongs to; the place itself where there is none."""
+    names = (name for name in world.entities if place == name or place.startswith(f"{name}_"))
+    return max(names, key=len, default=place)
+
+
+def _joints(world: PrivilegedWorld, fact: Fact) -> Point:
+    return tuple(float(world.data.joint(name).qpos[0]) for name in world.joints(fact.subject))
+
+
+def _is_hinged(world: PrivilegedWorld, fact: Fact) -> bool:
+    return any(world.model.joint(name).type[0] == _HINGE for name in world.joints(fact.subject))
+
+
+def _part(world: PrivilegedWorld, fact: Fact) -> Array:
+    """Position of what must be moved for a fact without a place: the handle or knob if one is known."""
+    joints = world.joints(fact.subject)
+    for part in world.graspable_parts.values():
+        if part.joint in joints:
+            return part.world(world.data)[0]
+    return _place(world, fact.subject)
+
+
+def _place(world: World, place: str) -> Array:
+    """Position of an entity or of a region."""
+    if place not in world.entities:
+        try:
+            site: Array = cast(PrivilegedWorld, world).data.site(place).xpos
+        except KeyError:
+            place = _owner(world, place)
+        else:
+            return site
+    return world.position(place)
+
+
+def _away_m(track: Track, world: World, at: Sequence[float]) -> float | None:
+    """Horizontal distance of a point from the destination of a track, m."""
+    if track.fact is None or track.fact.place is None:
+        return None
+    place = _place(world, track.fact.place)
+    return math.hypot(at[0] - float(place[0]), at[1] - float(place[1]))
+
+
+# Each step.
+
+
+def _follow(track: Track, view: View, last: Step, closes: bool) -> Track:
+    """The track of an object after one more step."""
+    world, step = view.world, view.trajectory.step
+    if track.entity == view.entity:
+        position, distance = last.entity, last.distance_m
+    else:
+        position = world.position(track.entity)
+        distance = distance_m(last.end_effector, position)
+    if distance < track.closest_m:
+        track = replace(track, closest_m=distance, closest_step=step)
+    if closes:
+        track = _closing(track, last, distance, step)
+    fingers = world.fingers_on(track.entity) if distance < _NEAR_M else 0
+    if fingers >= 2:
+        return _holding(track, world, _point(position), step)
+    if track.held:
+        loose = track.loose + 1 if fingers else _LOOSE_STEPS
+        track = _lost(track, view) if loose >= _LOOSE_STEPS else replace(track, loose=loose)
+    if fingers and track.touch_step is None:
+        track = replace(track, touch_step=step)
+    return track
+
+
+def _closing(track: Track, last: Step, distance: float, step: int) -> Track:
+    """The track after the gripper began to close: kept where it was nearer than before."""
+    old = None if track.old is None else distance_m(last.end_effector, np.array(track.old))
+    known = [gap for gap in (track.close_m, track.close_old_m) if gap is not None]
+    if known and min(known) <= min(distance, distance if old is None else old):
+        return track
+    return replace(track, close_step=step, close_m=distance, close_old_m=old)
+
+
+def _holding(track: Track, world: World, position: Point, step: int) -> Track:
+    """The track after a step that leaves both fingers on the object."""
+    height = position[2] - track.rest[2]
+    way = math.hypot(position[0] - track.rest[0], position[1] - track.rest[1])
+    lifted = (track.held and track.lifted) or height > LIFTED_M
+    above = track.above_step
+    if above is None and lifted:
+        away = _away_m(track, world, position)
+        above = step if away is not None and away <= ABOVE_RADIUS_M else None
+    return replace(
+        track,
+        at=position,
+        held=True,
+        lifted=lifted,
+        loose=0,
+        touch_step=step if track.touch_step is None else track.touch_step,
+        grasp_step=step if track.grasp_step is None else track.grasp_step,
+        lift_step=step if track.lift_step is None and lifted else track.lift_step,
+        lift_m=max(track.lift_m, height),
+        carried_m=max(track.carried_m, way) if lifted else track.carried_m,
+        above_step=above,
+    )
+
+
+def _lost(track: Track, view: View) -> Track:
+    """The track after the object left the fingers."""
+    track = replace(track, held=False, loose=0)
+    if not track.lifted:
+        return track
+    old = track.old_place
+    return replace(
+        track,
+        lifted=False,
+        lost_step=view.trajectory.step,
+        lost_open=any(step.action[-1] <= 0 for step in view.trajectory.executed[-_OPENING_STEPS:]),
+        lost_m=_away_m(track, view.world, track.at),
+        lost_old_m=None if old is None else math.hypot(track.at[0] - old[0], track.at[1] - old[1]),
+        lost_height_m=track.at[2],
+    )
+
+
+def _after_change(state: State, view: View) -> State:
+    """The state after changes: what they moved rests elsewhere, and the approach begins anew."""
+    world, firings = view.world, view.trajectory.firings
+    goal = tuple(track.fact for track in state.tracks)
+    tracks = state.tracks
+    if goal != (None,) and goal != (new := cast(PrivilegedWorld, world).goal):
+        known = {track.fact: track for track in tracks}
+        tracks = tuple(known.get(fact) or _track(cast(PrivilegedWorld, world), fact) for fact in new)
+    for firing in firings[state.firings :]:
+        tracks = tuple(_displaced(track, world, firing) for track in tracks)
+        placed = _positions(firing, "after")
+        objects = {name: (rest, up) for name, rest, up in state.objects}
+        for name in placed.keys() & world.entities.keys() - set(world.parked):
+            objects[name] = (placed[name], objects[name][1] if name in objects else _rest(world, name)[1])
+        kept = {name: value for name, value in objects.items() if name not in world.parked}
+        state = replace(state, objects=tuple((name, *value) for name, value in kept.items()))
+    return replace(state, tracks=tracks, firings=len(firings))
+
+
+def _displaced(track: Track, world: World, firing: Firing) -> Track:
+    before, after = _positions(firing, "before"), _positions(firing, "after")
+    old, old_place, rest = track.old, track.old_place, track.rest
+    if track.entity in after and not track.part:
+        rest = after[track.entity]
+        if _far(before[track.entity], rest):
+            old = before[track.entity]
+    place = track.fact.place if track.fact else None
+    owner = None if place is None else _owner(world, place)
+    if place is not None and owner in after and _far(before[owner], after[owner]):
+        now, shift = _place(world, place), np.subtract(after[owner], before[owner])
+        old_place = _point(now - shift)
+    return replace(
+        track,
+        rest=rest,
+        old=old,
+        old_place=old_place,
+        closest_m=math.inf,
+        close_step=None,
+        close_m=None,
+        close_old_m=None,
+    )
+
+
+def _positions(firing: Firing, when: str) -> dict[str, Point]:
+    """Positions of the objects that a change moved, m."""
+    found = getattr(firing.applied.evidence, when).get("position_m", {})
+    return {name: tuple(map(float, at)) for name, at in found.items()} if isinstance(found, Mapping) else {}
+
+
+def _far(one: Point, other: Point) -> bool:
+    return distance_m(np.array(one), np.array(other)) >= MOVED_M
+
+
+# Every fifth step.
+
+
+def _sample(state: State, view: View, last: Step) -> State:
+    """The state after a look at everything."""
+    world, step = view.world, view.trajectory.step
+    tracks = state.tracks
+    if len(tracks) > 1 or any(track.part for track in tracks):
+        tracks = tuple(_sampled(track, view, last) for track in tracks)
+    subjects = {track.entity for track in tracks}
+    known, lifted = {name for name, _ in state.moved}, {name for name, _ in state.wrong}
+    moved, wrong = list(state.moved), list(state.wrong)
+    for name, rest, _ in state.objects:
+        if name in subjects or name in lifted:
+            continue
+        at = world.position(name)
+        off = distance_m(at, np.array(rest))
+        if off >= MOVED_M:
+            if name not in known:
+                moved.append((name, step))
+            if (
+                at[2] - rest[2] > MOVED_M
+                and distance_m(at, last.end_effector) < _NEAR_M
+                and world.fingers_on(name) >= 2
+            ):
+                wrong.append((name, step))
+    blocked = state.blocked
+    if _is_held_up(view, last):
+        first, number, names = blocked
+        if number % _LOOK_STEPS == 0:
+            names = tuple(sorted({*names, *_touched(world, tracks)}))
+        blocked = (step - SAMPLE_STEPS if first is None else first, number + SAMPLE_STEPS, names)
+    return replace(state, tracks=tracks, moved=tuple(moved), wrong=tuple(wrong), blocked=blocked)
+
+
+def _sampled(track: Track, view: View, last: Step) -> Track:
+    world, step, fact = view.world, view.trajectory.step, track.fact
+    if fact is None:
+        return track
+    privileged = cast(PrivilegedWorld, world)
+    if track.satisfied_step is None and privileged.holds(fact):
+        track = replace(track, satisfied_step=step)
+    if not track.part:
+        return track
+    distance = distance_m(last.end_effector, np.asarray(_part(privileged, fact)))
+    if distance < track.closest_m:
+        track = replace(track, closest_m=distance, closest_step=step)
+    if track.touch_step is None and world.fingers_on(track.entity):
+        track = replace(track, touch_step=step)
+    ways = [abs(now - then) for now, then in zip(_joints(privileged, fact), track.start, strict=True)]
+    travel = max(ways, default=0.0)
+    return replace(track, travel=travel) if travel > track.travel else track
+
+
+def _is_held_up(view: View, last: Step) -> bool:
+    """True if the hand was told to move during the last five steps, and hardly did."""
+    executed = view.trajectory.executed
+    if len(executed) <= SAMPLE_STEPS:
+        return False
+    if distance_m(last.end_effector, executed[-1 - SAMPLE_STEPS].end_effector) >= _HELD_UP_M:
+        return False
+    if view.control == "absolute":
+        return distance_m(last.action[:3], last.end_effector) > _PUSHING_M
+    asked = np.mean([step.action[:3] for step in executed[-SAMPLE_STEPS:]], axis=0)
+    return float(np.linalg.norm(np.clip(asked, -1.0, 1.0))) > _PUSHING
+
+
+def _touched(world: World, tracks: Iterable[Track]) -> set[str]:
+    """Names of what the robot, or an object that it holds, touches; not the held object."""
+    held = {track.entity for track in tracks if track.held}
+    names = {
+        name
+        for name in world.entities
+        if name not in world.parked and {ROBOT, GRIPPER} & set(world.contacts(name))
+    }
+    names |= {name for entity in held for name in world.contacts(entity)}
+    return names - held - {ROBOT, GRIPPER}
+
+
+# The end.
+
+
+def _row(track: Track, state: State, view: View) -> dict[str, Any]:
+    """The columns of one fact."""
+    world, solved = view.world, view.trajectory.success
+    fact = track.fact
+    satisfied = solved or (fact is not None and cast(PrivilegedWorld, world).holds(fact))
+    first = track.satisfied_step
+    away = tilt = fell = shift = None
+    if not track.part:
+        at, up = _rest(world, track.entity)
+        away = _away_m(track, world, at)
+        start = next((up for name, _, up in state.objects if name == track.entity), None)
+        tilt = None if start is None else round(_tilt_deg(up, start), 1)
+        fell = None if track.lost_step is None else _metres(track.lost_height_m - at[2])
+        shift = _metres(distance_m(np.array(at), np.array(track.rest)))
+    hinged = fact is not None and track.part and _is_hinged(cast(PrivilegedWorld, world), fact)
+    return {
+        "goal": track.entity if fact is None else " ".join(fact.words()),
+        "entity": track.entity,
+        "satisfied": satisfied,
+        "satisfied_step": view.trajectory.step if satisfied and first is None else first,
+        "closest_m": _metres(track.closest_m) if math.isfinite(track.closest_m) else None,
+        "closest_step": track.closest_step if math.isfinite(track.closest_m) else None,
+        **{name: getattr(track, name) for name in ("touch_step", "close_step", "grasp_step", "lift_step")},
+        **{name: _metres(getattr(track, name)) for name in ("close_m", "close_old_m", "lift_m", "carried_m")},
+        "above_step": track.above_step,
+        "lost_step": track.lost_step,
+        "lost_open": track.lost_open,
+        "lost_m": _metres(track.lost_m),
+        "lost_old_m": _metres(track.lost_old_m),
+        "fell_m": fell,
+        "holding": track.held and track.lifted,
+        "away_m": _metres(away),
+        "shift_m": shift,
+        "tilt_deg": tilt,
+        "travel_m": _metres(track.travel) if track.part and not hinged else None,
+        "travel_rad": _metres(track.travel) if track.part and hinged else None,
+    }
+
+
+def _still_step(executed: Sequence[Step]) -> int:
+    """Policy steps executed when the hand came to where it stayed to the end."""
+    still = len(executed)
+    for step in reversed(executed):
+        if distance_m(step.end_effector, executed[-1].end_effector) > STILL_M:
+            break
+        still -= 1
+    return still
+
+
+def _repeated(view: View) -> int:
+    """Number of answers at the end that equal the one before, to the last bit."""
+    queries = view.trajectory.queries
+    number = 0
+    for later, earlier in zip(reversed(queries), reversed(queries[:-1]), strict=False):
+        if later.actions.tobytes() != earlier.actions.tobytes():
+            break
+        number += 1
+    return number
+
+
+def _rest(world: World, name: str) -> tuple[Point, Point]:
+    """Position of an object, m, and what of it points up: the world's vertical in its frame."""
+    at, (w, x, y, z) = world.pose(name)
+    return _point(at), (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+
+
+def _tilt_deg(up: Point, start: Point) -> float:
+    """Angle between what points up of an object and what pointed up at the start, degrees."""
+    cosine = sum(one * other for one, other in zip(up, start, strict=True))
+    return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
+
+
+def _point(values: Array) -> Point:
+    return tuple(map(float, values.tolist()))
+
+
+def _metres(value: float | None) -> float | None:
+    """A length to a tenth of a millimetre, which keeps records short."""
+    return None if value is None else round(value, 4)
