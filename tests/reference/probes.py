@@ -51,7 +51,7 @@ class Lowest(Probe[float]):
 
 ## Those of every pair
 
-Their columns are fields of [an arm's record](../README.md#armrecord), and those of `stages` are in its `probes`.
+Their columns are fields of [an arm's record](../README.md#armrecord), those of `stages` are in its `probes`.
 The rules of a [diagnosis](../../report/README.md#causes) read them.
 
 {_table(STANDARD.standard)}
