@@ -40,6 +40,9 @@ DYNAMIC = "dynamic"
 BASE_AGAIN = "base_again"
 """The arm of the noise floor: Base, played a second time from the start. No program has it."""
 
+SHAM = "sham"
+"""The arm of the sham event: at the event's moment the policy is given other seeds, and nothing changes."""
+
 EVENT = "event"
 """Stands for the trigger or the change of the case's event."""
 
@@ -151,12 +154,13 @@ def _check_arm(value: Any, where: str) -> str:
     arm = require_object(value, where)
     require_keys(arm, where, {"name"}, ("schedule", "repetition", "cadence"))
     name = require_name(arm, where)
-    if name == BASE_AGAIN:
-        raise ManifestError.seen(
-            f"{where}.name",
-            name,
-            " is the arm of the noise floor. Use --libero-max-noise-floor, or another name.",
-        )
+    for taken, option in ((BASE_AGAIN, "noise-floor"), (SHAM, "sham")):
+        if name == taken:
+            raise ManifestError.seen(
+                f"{where}.name",
+                name,
+                f" is the arm that --libero-max-{option} adds. Use that option, or another name.",
+            )
     schedule = arm.get("schedule", [])
     if not isinstance(schedule, list):
         raise ManifestError(f"{where}.schedule must be a list of entries, not {type(schedule).__name__}.")

@@ -42,6 +42,21 @@ def stratified(cases: Iterable[Case], limit: int) -> tuple[Case, ...]:
     return tuple(case for case in cases if case.case_id in chosen)
 
 
+def in_share(cases: Iterable[Case], share: float, purpose: str) -> frozenset[str]:
+    """Ids of about this share of the cases, drawn by a hash of purpose and id: the same in every selection.
+
+    Args:
+        cases: The cases.
+        share: 0 to 1; at 1 all of them.
+        purpose: Name of the draw; draws of other names are independent.
+    """
+    hashed = {
+        case.case_id: hashlib.sha256(f"libero-max-{purpose}|{case.case_id}".encode()).digest()
+        for case in cases
+    }
+    return frozenset(name for name, it in hashed.items() if int.from_bytes(it[:8], "big") < share * 2**64)
+
+
 def _cell(case: Case) -> Cell:
     return case.event.name, case.event.variant, case.source, case.suite
 

@@ -1,4 +1,4 @@
-"""The empty change: what a change that cannot be scaled is at strength 0."""
+"""Changes that leave the world as it is: the empty one, and new seeds for the policy."""
 
 from __future__ import annotations
 
@@ -31,3 +31,14 @@ class Nothing(ManifestFields):
     def scaled(self, strength: float) -> Nothing:
         strength_of(self.operation, strength)
         return self
+
+
+@dataclass(frozen=True)
+class ReseedPolicy(Nothing):
+    """Leave the world as it is, and ask the policy with other seeds from the next query on.
+
+    The sham event: what changes after it, changes by the policy's own randomness. The runner sees it among
+    the entries that have happened (:meth:`pytest_libero_max.pairing.trajectory.Trajectory.reseeds`).
+    """
+
+    operation: ClassVar[str] = "reseed_policy"

@@ -12,7 +12,7 @@ from pytest_libero_max.changes.change import Change
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import Nothing, ReseedPolicy
 from pytest_libero_max.changes.pixels import CorruptPicture, SetGlare, SetSensorCorruption
 from pytest_libero_max.changes.poses import (
     InsertDistractors,
@@ -36,6 +36,7 @@ _KINDS = (
     InsertDistractors,
     InsertObstacle,
     Nothing,
+    ReseedPolicy,
     # What only source variations use.
     OrbitCamera,
     PlaceCamera,

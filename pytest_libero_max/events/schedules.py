@@ -15,6 +15,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.programs import BASE as BASE
 from pytest_libero_max.benchmark.programs import BASE_AGAIN as BASE_AGAIN
 from pytest_libero_max.benchmark.programs import DYNAMIC as DYNAMIC
+from pytest_libero_max.benchmark.programs import SHAM as SHAM
 from pytest_libero_max.benchmark.programs import (
     EVENT,
     NAME,
@@ -229,19 +230,24 @@ def _change(raw: Any, strength: float) -> Change:
     return Nothing() if strength == 0.0 else scaled
 
 
-def arms_of(case: Case, repeat_base: bool = False, strength: float = 1.0) -> tuple[Arm, ...]:
+def arms_of(
+    case: Case, repeat_base: bool = False, strength: float = 1.0, sham: bool = False
+) -> tuple[Arm, ...]:
     """Return the arms of a case: Base, in which nothing happens, Dynamic, and those that its program adds.
 
     Args:
         case: The case. Without a program, its event happens in Dynamic.
         repeat_base: True to play Base a second time from the start, for the noise floor.
         strength: Share of every change, see :func:`change_of`.
+        sham: True for one more arm, in which the policy is given other seeds when the first entry of Dynamic
+            would happen, and the world stays as it is.
 
     Raises:
         ManifestError: The program is malformed.
         ChangeError: A change is malformed, or cannot be scaled to this strength.
     """
-    again = (Arm(BASE_AGAIN, repetition=1),) if repeat_base else ()
+    from pytest_libero_max.changes.nothing import ReseedPolicy
+
     spelled = () if case.program is None else case.program.arms
     where = "" if case.program is None else f"program {case.program.name!r}"
     arms = {
@@ -249,7 +255,9 @@ def arms_of(case: Case, repeat_base: bool = False, strength: float = 1.0) -> tup
     }
     base = arms.pop(BASE, Arm(BASE))
     dynamic = arms.pop(DYNAMIC, None) or Arm(DYNAMIC, (Entry(trigger_of(case), change_of(case, strength)),))
-    return (base, dynamic, *arms.values(), *again)
+    shams = (Arm(SHAM, (Entry(dynamic.schedule[0].trigger, ReseedPolicy()),)),) if sham else ()
+    again = (Arm(BASE_AGAIN, repetition=1),) if repeat_base else ()
+    return (base, dynamic, *arms.values(), *shams, *again)
 
 
 def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:

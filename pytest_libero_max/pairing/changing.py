@@ -72,11 +72,14 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
         ProtocolError: The change left the world bit for bit as it was.
         ChangeError: It does not fit this world.
     """
+    if isinstance(change, Nothing):
+        cameras = spec.cameras if spec else ()
+        return Applied(change, change.apply(alterable(world)), dict.fromkeys(cameras, 0.0))
     cameras, size = (spec.cameras, spec.image_size) if spec else ((), 1)
     images = _look(world, cameras, size)
     before = world.digest()
     evidence = change.apply(alterable(world))
-    if world.digest() == before and not isinstance(change, Nothing):
+    if world.digest() == before:
         raise ProtocolError(
             f"{item_id}: {change.operation} left the world bit for bit as it was, so the arm would equal the "
             "one without it. Its parameters describe no change; repair the manifest."

@@ -120,7 +120,7 @@ def require_same_answer(result: QueryResult, stage: Stage) -> None:
         AdapterError: A policy with ``snapshot`` answers differently.
     """
     with stage.clock("asked_again_s"):
-        again = stage.ask(stage.query(result.index, result.step))
+        again = stage.ask(stage.query(result.index, result.step, result.reseeds))
     if not stage.spec.repeatable or again.actions.tobytes() == result.actions.tobytes():
         return
     where = (

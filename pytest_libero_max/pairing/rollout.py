@@ -10,7 +10,7 @@ are asked. The runner, a batch of pairs and the environment for other loops all 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -292,11 +292,12 @@ class Rollout:
             # Before its first query a policy may not have a memory to copy yet.
             memory = Memory.of(stage.policy) if index else None
             self._kept = (stage.world.snapshot(), trajectory.digest, memory)
-        return stage.query(index, trajectory.step)
+        return stage.query(index, trajectory.step, trajectory.reseeds)
 
     def _take(self, result: QueryResult) -> None:
         """Go on with a checked answer to the query that is due."""
         result.actions.setflags(write=False)
+        result = replace(result, reseeds=self.trajectory.reseeds) if self.trajectory.reseeds else result
         if self._kept is not None:
             self.recorded = RecordedQuery(result, *self._kept)
         self._due = self._kept = None

@@ -119,9 +119,9 @@ class Stage:
             + ("Play without one of them to see which it was." if suspects[1:] else "Repair the probe.")
         )
 
-    def query(self, index: int, step: int) -> Query:
-        """Return the query of that number in the episode, from 0, after so many policy steps."""
-        return Query(index, step, self.instruction, query_seed(self.case.policy_seed, index))
+    def query(self, index: int, step: int, reseeds: int = 0) -> Query:
+        """Return the query of that number in the episode, from 0, after so many policy steps and new seeds."""
+        return Query(index, step, self.instruction, query_seed(self.case.policy_seed, index, reseeds))
 
     def ask(self, query: Query) -> QueryResult:
         """Show the policy the world as it is now and return its checked answer.

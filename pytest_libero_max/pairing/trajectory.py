@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.changes.nothing import ReseedPolicy
 from pytest_libero_max.events.schedules import Entry
 from pytest_libero_max.pairing.changing import Applied
 from pytest_libero_max.policies.check import Actions
@@ -66,12 +67,14 @@ class QueryResult:
         step: Policy steps executed before it.
         actions: (n, 7), Q <= n <= H.
         notes: Counts of a wrapper around the policy at the query, by name; None where it counts nothing.
+        reseeds: Number of times that the policy was given new seeds before it.
     """
 
     index: int
     step: int
     actions: Actions
     notes: Mapping[str, int] | None = None
+    reseeds: int = 0
 
     @property
     def is_asked(self) -> bool:
@@ -156,6 +159,11 @@ class Trajectory:
     def proof(self) -> str:
         """The last link of the hash chain, hexadecimal."""
         return self.link.hex()
+
+    @property
+    def reseeds(self) -> int:
+        """Number of times that the policy was given new seeds."""
+        return sum(isinstance(firing.applied.change, ReseedPolicy) for firing in self.firings)
 
     @property
     def queued(self) -> int:

@@ -274,6 +274,13 @@ OPTIONS = (
         read.positive,
     ),
     Option(
+        "sham",
+        "SHARE",
+        "Share of the pairs, 0 to 1, that also play a sham event: at the event's moment the policy is given other "
+        "seeds and nothing changes. Its losses say how much of the losses is the policy's own chance",
+        read.fraction,
+    ),
+    Option(
         "gate",
         "CONDITION",
         "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated",
@@ -399,6 +406,7 @@ class Settings:
     order: Order
     stop: NamedRule | None
     noise_floor: int | None
+    sham: float | None
     gate: tuple[Gate, ...]
     query_timeout: float | None
     step_timeout: float | None
@@ -443,6 +451,7 @@ class Settings:
         return {
             "prefix": self.prefix,
             "noise_floor": self.noise_floor,
+            **({} if self.sham is None else {"sham": self.sham}),
             **({} if self.strength == 1.0 else {"strength": self.strength}),
             **({} if self.study is None else {"study": self.study.to_dict()}),
             **(

@@ -134,7 +134,7 @@ def _measure(
         policy,
         PairSettings(settings.prefix, fingerprints, process.watchdog, probes_called(settings.probe)),
         process.enter,
-        _arms(case, policy, settings, repeat_base=case.item_id in noise_cases_of(request.config)),
+        _arms(case, policy, request.config),
     )
     if settings.study is not None:
         settings.study.check(pair)
@@ -147,11 +147,15 @@ def _timed(pair: Pair, seconds: Mapping[str, float]) -> Pair:
     return replace(pair, record=structs.replace(pair.record, timings=dict(sorted(timings.items()))))
 
 
-def _arms(case: Case, policy: Policy, settings: Settings, repeat_base: bool) -> tuple[Arm, ...]:
-    """Return the arms of a case: those of the pair, and those of the study."""
+def _arms(case: Case, policy: Policy, config: pytest.Config) -> tuple[Arm, ...]:
+    """Return the arms of a case: those of the pair, the noise floor's, the sham's, and those of the study."""
+    from pytest_libero_max.benchmark.sampling import in_share
     from pytest_libero_max.events.schedules import arms_of
 
-    pair = arms_of(case, repeat_base, settings.strength)
+    settings = settings_of(config)
+    repeat_base = case.item_id in noise_cases_of(config)
+    sham = bool(in_share((case,), settings.sham or 0.0, "sham"))
+    pair = arms_of(case, repeat_base, settings.strength, sham)
     if settings.study is None:
         return pair
     return (*pair, *settings.study.arms(case, policy.spec, settings.strength))

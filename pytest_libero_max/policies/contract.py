@@ -286,9 +286,16 @@ class BatchPolicy(Policy, Protocol):
         ...
 
 
-def query_seed(policy_seed: int, index: int) -> int:
-    """Seed of a query, 0 to 2**32 - 1: the first four bytes of SHA-256 of ``libero-max-query|seed|index``."""
-    digest = hashlib.sha256(f"libero-max-query|{policy_seed}|{index}".encode()).digest()
+def query_seed(policy_seed: int, index: int, reseeds: int = 0) -> int:
+    """Seed of a query, 0 to 2**32 - 1: the first four bytes of SHA-256 of ``libero-max-query|seed|index``.
+
+    Args:
+        policy_seed: Seed of the case.
+        index: Number of the query in the episode, from 0.
+        reseeds: Number of times that the policy was given new seeds before it; ends the text if not 0.
+    """
+    again = f"|{reseeds}" if reseeds else ""
+    digest = hashlib.sha256(f"libero-max-query|{policy_seed}|{index}{again}".encode()).digest()
     return int.from_bytes(digest[:4], "big")
 
 

@@ -153,6 +153,7 @@ class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
     NOUN: ClassVar[str] = "provenance.protocol"
 
     noise_floor: Positive | None = None
+    sham: Share | None = None
     strength: Share | None = None
     study: Object | None = None
     program: Object | None = None

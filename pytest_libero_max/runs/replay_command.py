@@ -43,6 +43,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options += [("strength", provenance["protocol"].get("strength"))]
     options += [("study", study.get("name")), ("cadence", study.get("settings"))]
     options += [(name, policy.get(name)) for name in ("restore", "adaptive")]
+    options.append(("sham", provenance["protocol"].get("sham")))
     options += _noise_floor(provenance)
     options.append(("output", OUTPUT))
     return ["pytest", *(f"--libero-max-{name}={value}" for name, value in options if value is not None), "-k"]
