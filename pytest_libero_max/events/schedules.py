@@ -15,7 +15,6 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.programs import BASE as BASE
 from pytest_libero_max.benchmark.programs import BASE_AGAIN as BASE_AGAIN
 from pytest_libero_max.benchmark.programs import DYNAMIC as DYNAMIC
-from pytest_libero_max.benchmark.programs import SHAM as SHAM
 from pytest_libero_max.benchmark.programs import (
     EVENT,
     NAME,
@@ -23,6 +22,7 @@ from pytest_libero_max.benchmark.programs import (
     check_entry,
     parse_program,
 )
+from pytest_libero_max.benchmark.programs import SHAM as SHAM
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.triggers import StepsAfter, Trigger, trigger_from_dict
 

@@ -120,7 +120,7 @@ class Stage:
         )
 
     def query(self, index: int, step: int, reseeds: int = 0) -> Query:
-        """Return the query of that number in the episode, from 0, after so many policy steps and new seeds."""
+        """Return the query of that number, from 0, after so many policy steps and new seeds."""
         return Query(index, step, self.instruction, query_seed(self.case.policy_seed, index, reseeds))
 
     def ask(self, query: Query) -> QueryResult:

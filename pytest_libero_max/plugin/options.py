@@ -276,8 +276,8 @@ OPTIONS = (
     Option(
         "sham",
         "SHARE",
-        "Share of the pairs, 0 to 1, that also play a sham event: at the event's moment the policy is given other "
-        "seeds and nothing changes. Its losses say how much of the losses is the policy's own chance",
+        "Share of the pairs, 0 to 1, that also play a sham event: at the event's moment the policy is given "
+        "other seeds, and nothing changes. What is lost then is lost by the policy's own chance",
         read.fraction,
     ),
     Option(

@@ -110,6 +110,24 @@ class Bootstraps(Bootstrap, frozen=True, kw_only=True):
     by_source: Bootstrap
 
 
+class MeanDifference(Block, frozen=True, kw_only=True):
+    """A mean of paired differences of success with its interval.
+
+    Attributes:
+        count: Successes of the one without the other, less those of the other without the one.
+        of: Pairs.
+        value: count / of, -1 to 1.
+        lower: Lower end of the melded exact 95% interval, which takes all pairs as independent.
+        upper: Upper end of the melded exact 95% interval.
+    """
+
+    count: int
+    of: Count
+    value: Difference | None
+    lower: Difference | None
+    upper: Difference | None
+
+
 class Change(Block, frozen=True, kw_only=True):
     """A paired change with its intervals.
 

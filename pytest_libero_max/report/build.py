@@ -31,6 +31,7 @@ from pytest_libero_max.report.document import (
     Stop,
 )
 from pytest_libero_max.report.measured import number, outcomes_of, rate_of, ratio_of, result_of
+from pytest_libero_max.report.sham import sham_of
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.studies.study import study_of
 from pytest_libero_max.runs.outcomes import columns_of
@@ -134,6 +135,7 @@ def build_report(
         caveats=caveats_of(played[pair.case_id] for pair in measured),
         overall=result_of(overall, len(planned)),
         noise_floor=_noise_floor(played.values()),
+        sham=sham_of(played.values()),
         clipped_actions=_clipped_actions(played.values()),
         by={
             name: {label: result_of(result, total) for label, (result, total) in group.items()}

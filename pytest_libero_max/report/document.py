@@ -9,6 +9,7 @@ from pytest_libero_max.report.blocks import (
     Change,
     Count,
     Difference,
+    MeanDifference,
     Outcomes,
     Positive,
     Rate,
@@ -188,6 +189,26 @@ class NoiseFloor(Block, frozen=True, kw_only=True):
     identical: Ratio
 
 
+class Sham(Block, frozen=True, kw_only=True):
+    """A sham event on some pairs: the policy was given other seeds at the event's moment, nothing changed.
+
+    Attributes:
+        pairs: Pairs in which it was played.
+        identical: Pairs in which the rollout stayed that of Base, bit for bit.
+        lost: Base successes that fail after the sham event.
+        gained: Base failures that succeed after it.
+        event_lost: Base successes of the same pairs that fail in Dynamic.
+        beyond: Success in Dynamic less success after the sham event, over the same pairs.
+    """
+
+    pairs: Positive
+    identical: Ratio
+    lost: Rate
+    gained: Rate
+    event_lost: Rate
+    beyond: MeanDifference
+
+
 class ClippedActions(Block, frozen=True, kw_only=True):
     """Action components outside [-1, 1], which the controller clips.
 
@@ -284,6 +305,8 @@ class Report(Block, frozen=True, kw_only=True):
         overall: The result over all played pairs.
         noise_floor: Base played twice on some cases: how often the second ended otherwise, and how often it
             was the same bit for bit.
+        sham: A sham event on some pairs, whose losses are the policy's own chance; None where none was
+            played.
         clipped_actions: Action components outside [-1, 1], which the controller clips; None where the records
             do not say.
         by: Results by group, for eight ways of grouping: event, family, suite, source, category (source and
@@ -312,6 +335,7 @@ class Report(Block, frozen=True, kw_only=True):
     caveats: list[Caveat]
     overall: Result
     noise_floor: NoiseFloor | None
+    sham: Sham | None = None
     clipped_actions: ClippedActions | None
     by: dict[str, dict[str, Result]]
     category_by_event: dict[str, dict[str, Cell]]

@@ -249,3 +249,36 @@ def test_the_noise_floor_shows_a_policy_that_does_not(
     run("-k", "camera_shift", "--libero-max-noise-floor=16", policy="noisy.py")
     noise = results()[1]["noise_floor"]
     assert noise["identical"]["count"] < noise["identical"]["of"] == 2
+
+
+def test_a_sham_event_shows_what_is_lost_by_chance(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(
+        seeded="""
+        import numpy as np
+        from pytest_libero_max import PolicySpec
+
+        class Seeded:
+            spec = PolicySpec("seeded", cameras=())
+
+            def reset(self, episode):
+                pass
+
+            def predict(self, observation, query):
+                action = np.random.default_rng(query.seed).uniform(-0.1, 0.1, (1, 7))
+                action[0, :3] += (np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]) / 0.05
+                return np.clip(action, -1, 1)
+
+        policy = Seeded
+        """
+    )
+    result = run("-k", "v0", "--libero-max-sham=1", policy="seeded.py")
+    sham = results()[1]["sham"]
+    assert sham["pairs"] == 8
+    assert sham["identical"]["count"] == 0
+    result.stdout.fnmatch_lines(["Sham event: other seeds alone * lost *"])
+    run("-k", "v0", "--libero-max-sham=1", "--libero-max-output=again", policy="seeded.py")
+    assert results("again")[1]["sham"] == sham
+    run("-k", "v0", "--libero-max-sham=1", "--libero-max-output=fixed")
+    assert results("fixed")[1]["sham"]["identical"] == {"count": 8, "of": 8, "value": 1.0}

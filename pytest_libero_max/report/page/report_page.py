@@ -21,6 +21,7 @@ from pytest_libero_max.report.page.document import document
 from pytest_libero_max.report.page.events import events_section
 from pytest_libero_max.report.page.markup import Viewed, figure, listed, note, table
 from pytest_libero_max.report.page.origin import origin_rows
+from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.document import Study
 from pytest_libero_max.report.studies.study_figures import study_figures
@@ -183,6 +184,9 @@ def _coverage(report: Report) -> str:
     noise, clipping = noise_text(report), clipping_text(report)
     if noise is not None:
         groups += f"<p>Noise floor, Base played twice: {escape(noise)}</p>"
+    sham = sham_text(report)
+    if sham is not None:
+        groups += f"<p>{SHAM_TITLE}: {escape(sham)}</p>"
     return groups if clipping is None else f"{groups}<p>{escape(clipping)}</p>"
 
 

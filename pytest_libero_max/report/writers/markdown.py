@@ -11,6 +11,7 @@ from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.document import Study
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
@@ -87,6 +88,9 @@ def _quantities(report: Report) -> list[tuple[str, str]]:
     noise = noise_text(report)
     if noise is not None:
         rows.append(("Noise floor: Base played twice", noise))
+    sham = sham_text(report)
+    if sham is not None:
+        rows.append((SHAM_TITLE, sham))
     return rows
 
 

@@ -11,6 +11,7 @@ from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.document import Caveat, PairCounts, Report
 from pytest_libero_max.report.formats import count_text, rate_text
+from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.studies.study_tables import study_lines
 
 ALL_PAIRS = "all pairs"
@@ -123,7 +124,11 @@ def _caveat_lines(caveats: Sequence[Caveat]) -> list[str]:
 
 def _noise_lines(report: Report) -> list[str]:
     text = noise_text(report)
-    return [] if text is None else [f"{'Noise floor: Base played twice':<32}{text}"]
+    lines = [] if text is None else [f"{'Noise floor: Base played twice':<32}{text}"]
+    sham = sham_text(report)
+    if sham is not None:
+        lines += wrap(f"{SHAM_TITLE:<32}{sham}", 100, subsequent_indent=" " * 32)
+    return lines
 
 
 def _clipping_lines(report: Report) -> list[str]:
