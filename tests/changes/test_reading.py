@@ -39,6 +39,7 @@ VALID: dict[str, Json] = {
     "insert_distractors": {"distractor_count": 1, "placements": [PLACEMENT]},
     "insert_obstacle": {**PLACEMENT, "placement_rule": "target_support_approach_ring"},
     "nothing": {},
+    "reseed_policy": {},
     "orbit_camera": {
         "camera": "agentview",
         "pivot_m": [0.0, 0.0, 0.8],
