@@ -1,1 +1,1 @@
-"""A run on disk: the durable pairs, and everything that is computed from them."""
+"""The report of a run: everything that is computed from its records."""

@@ -86,7 +86,7 @@ def build_report(
             is named, and counts as played.
         planned_cases: Every assigned case.
         provenance: See :func:`~pytest_libero_max.runs.provenance.collect`.
-        stopped: Why the run was stopped, if it was.
+        stopped: Reason the run was stopped; None where it was not.
 
     Raises:
         ReportError: A pair occurs twice or was never planned, or the records are of several policies.
@@ -241,14 +241,14 @@ def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> 
 
 
 def group_order(dimension: str, name: str) -> tuple[int, str]:
-    """Events, their variants and families in the benchmark's order, everything else by name."""
+    """Return the sort key of a group: events and families in the benchmark's order, all else by name."""
     ranked = {"event": [*EVENTS], "variant": [*EVENTS], "family": [*families()]}.get(dimension, [])
     key = name.partition("-")[0]
     return (ranked.index(key) if key in ranked else len(ranked)), name
 
 
 def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> dict[str, Extremes]:
-    """By source: the category of lowest Base success and the one of largest loss, the first among equals."""
+    """Return by source the categories of lowest Base success and of largest loss, the first among equals."""
     sources: dict[str, dict[str, Outcomes]] = {}
     for name, (result, _) in categories.items():
         if result.outcomes.total:

@@ -28,12 +28,12 @@ _INSERTIONS = ("distractor_burst", "obstacle_insertion")
 
 @dataclass(frozen=True)
 class Rule:
-    """One thing to know.
+    """A caveat and the pairs that it concerns.
 
     Attributes:
         name: Stable key.
-        concerns: Whether it concerns a pair.
-        text: What is the case with the pairs concerned, as a sentence.
+        concerns: Returns True for a pair that it concerns.
+        text: The caveat as a sentence about these pairs.
     """
 
     name: str
@@ -47,7 +47,7 @@ def _semantics(record: PairRecord) -> str | None:
 
 
 def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
-    """Pairs on a genuine scene that LIBERO-Plus or LIBERO-PRO varied itself."""
+    """Return a test for pairs on a genuine scene that LIBERO-Plus or LIBERO-PRO varied itself."""
 
     def concerns(record: PairRecord) -> bool:
         same = (record.source, record.source_category) == (source, category)
@@ -57,12 +57,12 @@ def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
 
 
 def _own_variation(record: PairRecord) -> bool:
-    """True for a pair on a genuine scene that a variation of this package's was applied to."""
+    """Return True for a pair on a genuine scene with a variation of this package."""
     return record.source != "libero" and record.fingerprints.get("source_variations") == "own"
 
 
 def _genuine(record: PairRecord) -> bool:
-    """True for a pair on scenes of an installed package, which says in which of two ways it plays events."""
+    """Return True for a pair on scenes of an installed package, which has two ways to play events."""
     return "semantics" in record.fingerprints
 
 
@@ -71,7 +71,7 @@ def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
 
 
 def _programmed(record: PairRecord) -> bool:
-    """Pairs of a case with a program of its own, or one that was laid over it: its name ends their ids."""
+    """Return True for a pair with a program of its own or one laid over it: its name ends their ids."""
     return _PROGRAM.search(record.item_id) is not None
 
 
@@ -157,7 +157,7 @@ RULES = (
 
 
 def caveats_of(records: Iterable[PairRecord]) -> list[Caveat]:
-    """The rules that concern a pair, with how many they concern; in the order of :data:`RULES`."""
+    """Return the rules that concern a pair, with how many they concern; in the order of :data:`RULES`."""
     pairs = list(records)
     counts = {rule: sum(map(rule.concerns, pairs)) for rule in RULES}
     return [
@@ -168,5 +168,5 @@ def caveats_of(records: Iterable[PairRecord]) -> list[Caveat]:
 
 
 def caveat_text(caveat: Caveat) -> str:
-    """A caveat as one paragraph, the number of pairs first."""
+    """Return a caveat as one paragraph, the number of pairs first."""
     return f"{caveat.pairs} of {caveat.played} pairs: {caveat.text}"

@@ -29,20 +29,19 @@ Table = Literal["summary", "groups", "narrow", "coverage", "given_response"]
 """The tables of a report.
 
 ``summary``: every quantity of the whole run, one a row. ``groups``: one row a group, for pages.
-``narrow``: one row a group, for the terminal and LaTeX. ``coverage``: how often events fired and what came
-after, one row an event. ``given_response``: results over the pairs with a query after the event, one row an
-event.
+``narrow``: one row a group, for the terminal and LaTeX. ``coverage``: trigger and response coverage, one row
+an event. ``given_response``: results over the pairs with a query after the event, one row an event.
 """
 
 
 @dataclass(frozen=True)
 class Line:
-    """Where a quantity stands in the terminal summary.
+    """Place of a quantity in the terminal summary.
 
     Attributes:
         title: Beginning of the line. Columns with the same title share a line, in the order of the table.
-        mark: What stands before the value, for all but the first quantity of a line.
-        short: Whether the value is printed as in narrow tables.
+        mark: Text before the value, for all but the first quantity of a line.
+        short: True to print the value as in narrow tables.
     """
 
     title: str
@@ -63,8 +62,8 @@ class Column(Generic[T]):
         value: Returns the quantity of a row.
         format: Way in which it is printed.
         heading: Heading in narrow tables; the title where it is empty.
-        tables: In which tables it stands. CSV files hold every column.
-        line: Where it stands in the terminal summary, None where it does not.
+        tables: Tables that have it. CSV files hold every column.
+        line: Place in the terminal summary; None for none.
         gate: Name as a quantity of gates; the key where it is empty, None where no gate can ask for it.
         width: Characters of the column in the terminal's narrow table.
     """
@@ -80,19 +79,19 @@ class Column(Generic[T]):
     width: int = 8
 
     def long(self, row: Result) -> str:
-        """The cell in a wide table."""
+        """Return the cell in a wide table."""
         return self.format.long(self.value(row))
 
     def short(self, row: Result) -> str:
-        """The cell in a narrow table."""
+        """Return the cell in a narrow table."""
         return self.format.short(self.value(row))
 
     def latex(self, row: Result) -> str:
-        """The cell in a LaTeX table."""
+        """Return the cell in a LaTeX table."""
         return self.format.latex(self.value(row))
 
     def numbers(self, row: Result) -> dict[str, float | None]:
-        """The bare numbers by name, as in CSV files."""
+        """Return the bare numbers by name, as in CSV files."""
         return {self.key + end: number for end, number in self.format.numbers(self.value(row)).items()}
 
     @property
@@ -195,11 +194,11 @@ COLUMNS: tuple[Column[Any], ...] = (
 
 
 def columns_in(table: Table) -> tuple[Column[Any], ...]:
-    """The columns of a table, in their order."""
+    """Return the columns of a table, in their order."""
     return tuple(column for column in COLUMNS if table in column.tables)
 
 
 def headings(table: Table) -> tuple[str, ...]:
-    """The headings of a table's columns, short where the table is narrow or its title says the rest."""
+    """Return the headings of a table, short where it is narrow or its title says the rest."""
     short = table in ("narrow", "given_response")
     return tuple(column.short_heading if short else column.title for column in columns_in(table))

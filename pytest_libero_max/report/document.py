@@ -25,7 +25,7 @@ REPORT_VERSION: Final = 3
 
 
 class Stop(Block, frozen=True, kw_only=True):
-    """Why a run was stopped before every planned pair was played.
+    """Reason a run was stopped before every planned pair was played.
 
     Attributes:
         reason: For people, without a period.
@@ -88,7 +88,7 @@ class PairCounts(Block, frozen=True, kw_only=True):
         unsupported: Pairs of suites that the policy declares it does not support. They are not among the
             planned ones: neither played nor failed.
         unsupported_suites: The suites of these pairs.
-        stopped: Why the run was stopped before every planned pair was played; None where it was not.
+        stopped: Reason the run was stopped before every planned pair was played; None where it was not.
     """
 
     planned: Count
@@ -148,7 +148,7 @@ class Headline(Block, frozen=True, kw_only=True):
 
     Attributes:
         status: complete where every planned pair was played; otherwise withheld, and the rates are None.
-        reason: Why the rates are withheld; None where they are not.
+        reason: Reason the rates are withheld; None where they are not.
         base_success: Base success rate.
         dynamic_success: Dynamic success rate.
         paired_change: Mean of Dynamic less Base success.
@@ -321,8 +321,8 @@ class Report(Block, frozen=True, kw_only=True):
         study: Results of the study of the run; None for a run of no study.
         sections: Tables that hooks of the user's own have added: titles with names and values. Not computed
             from the pairs.
-        statements: What these numbers do not show: sentences by a stable key.
-        methods: How the numbers are computed, a sentence each.
+        statements: Limits of these numbers: sentences by a stable key.
+        methods: Methods by which the numbers are computed, a sentence each.
         provenance: Everything that could change a result, as the header of pairs.jsonl has it.
     """
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 GATE_FAILED = 10
-"""Exit status of a complete run of which a gate does not hold."""
+"""Exit status of a complete run in which a gate does not hold."""
 
 INCOMPLETE = 11
 """Exit status of a run with an invalid pair, with a missing pair that no stopping rule left out, or with a
@@ -17,7 +17,7 @@ report that could not be written."""
 
 
 def ended_as_declared(pairs: PairCounts) -> bool:
-    """True if all pairs of a run are measured, or all but those that its stopping rule left out.
+    """Return True if all pairs of a run are measured, or all but those that its stopping rule left out.
 
     Args:
         pairs: ``pairs`` of a report.

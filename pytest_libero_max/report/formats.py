@@ -1,4 +1,4 @@
-"""How a number of a report is printed: one format a kind of quantity, the same in every writer."""
+"""Formats of the numbers of a report: one format a kind of quantity, the same in every writer."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ class Scale:
     """The values that a kind of quantity can have.
 
     Attributes:
-        name: What it is, with its article.
+        name: Name with its article.
         least: Smallest value.
         most: Largest value, None where there is none.
-        whole: Whether all values are whole numbers.
-        percent: Whether a percentage makes sense.
+        whole: True if all values are whole numbers.
+        percent: True if a percentage makes sense.
     """
 
     name: str
@@ -78,14 +78,14 @@ AMOUNT = Scale("a number of at least 0", 0, None, percent=False)
 
 
 class Format(Protocol[T_contra]):
-    """How one kind of quantity is printed.
+    """Format of one kind of quantity.
 
     ``value`` is the quantity in the report: a number, or a block with a number, its counts and its interval.
     A number that does not exist is None there.
     """
 
     has_interval: ClassVar[bool]
-    """Whether there are ``lower`` and ``upper`` ends."""
+    """True if there are ``lower`` and ``upper`` ends."""
 
     @property
     def scale(self) -> Scale:
@@ -101,7 +101,7 @@ class Format(Protocol[T_contra]):
         """For a LaTeX table whose caption says percent and percentage points."""
 
     def numbers(self, value: T_contra) -> dict[str, float | None]:
-        """The bare numbers by the end of their name: ``""`` for the estimate, ``_lower`` and ``_upper``."""
+        """Return the bare numbers by the end of their name: ``""`` (estimate), ``_lower`` and ``_upper``."""
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ class Number:
 
 @dataclass(frozen=True)
 class PairCount:
-    """How many pairs were played, and of how many planned where one is missing."""
+    """Number of played pairs, and of planned ones where one is missing."""
 
     has_interval: ClassVar[bool] = False
 
@@ -294,21 +294,21 @@ class PValue:
 
 
 def rate_text(rate: CountedEstimate) -> str:
-    """A rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
+    """Return a rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
     if rate.value is None:
         return f"n/a  {count_text(rate)}"
     return f"{percent(rate.value)} {interval_text(rate)}  {count_text(rate)}"
 
 
 def change_text(change: Estimate) -> str:
-    """A paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
+    """Return a paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
     if change.value is None:
         return "n/a"
     return f"{points(change.value)} pp {interval_text(change, signed=True)}"
 
 
 def interval_text(value: Ends, signed: bool = False) -> str:
-    """An interval in percent."""
+    """Return an interval in percent."""
     if value.lower is None or value.upper is None:
         return "n/a"
     sign = "+" if signed else ""
@@ -316,28 +316,28 @@ def interval_text(value: Ends, signed: bool = False) -> str:
 
 
 def percent(value: float | None) -> str:
-    """A rate as a percentage with one decimal."""
+    """Return a rate as a percentage with one decimal."""
     return "n/a" if value is None else f"{100 * value:.1f}%"
 
 
 def points(value: float | None) -> str:
-    """A difference of rates in percentage points, with its sign."""
+    """Return a difference of rates in percentage points, with its sign."""
     return "n/a" if value is None else f"{100 * value:+.1f}"
 
 
 def count_text(ratio: Counted) -> str:
-    """A count over its denominator, for example ``3/8``."""
+    """Return a count over its denominator, for example ``3/8``."""
     return f"{ratio.count}/{ratio.of}"
 
 
 def p_text(test: McNemar) -> str:
-    """A p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
+    """Return a p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
     log10_p = test.log10_p_value
     return "n/a" if log10_p is None else f"p = {p_number(log10_p)}"
 
 
 def p_number(log10_p: float) -> str:
-    """A p-value from its decimal logarithm."""
+    """Return a p-value from its decimal logarithm."""
     if log10_p >= -3:
         return f"{10**log10_p:.3f}"
     exponent = math.floor(log10_p)

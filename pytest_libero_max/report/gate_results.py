@@ -1,4 +1,4 @@
-"""Gates decided on a run's folder, and how their verdicts are said."""
+"""Gates decided on a run's folder, and the text of their verdicts."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def require_usable(gates: Sequence[Gate], pairs: Iterable[PlannedPair], folder: 
     """Refuse gates that could not be decided whatever a run measures. Called before anything is played.
 
     Args:
-        gates: What :func:`~pytest_libero_max.report.gates.parse_gates` returned.
+        gates: Result of :func:`~pytest_libero_max.report.gates.parse_gates`.
         pairs: All pairs of the track or manifest, also those left out of the run.
-        folder: Where the run is, or will be.
-        start: What relative paths of other runs in the gates are relative to.
+        folder: Folder of the run, which need not exist yet.
+        start: Folder from which relative paths of other runs in the gates start.
 
     Raises:
         OptionError: A gate names a group that no pair is of, another run that cannot be read, or the run
@@ -51,9 +51,9 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
     """Decide gates on the run in ``folder``.
 
     Args:
-        gates: What :func:`~pytest_libero_max.report.gates.parse_gates` returned.
+        gates: Result of :func:`~pytest_libero_max.report.gates.parse_gates`.
         folder: Folder of the run, or its ``pairs.jsonl``.
-        start: What relative paths of other runs in the gates are relative to.
+        start: Folder from which relative paths of other runs in the gates start.
 
     Raises:
         ReportError: The run itself cannot be read. Another run that cannot makes its gates undecidable.
@@ -66,7 +66,7 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
 
 
 def gate_lines(results: Sequence[GateResult]) -> list[str]:
-    """What the terminal says of gates: one line each."""
+    """Return the lines on gates for the terminal, one each."""
     marks = {"passed": "pass", "failed": "FAIL", "undecidable": "FAIL"}
     return [f"gate {marks[result.verdict]}  {result.reason}" for result in results]
 
@@ -81,7 +81,7 @@ def github_annotations(results: Sequence[GateResult]) -> list[str]:
 
 
 def _against(stored: StoredRun, other: Path) -> SuccessContrast | str:
-    """The contrast of Dynamic success, the other run first; or why there is none."""
+    """Return the contrast of Dynamic success, the other run first; or why there is none."""
     try:
         baseline = read_pairs(_folder(other))
         common = common_cases({"baseline": baseline, "now": stored})
@@ -95,7 +95,7 @@ def _against(stored: StoredRun, other: Path) -> SuccessContrast | str:
 
 
 def _folder(path: Path) -> Path:
-    """The folder of a run that may be named by one of its files."""
+    """Return the folder of a run that may be named by one of its files."""
     return path.parent if path.name in (REPORT_NAME, PAIRS_NAME, PACKED_PAIRS_NAME) else path
 
 

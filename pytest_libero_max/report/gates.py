@@ -83,9 +83,9 @@ class Gate:
         name: The quantity, without scope and end.
         scope: Dimension and group, or None for the whole run.
         end: ``lower`` or ``upper`` end of the interval, or None for the estimate.
-        run: Where the other run lies, for a quantity against another run.
+        run: Folder of the other run, for a quantity against another run.
         operator: One of :data:`OPERATORS`.
-        threshold: What the quantity is compared with, exactly as written.
+        threshold: Number that the quantity is compared with, exactly as written.
     """
 
     text: str
@@ -99,7 +99,7 @@ class Gate:
 
 @dataclass(frozen=True)
 class GateResult:
-    """What became of a gate.
+    """Verdict on a gate.
 
     Attributes:
         value: The quantity's value; None where it is undecidable.
@@ -148,7 +148,7 @@ def parse_gate(text: str) -> Gate:
 
 
 def scale_of(name: str) -> Scale:
-    """The values that a quantity can have."""
+    """Return the values that a quantity can have."""
     if name in VERSUS:
         return VERSUS[name][1]
     if name == WHOLE_TRACK:
@@ -202,8 +202,8 @@ def evaluate_gate(
     """Decide a gate. Pure: reads nothing but its arguments.
 
     Args:
-        gate: What :func:`parse_gate` returned.
-        report: What :func:`~pytest_libero_max.report.build.build_report` returned.
+        gate: Result of :func:`parse_gate`.
+        report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         contrasts: For each ``run`` that gates name, the contrast of Dynamic success with that run first and
             this one second, as in ``compare_runs(...).contrasts``; or why there is none.
     """

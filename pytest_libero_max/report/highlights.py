@@ -1,4 +1,4 @@
-"""What stands out in a report: macro averages, extreme categories and the largest split, as rows of text."""
+"""Highlights of a report: macro averages, extreme categories and the largest split, as rows of text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NOTE = (
 
 
 def highlight_rows(report: Report) -> list[tuple[str, str, str]]:
-    """Rows of (what, where, value); a row says so where there is nothing to name."""
+    """Return rows of quantity, group and value; a row without a group says so."""
     return [*_macro(report), *_extremes(report), _split(report)]
 
 

@@ -1,4 +1,4 @@
-"""Statistics as blocks of the report: the one place that says which number goes into which field."""
+"""Statistics as blocks of the report: the one place that assigns numbers to fields."""
 
 from __future__ import annotations
 

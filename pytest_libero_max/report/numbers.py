@@ -1,4 +1,4 @@
-"""The main numbers of a report under flat names, as trackers of experiments want them."""
+"""The main numbers of a report under flat names, for experiment trackers."""
 
 from __future__ import annotations
 

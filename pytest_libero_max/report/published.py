@@ -1,4 +1,4 @@
-"""Results published for the genuine substrate: reference rows beside one's own, never mixed with them."""
+"""Published results on the genuine substrate: reference rows beside one's own, never mixed with them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class PublishedPolicy:
 
 
 def published_policies() -> tuple[PublishedPolicy, ...]:
-    """The fourteen policies in the order of the paper's main table."""
+    """Return the fourteen policies in the order of the paper's main table."""
     text = resources.files("pytest_libero_max.report").joinpath("published.json").read_text(encoding="utf-8")
     return tuple(
         PublishedPolicy(**{**row, "outcomes": Outcomes(**row["outcomes"])})
@@ -48,7 +48,7 @@ def published_policies() -> tuple[PublishedPolicy, ...]:
 
 
 def published_lines() -> list[str]:
-    """The published results as a table for the terminal, under a line that says what they are."""
+    """Return the published results as a table for the terminal, under a line that says what they are."""
     lines = [
         *textwrap.wrap(NOTE, 100),
         "",

@@ -1,4 +1,4 @@
-"""What every report says about how far its numbers reach."""
+"""Limits of the numbers of every report, as statements."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class StoppingRule(ABC):
             pair: The measured pair, or the error in its place.
 
         Returns:
-            Why the run stops, without a period; None to go on.
+            Reason to stop, without a period; None to go on.
         """
 
 

@@ -1,4 +1,4 @@
-"""Several runs on the same cases: who succeeds where, and which cases changed."""
+"""Comparison of several runs on the same cases: success of each, and the cases that changed."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ class CommonCases:
 
     Attributes:
         planned: The common cases, by case id.
-        pairs: For each run, its outcomes in that order.
-        left_out: For each run, its planned cases that are not compared.
-        unsupported: For each run, how many of its planned cases its policy does not support.
+        pairs: Outcomes of each run in that order.
+        left_out: Planned cases of each run that are not compared.
+        unsupported: Number of planned cases of each run that its policy does not support.
     """
 
     planned: tuple[PlannedPair, ...]
@@ -71,7 +71,7 @@ class CommonCases:
 
     @property
     def partial(self) -> bool:
-        """Whether some policy does not support all cases."""
+        """True if some policy does not support all cases."""
         return any(self.unsupported.values())
 
 
@@ -271,7 +271,7 @@ _COMPARED = ("substrate", "protocol", "case_set", "versions")
 
 
 def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
-    """What the runs differ in beside their policies, each with the value of every run."""
+    """Yield the differences between the runs beside their policies, each with the value of every run."""
     flat = {
         name: {
             f"{part}.{key}": value
@@ -352,6 +352,6 @@ def _flips(common: CommonCases) -> list[Flip]:
 
 
 def outcome_codes(pairs: Pairs) -> NDArray[np.int64]:
-    """The place of every pair's outcome in :data:`OUTCOMES`."""
+    """Return the place of every pair's outcome in :data:`OUTCOMES`."""
     failed = 1 - pairs.dynamic.astype(np.int64)
     return np.where(pairs.base, 2 * failed, 1 + 2 * failed)

@@ -82,7 +82,7 @@ def event_changes(comparison: Comparison) -> str:
 
 
 def outcome_shares(comparison: Comparison) -> str:
-    """The four outcomes (Base, Dynamic) as shares of the common cases, a bar for every run."""
+    """Return the four outcomes (Base, Dynamic) as shares of the common cases, a bar for every run."""
     runs, top, row = comparison.runs, 40, 26
     shapes, x = [], float(_LABEL)
     for _, words, color, _ in _OUTCOMES:
@@ -114,7 +114,7 @@ CAPTIONS = {
     "reaches from the lower to the upper quartile, and the bar in it is the median.",
     "outcome-shares": "Outcomes of the pairs (Base, Dynamic) of every run, as shares of the common cases.",
 }
-"""What they show."""
+"""Captions of the figures."""
 
 
 def drawn(comparison: Comparison) -> dict[str, str]:
@@ -129,7 +129,7 @@ def _over_runs_text(over_runs: OverRuns) -> str:
 
 
 def _limits(comparison: Comparison) -> tuple[float, float]:
-    """The ends of the axis: tenths, with zero and every change within."""
+    """Return the ends of the axis: tenths, with zero and every change within."""
     lowest = min(over_runs.lowest for over_runs in comparison.events.values())
     highest = max(over_runs.highest for over_runs in comparison.events.values())
     low, high = min(math.floor(10 * lowest), 0), max(math.ceil(10 * highest), 0)

@@ -17,7 +17,7 @@ def write_comparison(comparison: Comparison, folder: Path, common: CommonCases |
     """Write ``comparison.json``, ``comparison.md``, ``comparison.html`` and the figures.
 
     Args:
-        comparison: What :func:`~pytest_libero_max.report.comparison.compare.compare_runs` returned.
+        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
         folder: Made where it is missing.
         common: The cases that were compared, of runs named by their paths. The page then has a table of
             them, shows their films, and links to the pages of the runs.
@@ -40,7 +40,7 @@ def write_comparison(comparison: Comparison, folder: Path, common: CommonCases |
 
 
 def comparison_markdown(comparison: Comparison) -> str:
-    """A comparison as Markdown, with the figures beside it."""
+    """Return a comparison as Markdown, with the figures beside it."""
     parts = [f"# {comparison_title(comparison)}", "```text\n" + "\n".join(result_lines(comparison)) + "\n```"]
     parts += [f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in CAPTIONS.items()]
     parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in comparison.statements.values())]

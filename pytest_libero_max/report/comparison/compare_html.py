@@ -1,4 +1,4 @@
-"""The page of a comparison: one file that needs no network. What a script adds is the table of cases."""
+"""The page of a comparison: one file that needs no network. Without scripts it lacks the table of cases."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def comparison_html(
     """Render a comparison as a page.
 
     Args:
-        comparison: What :func:`~pytest_libero_max.report.comparison.compare.compare_runs` returned.
+        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
         common: The cases that were compared, of runs named by their paths; None leaves their table out.
-        folder: Where the page is written; by default here.
+        folder: Folder of the page; by default the working directory.
     """
     title = comparison_title(comparison)
     shown = with_short_names(replace(comparison, flips=[]))
@@ -73,7 +73,7 @@ def _rank(run: ComparedRun) -> float:
 
 
 def _warnings(comparison: Comparison) -> Iterator[str]:
-    """Which cases are not compared, and what the runs differ in beside their policies."""
+    """Yield the cases that are not compared, and the differences between the runs beside their policies."""
     pairs = comparison.pairs
     if pairs.restricted:
         left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs.left_out.items())

@@ -39,15 +39,15 @@ _NAMES = ("name", "first", "second")
 _SIMULTANEOUS = "simultaneous 95%"
 
 _STATEMENTS = ("generalisation", "interval", "policies", "behaviour")
-"""What is said in the terminal; the files of a comparison hold all of them."""
+"""Statements that the terminal shows; the files of a comparison hold all of them."""
 
 
 def comparison_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     """Render a comparison for the terminal: its results, and the statements that concern it most.
 
     Args:
-        comparison: What :func:`~pytest_libero_max.report.comparison.compare.compare_runs` returned.
-        flips: How many changed cases are listed.
+        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
+        flips: Number of changed cases to list.
     """
     lines = [*result_lines(comparison, flips), ""]
     for key in _STATEMENTS:
@@ -56,7 +56,7 @@ def comparison_lines(comparison: Comparison, flips: int = 20) -> list[str]:
 
 
 def comparison_title(comparison: Comparison) -> str:
-    """What a comparison is of, in a line."""
+    """Return a title with the number of runs and cases."""
     return f"Comparison of {len(comparison.runs)} runs on {comparison.pairs.common} common cases"
 
 
@@ -64,8 +64,8 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     """Render the results of a comparison.
 
     Args:
-        comparison: What :func:`~pytest_libero_max.report.comparison.compare.compare_runs` returned.
-        flips: How many changed cases are listed.
+        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
+        flips: Number of changed cases to list.
     """
     changed = len(comparison.flips)
     comparison = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
@@ -101,7 +101,7 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
 
 
 def with_short_names(comparison: Comparison) -> Comparison:
-    """The comparison with runs named by the last part of their paths, where these differ."""
+    """Return the comparison with runs named by the last part of their paths, where these differ."""
     names = [run.name for run in comparison.runs]
     short = dict(zip(names, (PurePath(name).name for name in names), strict=True))
     if len(set(short.values())) < len(names) or "" in short.values():
@@ -125,7 +125,7 @@ def _run_row(rank: str, name: str, base: str, dynamic: str, change: str, by_task
 
 
 def _difference_lines(differences: Sequence[RunDifference]) -> Iterator[str]:
-    """What the runs differ in beside their policies."""
+    """Yield the differences between the runs beside their policies."""
     for difference in differences:
         values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
         yield f"WARNING: the runs differ in {difference.field}: {values}"
@@ -192,7 +192,7 @@ def _event_lines(by_event: Mapping[str, EventContrasts]) -> Iterator[str]:
 
 
 def _profile_lines(comparison: Comparison) -> Iterator[str]:
-    """Where each run loses least and most, and how alike the runs are in that."""
+    """Yield the events of least and largest loss of each run, and the agreement of the runs."""
     yield f"{'Paired change by event':<28} {'smallest loss':<34} largest loss"
     for run in comparison.runs:
         smallest, largest = (
@@ -221,7 +221,7 @@ def _profile_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def _flip_lines(comparison: Comparison, changed: int) -> list[str]:
-    """The changed cases that are listed, of so many."""
+    """Return the changed cases that are listed, of so many."""
     flips = comparison.flips
     if not changed:
         return ["No case changed."]

@@ -301,7 +301,7 @@ class Comparison(Block, frozen=True, kw_only=True):
         events: By event: the paired changes of the runs together.
         event_profiles: Agreement of the runs in how they rank the events by paired change.
         flips: Cases whose outcome differs between runs.
-        statements: What these numbers do not show: sentences by a stable key.
+        statements: Limits of these numbers: sentences by a stable key.
     """
 
     schema_version: Literal[4] = COMPARISON_VERSION

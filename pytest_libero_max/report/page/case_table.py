@@ -1,4 +1,4 @@
-"""What the table of cases on the page of a run shows: every planned pair, played or not."""
+"""Data of the table of cases on the page of a run: every planned pair, played or not."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OUTCOME_TITLES = {
     "missing": "missing",
     "unsupported": "unsupported",
 }
-"""What an outcome is called, by its name; the last three are of pairs without a record."""
+"""Titles of the outcomes; the last three are of pairs without a record."""
 
 _FILMED = ("yes", "no")
 
@@ -35,7 +35,7 @@ CASES_SECTION = (
     "<div data-with-script><h2>Cases</h2><div id='cases'></div></div>"
     "<noscript><p>With scripts, a table of all cases stands here.</p></noscript>"
 )
-"""Where the table of cases goes."""
+"""Place of the table of cases."""
 
 
 def run_cases(
@@ -44,19 +44,19 @@ def run_cases(
     pictures: Mapping[str, Sequence[str]],
     traced: bool = False,
 ) -> Json:
-    """The data of the table of cases of a run.
+    """Return the data of the table of cases of a run.
 
     Args:
         stored: The run.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         pictures: Paths of the pictures of each pair that has some, in the same way.
-        traced: Whether traces lie beside the pairs, so that they can be filmed.
+        traced: True if traces lie beside the pairs, so that they can be filmed.
 
     Returns:
         ``items``: the item ids in their order; everything else is in the same order, or by the place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
-        :func:`number_column`. ``details``: what is said of each case, packed. ``films`` and ``pictures``:
-        captions and addresses. ``commands``: captions with what comes before and after the item id.
+        :func:`number_column`. ``details``: the tables of each case, packed. ``films`` and ``pictures``:
+        captions and addresses. ``commands``: captions with the texts before and after the item id.
     """
     records = {record.item_id: record for record in stored.records}
     errors = {error.item_id: error for error in stored.errors}
@@ -98,7 +98,7 @@ def run_cases(
 
 
 def _commands(stored: StoredRun, traced: bool) -> Iterator[list[str]]:
-    """What can be done with a case: how that is called, and what comes before and after its item id."""
+    """Yield the commands on a case: caption, and the texts before and after its item id."""
     yield [
         "Play it again, in the folder in which the run was started:",
         shlex.join(replay_command(stored)),
@@ -127,7 +127,7 @@ def media_by_place(planned: Sequence[PlannedPair], paths: Mapping[str, Sequence[
 
 
 def label_columns(planned: Sequence[PlannedPair]) -> Iterator[Json]:
-    """The columns that a plan tells: those of the table, and three that can only be filtered by."""
+    """Yield the columns that a plan tells: those of the table, and three that can only be filtered by."""
     yield label_column("source", "Source", [pair.source for pair in planned], secondary=True)
     yield label_column("suite", "Suite", [pair.suite for pair in planned], secondary=True)
     yield label_column("category", "Source category", [pair.category for pair in planned], secondary=True)
@@ -152,15 +152,15 @@ def label_column(
     *,
     secondary: bool = False,
 ) -> Json:
-    """A column of names, which can be chosen from.
+    """Return a column of names, which can be chosen from.
 
     Args:
         key: Its name in the address of a view.
         title: Its heading.
         names: One a case.
         order: See :func:`~pytest_libero_max.report.page.packing.labelled`.
-        titles: What the names are called, where that is something else.
-        secondary: Whether narrow screens leave it out; the item id says it as well.
+        titles: Titles of the names, where they differ from the names.
+        secondary: True if narrow screens leave it out; the item id says it as well.
     """
     column = {"key": key, "title": title, **labelled(names, order), "shown": True, "filter": "choice"}
     if titles is not None:
@@ -169,7 +169,7 @@ def label_column(
 
 
 def number_column(key: str, title: str, values: Sequence[Any], **more: bool) -> Json:
-    """A column of numbers, which can be bounded; None where a case has none."""
+    """Return a column of numbers, which can be bounded; None where a case has none."""
     values = list(values)
     return {
         "key": key,

@@ -1,4 +1,4 @@
-"""What the table of cases of a comparison shows: the common cases, and what became of each in every run."""
+"""Data of the table of cases of a comparison: the common cases, and their outcomes in every run."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from pytest_libero_max.runs.media import films_in
 _CHANGED = ("yes", "no")
 
 _SHOWN = ("category", "event")
-"""What of a case has a column beside the runs; the rest can be filtered by."""
+"""Labels of a case with a column beside the runs; the others can be filtered by."""
 
 
 def comparison_cases(
     common: CommonCases, names: Mapping[str, str], replays: Mapping[str, Sequence[str]], beside: Json
 ) -> Json:
-    """The data of the table of cases of a comparison, in the form of that of a run.
+    """Return the data of the table of cases of a comparison, in the form of that of a run.
 
     Args:
         common: The cases, with the outcomes of every run.
-        names: What each run is called on the page.
+        names: Name of each run on the page.
         replays: The command that plays a case of a run again, once its item id is appended, by run.
         beside: See :func:`beside`.
     """
@@ -76,11 +76,11 @@ def comparison_cases(
 
 
 def beside(runs: Mapping[str, Path], folder: Path) -> Json:
-    """What lies with the runs for the page of their comparison to show.
+    """Return the films and pages that lie with the runs, for the page of their comparison.
 
     Args:
         runs: Folder of each run.
-        folder: Where the page is written.
+        folder: Folder of the page.
 
     Returns:
         ``films``: addresses relative to the page by run and item id. ``pages``: the address of the page of

@@ -1,4 +1,4 @@
-"""The frame of a page: its style, its script and its data inside, so that it is one file."""
+"""The frame of a page, with its style, script and data inside, so that it is one file."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _HERE = "pytest_libero_max.report.page"
 
 
 def document(title: str, body: Sequence[str], cases: Json | None = None) -> str:
-    """A whole page.
+    """Return a whole page.
 
     Args:
         title: Plain text.
         body: Markup.
-        cases: What the table of cases shows, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
+        cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
             page without it, which has no script.
     """
     head = [
@@ -42,7 +42,7 @@ def document(title: str, body: Sequence[str], cases: Json | None = None) -> str:
 
 
 def embedded_json(values: Json) -> str:
-    """JSON that nothing in it can end the ``<script>`` element around it, compact."""
+    """Return compact JSON in which nothing can end the ``<script>`` element around it."""
     text = json.dumps(values, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
@@ -53,12 +53,12 @@ def _data(cases: Json) -> str:
 
 @cache
 def _script() -> str:
-    """The files as one function, so that no name of theirs is a name of the page."""
+    """Return the files as one function, so that no name of theirs is a name of the page."""
     return '"use strict";(() => {\n' + "\n".join(map(_file, _SCRIPTS)) + "})();"
 
 
 def _policy(scripted: bool) -> str:
-    """What the browser lets the page do: show what lies beside it, and run its own script alone."""
+    """Return the content security policy: a page may show files beside it and run its own script alone."""
     digest = base64.b64encode(hashlib.sha256(_script().encode()).digest()).decode()
     script = f"'sha256-{digest}'" if scripted else "'none'"
     return (

@@ -1,4 +1,4 @@
-"""The events of a run as a page shows them: what each looks like, and its parameters."""
+"""The events of a run as a page shows them: pictures and parameters."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _VARIES = object()
 
 
 def events_section(planned: Iterable[PlannedPair], records: Iterable[PairRecord] = ()) -> list[str]:
-    """The events with pictures and parameters as markup, in the benchmark's order.
+    """Return the events with pictures and parameters as markup, in the benchmark's order.
 
     Args:
         planned: Pairs whose events are shown.
@@ -82,13 +82,13 @@ def _picture(name: str) -> str:
 
 
 def _sentence(event: str) -> str:
-    """What the event does, the first paragraph of its kind; empty where the kind is not installed."""
+    """Return the first paragraph of an event's kind; empty where the kind is not installed."""
     text = inspect.cleandoc(type(EVENTS[event]).__doc__ or "") if event in EVENTS else ""
     return " ".join(text.partition("\n\n")[0].split()).replace("``", "")
 
 
 def _common_parameters(records: Sequence[PairRecord]) -> Json:
-    """Trigger and change of all cases; what differs between them is said to."""
+    """Return trigger and change of all cases; parameters that differ between them are marked."""
     asked = [
         [
             named

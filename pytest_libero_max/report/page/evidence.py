@@ -1,4 +1,4 @@
-"""What is said of one case: tables by their titles, names with values or with values by column."""
+"""Details of one case: tables by their titles, names with values or with values by column."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DIGITS = 16
 
 
 def details_of(pair: PlannedPair, record: PairRecord) -> Json:
-    """The tables of a measured pair: the case, its arms, its event, and what the event found and left."""
+    """Return the tables of a measured pair: case, arms, event, and values before and after the event."""
     case = _case(pair) | {
         "Instruction": record.instruction,
         "Initial state": record.init_state_index,
@@ -27,7 +27,7 @@ def details_of(pair: PlannedPair, record: PairRecord) -> Json:
 
 
 def error_details(pair: PlannedPair, error: PairError) -> Json:
-    """The tables of a pair that could not be measured."""
+    """Return the tables of a pair that could not be measured."""
     return {
         "Case": _case(pair),
         "Error": {"Phase": error.phase, "Kind": error.kind, "Message": error.message},
@@ -35,12 +35,12 @@ def error_details(pair: PlannedPair, error: PairError) -> Json:
 
 
 def plan_details(pair: PlannedPair) -> Json:
-    """The tables of a pair of which only the plan is known."""
+    """Return the tables of a pair of which only the plan is known."""
     return {"Case": _case(pair)}
 
 
 def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """The values inside nested objects, by their names joined with dots; an empty object is a value."""
+    """Yield the values inside nested objects, by their names joined with dots; an empty object is a value."""
     if not isinstance(value, Mapping) or not value:
         yield name, value if value != {} else None
         return
@@ -49,17 +49,17 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def parameters(change: Json) -> Json:
-    """The parameters of a change, by name."""
+    """Return the parameters of a change, by name."""
     return dict(flat(change))
 
 
 def _case(pair: PlannedPair) -> Json:
-    """What no column says."""
+    """Return the details that no column has."""
     return {"Task": pair.task}
 
 
 def _arms(record: PairRecord) -> Json:
-    """A row a quantity, a column an arm."""
+    """Return a row a quantity, a column an arm."""
     return {
         title: {name: getattr(arm, field) for name, arm in record.arms.items()}
         for title, field in (

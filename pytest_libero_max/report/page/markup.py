@@ -12,7 +12,7 @@ class Viewed(NamedTuple):
 
     Attributes:
         name: Plain text.
-        view: What follows ``#cases?`` in the address of the view; empty where the name leads nowhere.
+        view: Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere.
     """
 
     name: str
@@ -20,18 +20,18 @@ class Viewed(NamedTuple):
 
 
 def note(words: str, kind: str = "") -> str:
-    """A paragraph that stands out; of kind ``alarm``, more so."""
+    """Return a paragraph that stands out; of kind ``alarm``, more so."""
     return f"<p class='note {kind}'>{escape(words)}</p>"
 
 
 def figure(svg: str, caption: str = "") -> str:
-    """A figure in a frame that scrolls where the window is narrower."""
+    """Return a figure in a frame that scrolls where the window is narrower."""
     words = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
     return f"<figure><div class='wide'>{svg}</div>{words}</figure>"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table whose first column names the rows."""
+    """Return a table whose first column names the rows."""
     top = "".join(f"<th scope='col'>{escape(cell)}</th>" for cell in head)
     body = "".join(
         f"<tr><th scope='row'>{_name(name)}</th>"

@@ -1,4 +1,4 @@
-"""Where a run comes from, as rows of a page: when, how long, which policy, on which machine."""
+"""Origin of a run, as rows of a page: time, duration, policy, machine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _NOT_RECORDED = "not recorded"
 
 
 def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
-    """Names and values. What an older version did not record is said to be so.
+    """Yield names and values. Values that an older version did not record are marked so.
 
     Args:
         report: Of the run.
@@ -45,7 +45,7 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
 
 
 def _duration(stored: StoredRun) -> str:
-    """The sum of what the pairs took, which is more than passed where several workers played."""
+    """Return the sum of what the pairs took, which is more than passed where several workers played."""
     seconds = sum(
         value
         for record in stored.records

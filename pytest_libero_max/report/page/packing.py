@@ -28,14 +28,14 @@ def packed(values: Sequence[Any]) -> Json:
 
 
 def unpacked(values: Json) -> list[Any]:
-    """What :func:`packed` was given; the page does the same in its own language."""
+    """Return the values that :func:`packed` was given; the page does the same in JavaScript."""
     return [
         _filled(values["shapes"][place], iter(leaves), values["texts"]) for place, *leaves in values["rows"]
     ]
 
 
 def labelled(names: Sequence[str], order: Sequence[str] = ()) -> Json:
-    """A column of names as its distinct names and the place of each.
+    """Return a column of names as its distinct names and the place of each.
 
     Args:
         names: One a row.
@@ -61,7 +61,7 @@ def _shape(value: Any, leaves: list[Any], texts: dict[str, int]) -> Any:
 
 
 def _short(value: Any) -> Any:
-    """A number to four digits, which is what people read; the records have all of them."""
+    """Return a number to four digits, which is what people read; the records have all of them."""
     if not isinstance(value, float):
         return value
     rounded = float(f"{value:.4g}")

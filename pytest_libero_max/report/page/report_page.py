@@ -1,4 +1,4 @@
-"""The report a person reads: one page that needs no network. What a script adds is the table of cases."""
+"""The page of a run: one file that needs no network. Without scripts it lacks the table of cases."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ def html(
     """Render a report as a page.
 
     Args:
-        report: What :func:`~pytest_libero_max.report.build.build_report` returned.
+        report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
         replay: The command that plays one of them again, once its item id is appended.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
-        stored: The run, for its events and for what is known of its origin; None leaves these out.
-        cases: What the table of cases shows, see :func:`~pytest_libero_max.report.page.case_table.run_cases`;
+        stored: The run, for its events and its origin; None leaves these out.
+        cases: Result of :func:`~pytest_libero_max.report.page.case_table.run_cases`;
             None leaves it out.
         pairs_name: The file of the pairs beside the page.
     """
@@ -235,7 +235,7 @@ def _listed(title: str, items: Sequence[str], films: Mapping[str, Sequence[str]]
 
 
 def _pair(item: str, films: Mapping[str, Sequence[str]]) -> str:
-    """The name of a pair, with links to its films."""
+    """Return the name of a pair, with links to its films."""
     links = "".join(f" <a href='{quote(film)}'>film</a>" for film in films.get(item, ()))
     return f"<code>{escape(item)}</code>{links}"
 

@@ -171,7 +171,7 @@ class LostInMiddle(Block, frozen=True, kw_only=True):
 
 
 class Approach(Block, frozen=True, kw_only=True):
-    """How near the hand came, and what followed the event.
+    """Approach of the hand in Reset, and queries after the event.
 
     Attributes:
         triggered: Cases in which the event fired in Mid-task.
@@ -197,7 +197,7 @@ class Camera(Block, frozen=True, kw_only=True):
         outcomes: Endings of cases in all arms together, the frequent ones first.
         contrasts: Within each strength, and of each timing between strengths.
         gap_contrasts: Mid-task less Reset at one strength, less the same at another.
-        approach: How near the hand came, by strength.
+        approach: Approach of the hand, by strength.
     """
 
     conditions: dict[str, str]

@@ -55,7 +55,7 @@ class _Columns:
         return self.success[mode, arm] - self.success[over, arm]
 
     def closure(self, mode: str) -> Differences:
-        """(n,) by how much Base less Dynamic is smaller than in native: -2 to 2."""
+        """Return (n,) the reduction of Base less Dynamic against native: -2 to 2."""
         return self.gain(mode, DYNAMIC) - self.gain(mode, BASE)
 
 
@@ -193,7 +193,7 @@ def _mode(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Mode:
 
 
 def _notes(records: Sequence[PairRecord], arm: str) -> dict[str, int] | None:
-    """The counts of an arm that was played, summed; those of replayed prefixes are not in them."""
+    """Return the counts of an arm that was played, summed; those of replayed prefixes are not in them."""
     counted = [record.arm(arm).notes for record in records if record.arm(arm).shares is None]
     held = [notes for notes in counted if notes is not None]
     return {name: sum(notes[name] for notes in held) for name in held[0]} if held else None
@@ -203,7 +203,7 @@ _Values = Callable[[_Columns], Differences]
 
 
 def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Mode, what it is compared with, and the quantity."""
+    """Return the mode, the mode it is compared with, and the quantity of each effect."""
     rows = [
         (mode, NATIVE, quantity) for mode in reversed(others) for quantity in ("dynamic", "base", "closure")
     ]
@@ -229,7 +229,7 @@ def _effect(columns: _Columns, mode: str, over: str, quantity: str) -> Effect:
 
 
 def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.bool_]) -> Group:
-    """The gain in Dynamic within a group of cases."""
+    """Return the gain in Dynamic within a group of cases."""
     part = _Columns(
         {key: values[rows] for key, values in columns.success.items()},
         columns.category[rows],
@@ -255,7 +255,7 @@ def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.
 
 
 def _estimate(columns: _Columns, values: Differences) -> dict[str, Any]:
-    """A mean difference, with how many cases and configurations it is from."""
+    """Return a mean difference, with how many cases and configurations it is from."""
     return {
         "pairs": len(values),
         "gained": int((values > 0).sum()),
@@ -267,7 +267,7 @@ def _estimate(columns: _Columns, values: Differences) -> dict[str, Any]:
 
 
 def _interval(columns: _Columns, values: Differences) -> tuple[float | None, float | None]:
-    """The clustered interval of a mean difference, None where too little could vary."""
+    """Return the clustered interval of a mean difference, None where too little could vary."""
     clusters = len(np.unique(columns.configuration))
     changed = len(np.unique(columns.configuration[values != 0]))
     if clusters < LEAST_TASKS or changed < LEAST_CHANGED_TASKS:

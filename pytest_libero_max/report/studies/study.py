@@ -93,7 +93,7 @@ def executed(records: Sequence[PairRecord]) -> Executed:
 
 
 def _own(arm: ArmRecord) -> tuple[int, int]:
-    """Steps and queries that were executed for this arm alone: it parts from another at its first event."""
+    """Return the steps and queries of this arm alone: it parts from another at its first event."""
     if arm.shares is not None:
         return 0, 0
     first: Any = arm.firings[0] if arm.firings else None

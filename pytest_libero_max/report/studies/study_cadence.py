@@ -36,7 +36,7 @@ class Setting:
         query_interval: Q.
         base: Name of its Base arm.
         dynamic: Name of its Dynamic arm.
-        own: Whether it is the policy's own cadence.
+        own: True for the policy's own cadence.
     """
 
     horizon: int

@@ -42,7 +42,7 @@ def camera_results(study: CameraTiming, records: Sequence[PairRecord], tasks: Se
     """Compute everything that is reported of a camera study.
 
     Args:
-        study: Which.
+        study: The study.
         records: Measured cases.
         tasks: The reference task of each.
 
@@ -77,7 +77,7 @@ def camera_results(study: CameraTiming, records: Sequence[PairRecord], tasks: Se
 
 
 def condition_labels(study: CameraTiming) -> dict[str, str]:
-    """What the conditions are called, by arm: Base first, the strengths upwards."""
+    """Return the titles of the conditions by arm: Base first, the strengths upwards."""
     labels = {BASE: "Base"}
     for share in study.strengths:
         end = f" {share:.0%}" if len(study.strengths) > 1 else ""
@@ -86,7 +86,7 @@ def condition_labels(study: CameraTiming) -> dict[str, str]:
 
 
 def _pairs(study: CameraTiming) -> list[tuple[str, str]]:
-    """The contrasts: within each strength, and of each timing between the strengths."""
+    """Return the contrasts: within each strength, and of each timing between the strengths."""
     pairs = []
     for share in study.strengths:
         reset, middle = at_strength(RESET, share), at_strength(DYNAMIC, share)
@@ -105,7 +105,7 @@ def _gaps(study: CameraTiming, conditions: Conditions) -> list[ConditionContrast
 
 
 def _approach(records: Sequence[PairRecord], reset_arm: str, middle_arm: str) -> Approach:
-    """How often the hand came near the trigger entity in Reset, and what followed the event in Mid-task."""
+    """Count approaches of the hand to the trigger entity in Reset, and queries after Mid-task's event."""
     base = _flags(records, lambda record: record.arm(BASE).success)
     reset = _flags(records, lambda record: record.arm(reset_arm).success)
     middle = _flags(records, lambda record: record.arm(middle_arm).success)
@@ -139,7 +139,7 @@ def _flags(records: Sequence[PairRecord], holds: Callable[[PairRecord], bool]) -
 
 
 def _entered(record: PairRecord, arm: ArmRecord) -> bool:
-    """Whether the hand came as near the trigger entity in an arm as the case's event waits for."""
+    """Return True if the hand came within the distance of the case's trigger in an arm."""
     schedule = record.arm(DYNAMIC).schedule
     within_m: Any = schedule[0]["trigger"].get("distance_m") if schedule else None
     if arm.min_distance_m is None or not _is_distance(within_m):
@@ -151,7 +151,7 @@ def _entered(record: PairRecord, arm: ArmRecord) -> bool:
 
 
 def _rate(conditions: Conditions, arm: str) -> ConditionRate:
-    """A success rate with its source-stratified interval, and the same within each source."""
+    """Return a success rate with its source-stratified interval, and the same within each source."""
     successes, sources = conditions.successes[arm].astype(np.int64), conditions.source
     by_source = {
         name: SourceRate(

@@ -30,7 +30,7 @@ class Series:
     """A line of a plot.
 
     Attributes:
-        name: What it shows.
+        name: Name in the legend.
         color: Of the line and its points.
         points: Place on the x axis (0 to 1), and a rate with its interval.
     """
@@ -41,7 +41,7 @@ class Series:
 
 
 def study_figures(study: Study | None) -> dict[str, str]:
-    """The figures of a study by the stem of their file name; none without cases.
+    """Return the figures of a study by the stem of their file name; none without cases.
 
     Args:
         study: ``report.study``; None for a run of no study.

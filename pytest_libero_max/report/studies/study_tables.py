@@ -34,7 +34,7 @@ from pytest_libero_max.report.studies.document import (
 )
 
 _LISTED = 16
-"""So many joint outcomes are printed; ``report.json`` has all."""
+"""Number of joint outcomes that are printed; ``report.json`` has all."""
 
 _ENOUGH = 30
 """With fewer cases, a percentile interval is too narrow."""
@@ -47,11 +47,11 @@ class StudyTable:
     """One table of a study.
 
     Attributes:
-        title: What it is about.
+        title: Heading.
         head: Headings.
         rows: As many cells as headings in each.
-        note: How to read it; empty where that is plain.
-        narrow: So many of its columns are printed in the terminal; 0 for none.
+        note: Help for reading it; empty for none.
+        narrow: Number of its columns that the terminal prints; 0 for no table.
     """
 
     title: str
@@ -62,7 +62,7 @@ class StudyTable:
 
 
 def study_tables(study: Study) -> list[StudyTable]:
-    """The tables of a study, in the order in which they are read.
+    """Return the tables of a study, in the order in which they are read.
 
     Args:
         study: ``report.study``.
@@ -75,7 +75,7 @@ def study_tables(study: Study) -> list[StudyTable]:
 
 
 def study_notes(study: Study) -> list[str]:
-    """What is said of the whole study."""
+    """Return the notes on the whole study."""
     if study.cases == 0:
         return ["No case of the study has been measured."]
     done = study.executed
@@ -110,7 +110,7 @@ def _way(done: Executed, steps: int, queries: int, words: str) -> str:
 
 
 def study_lines(study: Study) -> list[str]:
-    """The study for the terminal: title, the short tables and what is said of the whole."""
+    """Return the study for the terminal: title, the short tables and what is said of the whole."""
     from textwrap import wrap
 
     lines = ["", f"Study: {study.title}"]
@@ -123,7 +123,7 @@ def study_lines(study: Study) -> list[str]:
 
 
 def study_csv(study: Study) -> str:
-    """All numbers of a study, one a row: where it lies in ``report.study``, and its value.
+    """Return all numbers of a study as CSV, one a row: its place in ``report.study``, and its value.
 
     Shares are fractions; a value that does not exist is empty.
     """
@@ -380,7 +380,7 @@ def _best(what: str, best: BestSetting) -> StudyTable:
 
 
 def _turned(difference: SettingDifference) -> SettingDifference:
-    """The difference the other way round."""
+    """Return the difference the other way round."""
 
     def negative(value: float | None) -> float | None:
         return None if value is None else 0.0 - value

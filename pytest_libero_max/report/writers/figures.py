@@ -101,7 +101,7 @@ def category_map(report: Report) -> str:
 
 
 def stale_histogram(report: Report) -> str:
-    """How many pairs executed how many stale actions before the next query."""
+    """Draw the number of pairs by number of stale actions before the next query."""
     stale = report.overall.stale_actions
     counts = {int(actions): pairs for actions, pairs in stale.histogram.items()}
     height, bottom = 150, 180

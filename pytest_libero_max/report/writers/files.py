@@ -32,7 +32,7 @@ HTML_NAME = "report.html"
 
 
 def report_of(stored: StoredRun) -> Report:
-    """The report of a run as read from disk.
+    """Return the report of a run as read from disk.
 
     Raises:
         ReportError: The run contradicts itself.
@@ -83,7 +83,7 @@ def write_reports(
 
 
 def run_page(report: Report, stored: StoredRun, folder: Path) -> str:
-    """The content of ``report.html``, with links to the films and pictures in the folder of the run."""
+    """Return the content of ``report.html``, with links to films and pictures in the run's folder."""
     regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
     films: dict[str, list[str]] = {}
     for view in VIEWS:
@@ -105,7 +105,7 @@ def write_figures(report: Report, folder: Path) -> list[Path]:
 
 
 def all_figures(report: Report) -> dict[str, str]:
-    """The SVG documents of a report by the stem of their file name, those of its study included."""
+    """Return the SVG documents of a report by the stem of their file name, those of its study included."""
     figures = {stem: draw(report) for stem, draw in FIGURES.items()}
     return figures | study_figures(report.study)
 

@@ -1,4 +1,4 @@
-"""What JUnit files say: properties of the suite, and of each pair's testcase."""
+"""Properties in JUnit files: of the suite, and of each pair's testcase."""
 
 from __future__ import annotations
 

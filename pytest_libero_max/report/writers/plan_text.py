@@ -30,7 +30,7 @@ def learn(stored: StoredRun) -> CostModel:
 
 
 def playable(pairs: Iterable[PlannedPair], stored: StoredRun) -> list[PlannedPair]:
-    """The pairs that the policy of a run plays, in the order in which a run plays them."""
+    """Return the pairs that the policy of a run plays, in the order in which a run plays them."""
     pairs = sorted(pairs, key=lambda pair: pair.item_id)
     left_out = {pair.case_id for pair in unsupported_pairs(pairs, stored.records[0].policy)}
     return [pair for pair in pairs if pair.case_id not in left_out]

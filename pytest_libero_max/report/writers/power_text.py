@@ -1,4 +1,4 @@
-"""How many pairs do I need? What each track can resolve, as plain lines."""
+"""Power of each track as plain lines: the smallest effects it resolves, and the pairs that a change needs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TARGETS = (0.8, 0.9)
 
 @dataclass(frozen=True)
 class Expectation:
-    """What is expected of a set of pairs before it is played.
+    """Expected rates of a set of pairs before it is played.
 
     Attributes:
         name: ``overall`` or an event.
@@ -45,9 +45,9 @@ class Expectation:
 
 
 def expectations_of(report: Report) -> tuple[Expectation, ...]:
-    """What an earlier run lets one expect, overall and for each event it played.
+    """Return expectations from an earlier run, overall and for each event it played.
 
-    Of its gains and regressions, the fewer are what chance does.
+    The fewer of its gains and regressions are taken as chance.
 
     Raises:
         OptionError: A number cannot be.
@@ -65,7 +65,7 @@ def expectations_of(report: Report) -> tuple[Expectation, ...]:
 
 
 def power_lines(expectations: tuple[Expectation, ...], change: float | None = None) -> list[str]:
-    """The smallest loss and gain that every track resolves, and the pairs that a change needs.
+    """Return the smallest loss and gain that every track resolves, and the pairs that a change needs.
 
     Args:
         expectations: For the whole run or single events.
@@ -110,7 +110,7 @@ def _gains(expected: Expectation) -> Iterator[float | None]:
 
 
 def _trials(expected: Expectation) -> Iterator[tuple[int, float]]:
-    """The pairs of each track, with each power."""
+    """Yield the pairs of each track, with each power."""
     for size in TRACK_SIZES.values():
         pairs = size if expected.name == "overall" else size // len(BENCHMARK_EVENTS)
         for target in TARGETS:

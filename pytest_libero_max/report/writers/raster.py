@@ -13,7 +13,7 @@ _PAPER = "#ffffff"
 
 
 def available() -> bool:
-    """Whether what draws them is installed."""
+    """Return True if the drawing library is installed."""
     return all(importlib.util.find_spec(name) for name in ("resvg_py", "PIL"))
 
 

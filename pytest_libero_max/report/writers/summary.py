@@ -30,7 +30,7 @@ def summary_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
     """Render a report for the terminal.
 
     Args:
-        report: What :func:`~pytest_libero_max.report.build.build_report` returned.
+        report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         paths: Files written, named at the end.
 
     Returns:
@@ -78,17 +78,17 @@ def _row(name: str, cells: Sequence[str], columns: Sequence[Column[Any]]) -> str
 
 
 def group_label(name: str, row: Result) -> str:
-    """The name of a group, with a star where Base success is too low to fall."""
+    """Return the name of a group, with a star where Base success is too low to fall."""
     return f"{name} *" if row.floor else name
 
 
 def any_floor(rows: Iterable[Result]) -> bool:
-    """Whether a group has the star of :func:`group_label`, so that :data:`FLOOR_NOTE` is needed."""
+    """Return True if a group has the star of :func:`group_label`, which needs :data:`FLOOR_NOTE`."""
     return any(row.floor for row in rows)
 
 
 def noise_text(report: Report) -> str | None:
-    """What playing Base twice showed, and whether fewer pairs were played twice than was asked for.
+    """Return the result of playing Base twice, and a note if fewer pairs were played twice than asked for.
 
     None where nothing was asked for and nothing was played twice.
     """
@@ -104,7 +104,7 @@ def noise_text(report: Report) -> str | None:
 
 
 def clipping_text(report: Report) -> str | None:
-    """The warning about actions outside [-1, 1]; None where there were none."""
+    """Return the warning about actions outside [-1, 1]; None where there were none."""
     clipped = report.clipped_actions
     if clipped is None or clipped.pairs == 0:
         return None
@@ -137,7 +137,7 @@ def _clipping_lines(report: Report) -> list[str]:
 
 
 def substrate_lines(substrate: Substrate) -> list[str]:
-    """The warning that belongs wherever scores of a stand-in substrate are printed."""
+    """Return the warning that belongs wherever scores of a stand-in substrate are printed."""
     if substrate.scores_comparable_with_published is not False:
         return []
     return [f"Scores on the {substrate.name} substrate are not comparable with published ones."]
@@ -168,7 +168,7 @@ def _header(report: Report) -> list[str]:
 
 
 def title_text(report: Report) -> str:
-    """What was measured: policy with H and Q, substrate, which part of which cases, strength and program."""
+    """Return policy with H and Q, substrate, part of the case set, strength and program on one line."""
     count = report.pairs.unsupported
     unsupported = f", {count} of them unsupported" if count else ""
     strength = report.provenance["protocol"].get("strength")
@@ -181,7 +181,7 @@ def title_text(report: Report) -> str:
 
 
 def unsupported_text(pairs: PairCounts) -> str | None:
-    """What unsupported pairs mean; None where there are none."""
+    """Return a note on unsupported pairs; None where there are none."""
     if not pairs.unsupported:
         return None
     return (
@@ -192,7 +192,7 @@ def unsupported_text(pairs: PairCounts) -> str | None:
 
 
 def repaired_text(pairs: PairCounts) -> str | None:
-    """Which pairs were measured only when they were played again; None where there are none."""
+    """Return a note on pairs that were measured only when played again; None where there are none."""
     names = pairs.repaired_pairs
     if not names:
         return None
@@ -201,7 +201,7 @@ def repaired_text(pairs: PairCounts) -> str | None:
 
 
 def selection_text(report: Report) -> str:
-    """Which part of which case set: ``24 of 800 cases of track lite (selection: -k camera_shift)``."""
+    """Return the part of the case set: ``24 of 800 cases of track lite (selection: -k camera_shift)``."""
     if report.selection is not None:
         return report.selection.text
     name = report.provenance["case_set"]["name"]

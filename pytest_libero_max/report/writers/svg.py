@@ -13,7 +13,7 @@ FONT = "font-family='system-ui, sans-serif'"
 
 
 def document(width: float, height: float, title: str, shapes: list[str]) -> str:
-    """A standalone SVG document with an accessible title."""
+    """Return a standalone SVG document with an accessible title."""
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {_n(width)} {_n(height)}' "
         f"width='{_n(width)}' height='{_n(height)}' role='img'>"
@@ -30,7 +30,7 @@ def text(x: float, y: float, words: str, anchor: str = "start", size: float = 12
 
 
 def line(x1: float, y1: float, x2: float, y2: float, color: str = GRID, width: float = 1) -> str:
-    """A straight line."""
+    """Return a straight line."""
     return (
         f"<line x1='{_n(x1)}' y1='{_n(y1)}' x2='{_n(x2)}' y2='{_n(y2)}' stroke='{color}' "
         f"stroke-width='{_n(width)}'/>"
@@ -38,18 +38,18 @@ def line(x1: float, y1: float, x2: float, y2: float, color: str = GRID, width: f
 
 
 def circle(x: float, y: float, radius: float, fill: str, stroke: str = "none") -> str:
-    """A disc."""
+    """Return a disc."""
     place = f"cx='{_n(x)}' cy='{_n(y)}' r='{_n(radius)}'"
     return f"<circle {place} fill='{fill}' stroke='{stroke}' stroke-width='2'/>"
 
 
 def rectangle(x: float, y: float, width: float, height: float, fill: str) -> str:
-    """A filled rectangle."""
+    """Return a filled rectangle."""
     return f"<rect x='{_n(x)}' y='{_n(y)}' width='{_n(width)}' height='{_n(height)}' fill='{fill}'/>"
 
 
 def arrow(x1: float, x2: float, y: float, color: str) -> str:
-    """A horizontal arrow from ``x1`` to ``x2``; a bare line where they are too near for a head."""
+    """Return a horizontal arrow from ``x1`` to ``x2``; a bare line where they are too near for a head."""
     shaft = line(x1, y, x2, y, color, 2.5)
     if abs(x2 - x1) < 6:
         return shaft

@@ -19,7 +19,7 @@ ALL_PAIRS = "overall"
 
 
 def csv_text(report: Report) -> str:
-    """One row for the run and for every group, one column or three (estimate and interval) for each quantity.
+    """Return a row for the run and every group, one column or three (estimate and interval) a quantity.
 
     After the groups come the unweighted mean over source categories (``macro``), for every source the
     category of lowest Base success and of largest loss, and the two variants of the largest split.
@@ -64,7 +64,7 @@ def _csv_row(dimension: str, group: str, row: Result) -> Json:
 
 
 def latex_text(report: Report, dimension: str = "event") -> str:
-    """A ``tabular`` of one breakdown in percent and percentage points, with the whole run as its last row."""
+    """Return a ``tabular`` of a breakdown in percent and percentage points, the whole run as its last row."""
     columns = columns_in("narrow")
     rows = [*report.by[dimension].items(), ("All pairs", report.overall)]
     head = (DIMENSIONS[dimension].title, *headings("narrow"))
