@@ -1,4 +1,4 @@
-"""Identity of a policy, by which a later run finds that it plays another one.
+"""Identity of a policy, by which a later run finds out that it plays another one.
 
 A policy that ships with the package has a version that people raise, an adapter the digest of its own code.
 """
@@ -32,8 +32,8 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
     """Identity of the policy that a reference leads to. Nothing is imported.
 
     For a policy that ships with the package it is a name and a version, for example ``expert version 1``
-    (:data:`~.references.BUILT_IN`). For the address of a server it is the digest of the profile: what is
-    asked, not where. For an adapter it is the SHA-256 of its code, hexadecimal.
+    (:data:`~.references.BUILT_IN`). For the address of a server it is the digest of the profile, not of the
+    address. For an adapter it is the SHA-256 of its code, hexadecimal.
 
     That covers the adapter's file, the name taken from it, and every module that the code imports (anywhere,
     also inside a function) from the adapter's own folder or package. Comments, docstrings and layout do not
@@ -67,7 +67,7 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
 
 
 def shown_identity(identity: str) -> str:
-    """Return a policy's identity as messages show it: a version in full, of a digest the beginning."""
+    """Return a policy's identity for messages: a version in full, the beginning of a digest."""
     return identity if " " in identity else identity[:12]
 
 
@@ -92,7 +92,7 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
 
 
 def _scope(reference: Reference, first: Path) -> tuple[Path | None, tuple[str, ...]]:
-    """Return the folder in which the adapter's helpers are looked for, and how their dotted names begin."""
+    """Return the folder of the adapter's helpers, and the beginning of their dotted names."""
     top, *rest = reference.target.split(".")
     if reference.is_file or (not rest and first.stem == top):
         installed = {Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib")}
@@ -184,7 +184,7 @@ def _plain(node: Any) -> Any:
 
 
 def _is_text(node: Any) -> bool:
-    """Return True if a statement is nothing but a string: a docstring, or a note below a constant."""
+    """Return True if a statement is a string alone: a docstring, or a note below a constant."""
     return (
         isinstance(node, ast.Expr)
         and isinstance(node.value, ast.Constant)

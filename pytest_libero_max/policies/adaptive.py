@@ -1,7 +1,7 @@
-"""Asking a policy early when the scene is no more what it was: a baseline for adaptive policies.
+"""Early queries of a policy where the scene has changed: a baseline for adaptive policies.
 
-The paper names adaptive policies as future work. This one adds nothing to the policy but the moment of its
-queries: it executes whole chunks, and asks again before the end of one where the world departs from what the
+The paper names adaptive policies as future work. This one changes only the times of the policy's queries: it
+executes whole chunks, and asks again before the end of one where the world departs from the state that the
 chunk was planned for, within the budget of a fixed query interval.
 """
 
@@ -26,12 +26,12 @@ ADAPTIVE_MODES: tuple[AdaptiveMode, ...] = get_args(AdaptiveMode)
 """Signals to watch. ``image``: the images of the fixed cameras. ``privileged``: the objects' positions."""
 
 BLOCKS = 16
-"""Into how many blocks along each side an image is divided."""
+"""Number of blocks along each side of an image."""
 SURPRISE = 30.0
-"""By how much a block must change more than it and its neighbours did at the look before, grey levels. In six
-embedded scenes that were looked at the robot's movement stayed below 21, and the weakest event gave 43."""
+"""Least change of a block, beyond that of it and its neighbours before, that counts, grey levels. In the six
+embedded scenes examined the robot's movement stayed below 21, and the weakest event gave 43."""
 MOVED_M = 0.02
-"""Largest displacement since the query of an object that nothing of the robot touches, m."""
+"""Largest displacement of an object since the query, if no part of the robot touches it, m."""
 
 _ON_THE_HAND = "eye_in_hand"
 
@@ -40,15 +40,15 @@ Chunk = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Memory:
-    """State between two looks.
+    """State between two steps.
 
     Attributes:
-        chunk: Actions of the last answer that have not been executed.
-        asked: Queries of the policy inside.
-        images: Images of the fixed cameras at the last look.
-        changes: Change of each block of them then.
+        chunk: Actions of the last answer that are left to execute.
+        asked: Number of queries of the inner policy.
+        images: Images of the fixed cameras at the last step.
+        changes: Change of each of their blocks then.
         places: Position of each object at the last query, (3,) m.
-        inner: Memory of the policy inside, if it offers one.
+        inner: Memory of the inner policy, if it offers one.
     """
 
     chunk: Chunk
@@ -60,16 +60,16 @@ class _Memory:
 
 
 class AdaptivePolicy(WrappedPolicy):
-    """Looks at every step, hands out a chunk action by action, and asks early where something changed.
+    """Watches every step, hands out a chunk action by action, and asks early where something changed.
 
-    Up to any step of an episode it has asked at most as often as a fixed interval of Q does, the Q of the
-    policy inside; what it saves by executing whole chunks (H actions) it can spend on early queries.
+    At any step of an episode it has made at most as many queries as a fixed interval of Q, that of the inner
+    policy; queries that it saves by executing whole chunks (H actions) are spent on early ones.
 
     Attributes:
-        query_notes: Counts of the last look: looks, asked, early, and those of a wrapper inside.
+        query_notes: Counts of the last query: looks, asked, early, and those of a wrapper inside.
 
     Args:
-        policy: Which.
+        policy: The inner policy.
         mode: The signal to watch.
 
     Raises:
@@ -135,7 +135,7 @@ class AdaptivePolicy(WrappedPolicy):
         return replace(memory, chunk=chunk, asked=memory.asked + 1, places=places)
 
     def _departed(self, memory: _Memory, changes: tuple[Array, ...]) -> bool:
-        """Return True if the world is no more what a chunk was planned for that has not ended."""
+        """Return True if the scene no longer matches the one that the present chunk was planned for."""
         if not len(memory.chunk):
             return False
         if self._mode == "image":
@@ -159,7 +159,7 @@ class AdaptivePolicy(WrappedPolicy):
 def block_changes(before: Image, now: Image) -> Array:
     """(16, 16) grey levels: the mean absolute difference of two images within each block.
 
-    Rows and columns that are left over are not looked at.
+    Rows and columns that are left over are ignored.
     """
     high, wide = (side // BLOCKS for side in before.shape[:2])
     part = slice(BLOCKS * high), slice(BLOCKS * wide)
@@ -171,7 +171,7 @@ def block_changes(before: Image, now: Image) -> Array:
 def surprise(before: Array, now: Array) -> float:
     """Return the largest change of a block beyond that of it and its neighbours before, in grey levels.
 
-    What moves steadily, as the robot does, goes on beside where it was.
+    A steady movement, like the robot's, continues next to its last place.
     """
     wide = np.pad(before, 1, mode="edge")
     near = np.max([wide[i : i + BLOCKS, j : j + BLOCKS] for i in range(3) for j in range(3)], axis=0)
@@ -185,7 +185,7 @@ def places_of(world: World) -> dict[str, Array]:
 
 
 def has_moved(world: World, places: Mapping[str, Array]) -> bool:
-    """Return True if an object that nothing of the robot touches is elsewhere, or one is new or gone."""
+    """Return True if an object that the robot does not touch has moved, appeared or disappeared."""
     now = places_of(world)
     if now.keys() != places.keys():
         return True
@@ -194,5 +194,5 @@ def has_moved(world: World, places: Mapping[str, Array]) -> bool:
 
 
 def with_adaptive_queries(policy: Policy, mode: AdaptiveMode | None) -> Policy:
-    """Return a policy that is asked early as a mode says; itself for None."""
+    """Return a policy that is asked early by the mode's signal; the policy itself for None."""
     return policy if mode is None else AdaptivePolicy(policy, mode)

@@ -1,4 +1,4 @@
-"""Checks of a policy: has it the members of the contract, and are its actions ones that can be played?"""
+"""Checks of a policy: that it has the members of the contract, and that its actions can be played."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from pytest_libero_max.worlds.rendering import gl
 Actions = NDArray[np.float64]
 
 MOST_TURN_RAD = 2 * np.pi + 1e-3
-"""No rotation of an absolute action is larger: that of either sign of a quaternion stays below."""
+"""Largest rotation of an absolute action; the rotations of either sign of a quaternion are below."""
 
 
 def check_policy(policy: Any, where: str) -> Policy:
@@ -81,7 +81,7 @@ def check_cameras(policy: Policy, world: World) -> None:
 
     Raises:
         AdapterError: It lacks one; suggests the closest.
-        SimulatorError: Nothing on this machine can draw; says what helps.
+        SimulatorError: Nothing on this machine can draw; names the cure.
     """
     known = world.cameras
     for camera in policy.spec.cameras:
@@ -100,7 +100,7 @@ def check_cameras(policy: Policy, world: World) -> None:
 
 
 def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
-    """Check that the policy still declares what it declared.
+    """Check that the policy's spec is unchanged.
 
     Args:
         policy: The policy.
@@ -133,7 +133,7 @@ def sees(policy: Policy) -> bool:
 
 
 def memory_of(policy: Policy) -> MemoryKind:
-    """Return the way in which the policy's memory is brought to the event, by what it offers."""
+    """Return the way to bring the policy's memory to the event, given the methods that it offers."""
     if remembers(policy):
         return "snapshot"
     if sees(policy):
@@ -153,8 +153,8 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
     Components beyond +-1 are left alone: the controller clips them, as it does for LIBERO.
 
     Raises:
-        ActionError: Not numbers, not that shape, too few, too many, or not finite; or, of a policy under
-            absolute control, no pose that a hand could have.
+        ActionError: Not numbers, not that shape, too few, too many, or not finite; or, under absolute
+            control, a pose that no hand could have.
     """
     expected = f"an (n, {ACTION_DIM}) array with {spec.query_interval} <= n <= {spec.horizon}"
     try:
@@ -247,7 +247,7 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
     Raises:
         ActionError: The answer cannot be played; see :func:`check_actions`.
         AdapterError: The policy raised; the original is chained.
-        ServerError: The policy asks a server, which was given up.
+        ServerError: The policy's server was given up.
     """
     spec, where = policy.spec, f"query {query.index} at step {query.step}"
     if sees(policy):
@@ -264,7 +264,7 @@ def notes_of(policy: Policy) -> dict[str, int] | None:
     """Return the counts of a policy at its last query (``query_notes``); None where it offers none.
 
     Raises:
-        AdapterError: They are no counts by name, so that a record could not hold them.
+        AdapterError: They are not counts by name, which a record could hold.
     """
     notes = getattr(policy, "query_notes", None)
     if notes is None:
@@ -290,7 +290,7 @@ def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
     Raises:
         ActionError: An answer cannot be played.
         AdapterError: The policy raised, or returned another number of answers.
-        ServerError: The policy asks a server, which was given up.
+        ServerError: The policy's server was given up.
     """
     together: BatchPolicy = policy  # type: ignore[assignment]  # batches() looked
     with _blaming(policy, f"predict_batch, {len(items)} item(s)"):
@@ -317,7 +317,7 @@ def copy_memory(policy: Policy) -> object:
 
 
 def memory_digest(memory: object) -> bytes | None:
-    """Fingerprint by which a copied memory that changes later is noticed; None if it has no pickle."""
+    """Fingerprint of a copied memory, to notice later changes; None if it cannot be pickled."""
     try:
         pickled = pickle.dumps(memory, protocol=5)
     except Exception:  # whatever a foreign object raises: it then goes unchecked
@@ -370,7 +370,7 @@ def locate(error: BaseException, file: str) -> str | None:
 def ends_the_session(error: BaseException) -> bool:
     """Return True if an exception has to pass: an interrupt, a time limit, or one of pytest's own.
 
-    Everything else that an adapter lets out is a fault of the adapter, also what is not an ``Exception``: an
+    Every other exception of an adapter is the adapter's fault, also one that is not an ``Exception``: an
     ``asyncio.CancelledError``, a ``SystemExit``, a ``GeneratorExit``.
     """
     ours = isinstance(error, (KeyboardInterrupt, LimitReached))
@@ -379,7 +379,7 @@ def ends_the_session(error: BaseException) -> bool:
 
 @contextmanager
 def _blaming(policy: Policy, what: str) -> Iterator[None]:
-    """Turn what the policy raises in the block into an AdapterError, unless it is a ServerError."""
+    """Turn exceptions of the policy in the block into an AdapterError, except a ServerError."""
     try:
         yield
     except BaseException as error:

@@ -1,4 +1,4 @@
-"""The contract of a policy: told of each episode, asked for actions, never shown more than it declares."""
+"""The contract of a policy: it begins episodes, answers queries, and sees only inputs that it declares."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ by showing every step again."""
 
 
 MOST = {"horizon": 10_000, "query_interval": 10_000, "image_size": 4096}
-"""No spec asks for more: an episode is shorter, and an answer or an image has to fit into the memory."""
+"""Largest values of a spec: an episode is shorter, and an answer or an image has to fit in memory."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class PolicySpec:
         return tuple(sorted({*self.suites}))
 
     def _size(self) -> ImageSize:
-        """Return the size of the images; one number where they are square, so that it is told in one way."""
+        """Return the size of the images; one number where they are square, so that equal sizes are equal."""
         value = self.image_size
         if not isinstance(value, list | tuple):
             return self._count("image_size", value)
@@ -211,12 +211,12 @@ class Policy(Protocol):
 
     A policy with memory also offers ``snapshot() -> object`` and ``restore(object)``, so that the Dynamic
     rollout can begin with the memory Base had at the event. Without them the policy must be a function
-    of the observation and the query, unless its memory is made of what it was shown (``see``) or asked
+    of the observation and the query, unless its memory consists of the steps it was shown (``see``) or asked
     (``PolicySpec(history=True)``): then it is shown or asked all of it again. ``reset`` is called at the
     start of both rollouts; the Dynamic rollout may start at the event, so a privileged policy must not take
     the world it finds then for the initial state.
 
-    A policy may keep counts of its last query by name in ``query_notes``; they are added up in the record.
+    A policy may keep counts of its last query by name in ``query_notes``; the record holds their sums.
     """
 
     spec: PolicySpec
@@ -232,10 +232,10 @@ class Policy(Protocol):
 
 @runtime_checkable
 class SeeingPolicy(Policy, Protocol):
-    """A policy that is shown the world before every step, and not at queries alone.
+    """A policy that is shown the world before every step, not only at queries.
 
-    It costs an observation at every step. Without ``snapshot`` its memory is made of what it was shown: all
-    of it is shown again on the way to the event.
+    Every step then costs an observation. Without ``snapshot`` its memory consists of the steps it was shown:
+    all of them are shown again on the way to the event.
     """
 
     def see(self, observation: Observation, step: int) -> None:

@@ -1,9 +1,8 @@
-"""Examining a policy before anything is measured: a few queries that find the usual mistakes of adapters.
+"""Examination of a policy before a run: a few queries that find the usual mistakes of adapters.
 
 Nothing is played. The policy is shown made-up and recorded observations, always as the pair runner would show
-them, and what it does is compared with what it declares. What a model is *shown* can only be compared where
-the policy offers ``model_inputs(observation, query)``, a mapping of what it hands to the model; policies
-behind servers do.
+them, and its behaviour is compared with its declarations. The inputs of its model can only be compared where
+the policy offers ``model_inputs(observation, query)``, a mapping of those inputs; policies behind servers do.
 """
 
 from __future__ import annotations
@@ -35,19 +34,19 @@ from pytest_libero_max.policies.model_inputs import compare_inputs, marked_obser
 
 Actions = NDArray[np.float64]
 FAR_BEYOND = 3.0
-"""Components larger than this are no movements within [-1, 1] that overshoot, but other units."""
+"""Components larger than this are in other units, not movements that overshoot [-1, 1]."""
 
 FAR_AWAY_M = 0.5
-"""A hand that moves 5 cm in a step is not sent farther than this by the next action."""
+"""Largest plausible distance of the next target: a hand moves 5 cm in a step."""
 
 MIXED_UP = 0.05
-"""Answers of a batch that differ by more from those given alone are no matter of rounding."""
+"""Largest difference between answers in a batch and alone that can be rounding."""
 
 QUERIES = 4
 
 
 def examine(policy: Policy, shown: Shown) -> list[Finding]:
-    """Look at a policy from all sides; stops at the first query that cannot be answered.
+    """Examine a policy; stop at the first query that cannot be answered.
 
     Args:
         policy: A checked policy that reads no simulator.
@@ -71,10 +70,10 @@ def examine(policy: Policy, shown: Shown) -> list[Finding]:
 
 
 def made_up(policy: Policy, world: Any, suite: str = "libero_spatial", seed: int = 195) -> Shown:
-    """Observations of a world at rest and moved a little, for :func:`examine`.
+    """Return observations of a world at rest and moved a little, for :func:`examine`.
 
     Args:
-        policy: Whose cameras and image size.
+        policy: Policy with the cameras and image size.
         world: A world; it is reset and stepped.
         suite: Of the world's task.
         seed: The policy seed.
@@ -177,7 +176,7 @@ def _range(actions: Actions) -> Finding:
 
 
 def _poses(actions: list[Actions], shown: Shown) -> Finding:
-    """Distance that the hand is sent by the first action of each answer, under absolute control."""
+    """Check the distance to which the first action of each answer sends the hand, under absolute control."""
     hands = [observation["robot0_eef_pos"] for observation in shown.observations[: len(actions)]]
     farthest = float(np.linalg.norm(np.array(actions)[:, :3] - hands, axis=1).max())
     if farthest > FAR_AWAY_M:
@@ -261,7 +260,7 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
-    """Traces of an episode after reset, and dependence of answers on more than the observation."""
+    """Check that reset removes all traces of an episode, and that answers depend on nothing but the query."""
     if not policy.spec.repeatable:
         return
     start(policy, shown.episode)

@@ -9,12 +9,12 @@ from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.worlds.contract import Observation
 
 Level = Literal["ok", "note", "wrong"]
-"""``wrong`` breaks the contract or is never meant; ``note`` may be meant, and is worth a look."""
+"""``wrong`` breaks the contract or is never intended; ``note`` may be intended, and deserves attention."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Attributes:
         level: Severity.

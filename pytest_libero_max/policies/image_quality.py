@@ -1,4 +1,4 @@
-"""Damage of an image, judged by the image alone: its noise, and the black areas that cover it.
+"""Damage of an image, judged by the image alone: its noise, and the black rectangles that cover it.
 
 The limits are the paper's (its sensor-restoration study). It does not name its high-pass filter; here it is
 that of Immerkær (Fast noise variance estimation, 1996), which answers 0 to constant and linear brightness.
@@ -58,7 +58,7 @@ class Quality:
 
     @property
     def is_covered(self) -> bool:
-        """True if what is covered reaches its limit."""
+        """True if the covered share reaches its limit."""
         return self.covered >= COVERED_LIMIT
 
     @property
@@ -98,7 +98,7 @@ def cover_of(image: Image) -> Mask:
 
 
 def noise_of(image: Image, mask: Mask) -> float:
-    """Return the standard deviation of the noise outside what is covered, and outside its edges, grey levels.
+    """Return the standard deviation of the noise outside covers and their edges, grey levels.
 
     The median of the filter's answers is hardly moved by the few that come from edges of things. Noise that
     was cut off at 0 or 255 is missing from it.

@@ -31,8 +31,8 @@ def load_policy(
 ) -> Policy:
     """Load the policy that a reference names.
 
-    The address of a server (``openpi://host:8000``) is connected to; ``profile`` says how the policy behind
-    it is asked.
+    The address of a server (``openpi://host:8000``) is connected to; ``profile`` is the profile of the policy
+    behind it.
 
     The reference is the name of a built-in or installed policy (``expert``), a file (``adapter.py``) or an
     importable module (``package.module``); the latter two with ``:name`` for anything but the default name
@@ -78,9 +78,9 @@ def load_policy(
 
 
 def check_reference(text: str, profile: str | None = None) -> None:
-    """Find what is wrong with a reference without executing anything or connecting to a server.
+    """Check a reference without executing anything or connecting to a server.
 
-    For whoever only hands out the work: the weights belong into the processes that play.
+    For processes that only hand out the work: the weights belong into those that play.
 
     Raises:
         AdapterError: The file, module or name does not exist, cannot be read, or is not Python; or
@@ -169,7 +169,7 @@ class _BesideAdapter:
         importlib.invalidate_caches()
 
     def leave(self) -> None:
-        """Make ``sys.path`` and ``sys.modules`` what they would be without the adapter."""
+        """Restore ``sys.path`` and ``sys.modules`` to their state without the adapter."""
         folder, self._folder = self._folder, None
         if folder is None:
             return
@@ -188,7 +188,7 @@ _BESIDE = _BesideAdapter()
 
 
 def forget_adapter() -> None:
-    """Undo what loading an adapter file did to ``sys.path`` and ``sys.modules``."""
+    """Undo the effects of an adapter file on ``sys.path`` and ``sys.modules``."""
     _BESIDE.leave()
 
 

@@ -1,7 +1,7 @@
 """Inputs that a policy gives its model: camera, orientation, order of colours, rule for the rotation.
 
-Only a policy that offers ``model_inputs(observation, query)`` can be asked. What it tells is compared with an
-observation whose images are marked.
+Only a policy that offers ``model_inputs(observation, query)`` can be examined. Its inputs are compared with
+an observation whose images are marked.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ USUAL = "rotated by 180 degrees"
 
 
 def model_inputs(policy: Policy, observation: Observation, query: Query) -> dict[str, NDArray[Any]] | None:
-    """Return the arrays that a policy hands to its model, by name; None where it does not tell."""
+    """Return the arrays that a policy hands to its model, by name; None where it does not offer them."""
     tell = getattr(policy, "model_inputs", None)
     if tell is None:
         return None
@@ -78,7 +78,7 @@ def marked_observation(observation: Observation) -> dict[str, NDArray[Any]]:
 
 
 def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -> Iterator[Finding]:
-    """Compare what a model is shown with the observation that it was made from.
+    """Compare the inputs of a model with the observation that they were made from.
 
     Args:
         told: The result of :func:`model_inputs`.
@@ -95,7 +95,7 @@ def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -
 
 
 def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str, Image]]:
-    """Return an image twice as wide as high is two, side by side, unless the world delivers such images."""
+    """Split an image twice as wide as high into two, side by side, unless the world delivers such images."""
     height, width = image.shape[:2]
     delivered = (value.shape[:2] for key, value in observation.items() if key.endswith("_image"))
     if width != 2 * height or any(high * 2 == wide for high, wide in delivered):
@@ -156,10 +156,10 @@ def _one_image(name: str, image: Image, observation: Observation, meant: str | N
 
 
 def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
-    """Return the images among what a model is shown, side by side with their names, each 256 pixels high.
+    """Return the images among a model's inputs, side by side with their names, each 256 pixels high.
 
     Args:
-        told: Arrays by name; whatever is no image is left out.
+        told: Arrays by name; those that are not images are left out.
 
     Raises:
         AdapterError: There is no image.
@@ -182,7 +182,7 @@ def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
 
 
 def _camera_named(name: str) -> str | None:
-    """Return the camera that the name of an input speaks of."""
+    """Return the camera that the name of an input refers to."""
     lower = name.lower()
     if any(word in lower for word in ("wrist", "hand")):
         return CAMERAS[1]

@@ -1,7 +1,7 @@
-"""Profiles: how a policy behind a server is asked, as data (TOML).
+"""Profiles: requests to a policy behind a server, as data (TOML).
 
-A profile says which protocol is spoken, how the observation becomes the request, where the actions are in the
-reply, and what is done to them. The profiles of this package lie in ``profiles/``. ``"?"`` stands for a
+A profile names the protocol, the conversion of the observation to the request, and the place of the actions
+in the reply and their conversion. The profiles of this package lie in ``profiles/``. ``"?"`` stands for a
 value that could not be established: such a profile is refused until another one that ``extends`` it gives the
 value.
 """
@@ -68,7 +68,7 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Profile:
-    """A profile as read, with whatever it extends filled in.
+    """A profile as read, including everything that it extends.
 
     Attributes:
         name: Of the file, without its ending.
@@ -91,7 +91,7 @@ class Profile:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what it says, hexadecimal, ``native`` and ``sources`` aside."""
+        """SHA-256 of its content, hexadecimal, without ``native`` and ``sources``."""
         said = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 

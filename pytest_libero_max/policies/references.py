@@ -1,4 +1,4 @@
-"""References by which a user names a policy, and where they lead. Nothing here executes an adapter."""
+"""References by which a user names a policy. Nothing here executes an adapter."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Reference:
 
 
 def parse_reference(text: str) -> Reference:
-    """Read what a user typed.
+    """Parse a reference.
 
     A word that is the name of a built-in or installed policy means that policy, whatever else has this name:
     ``random`` is the policy, ``random.py`` (or ``./random.py``) the file in the working directory, and
@@ -109,7 +109,7 @@ def parse_reference(text: str) -> Reference:
 
 
 def _instead(path: Path, name: str) -> str:
-    """Suggest what may have been meant by a path that is no Python file."""
+    """Suggest a correction of a path that is not a Python file."""
     file = path.with_name(f"{path.name}.py") if path.name else path
     if file.is_file():
         return f" Did you mean '{file}{name}'?"

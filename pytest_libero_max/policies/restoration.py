@@ -1,4 +1,4 @@
-"""Restoring the images that a policy sees: a wrapper around any policy, as in the paper's recovery study.
+"""Restoration of a policy's images: a wrapper around any policy, as in the paper's recovery study.
 
 It looks at each image alone: no training, no clean image, no state of the simulator, no word of an event, and
 nothing kept from one query to the next.
@@ -29,7 +29,7 @@ BILATERAL_DIAMETER_PX, BILATERAL_COLOUR, BILATERAL_SPACE_PX = 5, 45.0, 2.0
 COUNTS = ("queries", "active", "images", "restored", "noisy", "covered")
 """Counts: queries, those at which an image was restored; images, those restored, over a limit."""
 RESTORE_TIME = "restore_s"
-"""Among the timings of a pair: how long judging and restoring took."""
+"""Among the timings of a pair: time of judging and restoring."""
 
 
 def restore(image: Image, mask: Mask) -> Image:
@@ -56,7 +56,7 @@ class RestoringPolicy(WrappedPolicy):
         query_seconds: Time spent on judging and restoring then.
 
     Args:
-        policy: Which.
+        policy: The inner policy.
         mode: ``always`` or ``gated``.
     """
 
@@ -97,7 +97,7 @@ class RestoringPolicy(WrappedPolicy):
 
 
 def with_restoration(policy: Policy, mode: RestoreMode) -> Policy:
-    """Return a policy as a mode of restoration has it: itself for ``native``, otherwise wrapped.
+    """Return a policy in a mode of restoration: itself for ``native``, otherwise wrapped.
 
     Raises:
         AdapterError: It asks for no images, so there is nothing to restore.

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ServerError
 
 MOST_BYTES = 64 * 2**20
-"""The largest message that is read. A chunk of actions has some kilobytes."""
+"""Size of the largest message that is read, bytes. A chunk of actions has some kilobytes."""
 
 MOST_PARTS = 2**18
-"""The most lists and maps of a msgpack message. Python needs seconds and gigabytes for millions."""
+"""Largest number of lists and maps in a msgpack message. Python needs seconds and gigabytes for millions."""
 
 _KINDS = "biuf"
 _MOST_DIMENSIONS = 8
@@ -154,7 +154,7 @@ def shortened(text: str) -> str:
 
 
 def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
-    """Return an array from its bytes, after a look at everything that is said about it.
+    """Return an array from its bytes, after checks of its type and shape.
 
     Args:
         data: C order, or Fortran order for an array of one axis or none.

@@ -54,10 +54,10 @@ def as_declared(profile: Profile, request: Request, horizon: int | None, query_i
 
 
 def as_prepared(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
-    """Properties that `libero-max serve` adds to the spec of a profile that prepares the observation.
+    """Return the spec of a profile that prepares the observation, with the fields of `libero-max serve`.
 
-    H, Q and images are the profile's. What tells weights apart, the suites, whether answers repeat and the
-    control are the adapter's to know. Other servers say nothing of it.
+    H, Q and images are the profile's. Only the adapter knows the revision, the suites, the control and
+    whether answers repeat. Other servers declare none of it.
 
     Raises:
         ServerError: The server declares a spec that breaks a rule.
@@ -88,7 +88,7 @@ class Kept:
 
 
 class DeclaredPolicy(ServedPolicy):
-    """A policy whose server may be told the cadence that is played; an adapter that reads it follows it."""
+    """A policy whose server may be sent the cadence that is played; an adapter that reads it follows it."""
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
         """Return the request.
@@ -201,7 +201,7 @@ class SeeingPolicy(RememberingPolicy):
         return actions
 
     def snapshot(self) -> object:
-        """Return a name of the memory, with what the server does not know yet."""
+        """Return a name of the memory, with the steps that the server has not received yet."""
         kept = Kept(self._at, self._frames)
         self._kept.add(kept)
         return kept

@@ -61,7 +61,7 @@ class Gr00tLink:
         return self._call({"endpoint": "ping"})
 
     def ask(self, request: Any) -> Any:
-        """Send an observation; the map of actions."""
+        """Send an observation and return the map of actions."""
         data = request if self._bare else {"observation": request, "options": None}
         reply = self._call({"endpoint": "get_action", "data": data})
         if not self._bare:

@@ -1,6 +1,6 @@
 """HTTP: one POST of a JSON document for each query, answered with another.
 
-Three ways to write arrays are met: json-numpy maps, the same as strings, and nested lists with images as
+Arrays are written in one of three ways: json-numpy maps, the same as strings, and nested lists with images as
 base64 files.
 """
 
@@ -64,7 +64,7 @@ class HttpLink:
             raise Unreachable(f"cannot be reached ({type(error).__name__}: {error})") from error
 
     def ask(self, request: Any) -> Any:
-        """Send a request; the reply's value."""
+        """Send a request and return the reply's value."""
         if self._connection is None:
             raise Unreachable("the connection is closed")
         headers = {"Content-Type": "application/json", "Accept": "application/json"}

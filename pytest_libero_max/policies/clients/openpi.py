@@ -35,7 +35,7 @@ class OpenpiLink:
         self._socket = Socket(address)
 
     def open(self) -> Any:
-        """Connect; the metadata.
+        """Connect and return the metadata.
 
         Raises:
             AdapterError: They are those of a server for another robot.
@@ -46,7 +46,7 @@ class OpenpiLink:
         return metadata
 
     def ask(self, request: Any) -> Any:
-        """Send the map of an observation; the reply's map."""
+        """Send the map of an observation and return the reply's map."""
         self._socket.send(pack(request, OPENPI))
         return self._read()
 

@@ -78,11 +78,11 @@ class ServerProtocol(ABC):
         """Return the connection, which is not open yet.
 
         Raises:
-            AdapterError: The profile lacks what the protocol needs.
+            AdapterError: The profile lacks a field that the protocol needs.
         """
 
     def adapt(self, opening: Opening) -> Adapt | None:
-        """Return what makes requests and spec out of the server's greeting; None: they stay as they are."""
+        """Return a function from the server's greeting to requests and spec; None to leave them unchanged."""
         return None
 
     def policy(self, greeting: Mapping[str, Any]) -> type[ServedPolicy]:

@@ -1,4 +1,4 @@
-"""From a server's reply to actions, as a profile says."""
+"""Conversion of a server's reply to actions, by a profile."""
 
 from __future__ import annotations
 

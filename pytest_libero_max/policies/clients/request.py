@@ -1,4 +1,4 @@
-"""From an observation to a request, as a profile says."""
+"""Conversion of an observation to a request, by a profile."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Request:
         profile: Its tables ``inputs``, ``instruction`` and ``request``.
 
     Attributes:
-        cameras: Whose images it needs.
+        cameras: Cameras whose images it needs.
         seeded: True if it carries the seed of the query.
 
     Raises:
@@ -110,7 +110,7 @@ class Request:
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
     def visible(self, observation: Observation) -> dict[str, NDArray[Any]]:
-        """Those arrays of a request that can be made of an observation that may lack cameras, by name.
+        """Return the arrays of a request that can be made of an observation that may lack cameras, by name.
 
         Raises:
             AdapterError: A step of one cannot be done.

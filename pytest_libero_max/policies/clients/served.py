@@ -1,4 +1,4 @@
-"""A policy behind a server as the pair runner knows policies: requests, replies, what the server declares."""
+"""A policy behind a server as the pair runner needs it: requests, replies, and the server's declarations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pytest_libero_max.worlds.contract import Observation
 Actions = NDArray[np.float64]
 
 Adapt = Callable[[Any, PolicySpec], tuple[Any, PolicySpec]]
-"""From what a server says about itself, and the spec so far, to the layout of its requests and the spec."""
+"""Function from a server's greeting and the spec so far to the layout of its requests and the spec."""
 
 
 class ServedPolicy:
@@ -28,8 +28,8 @@ class ServedPolicy:
         spec: Its declaration.
         request: Makes requests.
         reply: Reads replies.
-        connect: Makes the client; told whom to tell what the server says about itself.
-        adapt: Makes the layout of the request and the spec, of what the server said; None: as they are.
+        connect: Makes the client, given a function to call with the server's greeting.
+        adapt: Makes the layout of the request and the spec from the greeting; None leaves them unchanged.
 
     Attributes:
         greeting: The server's description of itself.
@@ -63,7 +63,7 @@ class ServedPolicy:
         return self.client.waited_s
 
     def reset(self, episode: Episode) -> None:
-        """Keep the episode for the requests; servers are asked query by query and have nothing to forget."""
+        """Keep the episode for the requests; the server keeps nothing to reset."""
         self._episode = episode
 
     def predict(self, observation: Observation, query: Query) -> Actions:
@@ -83,7 +83,7 @@ class ServedPolicy:
         return self._request.build(observation, query, self._episode, self._layout)
 
     def read(self, reply: Any) -> Actions:
-        """Return the actions of a reply; notes in how large a batch they were computed.
+        """Return the actions of a reply; notes the size of the batch in which they were computed.
 
         Raises:
             ServerError: There are none that can be played.
@@ -94,7 +94,7 @@ class ServedPolicy:
         return actions
 
     def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the request, by the names that the profile gives them, for a look at them.
+        """Return the arrays of the request by the profile's names, for inspection.
 
         Raises:
             AdapterError: An input cannot be made.

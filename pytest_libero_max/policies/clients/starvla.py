@@ -17,7 +17,7 @@ class StarvlaLink(OpenpiLink):
     """A connection to a server of the starVLA family (starVLA, VLA-JEPA, DiT4DiT)."""
 
     def ask(self, request: Any) -> Any:
-        """Send a request; the reply's ``data``."""
+        """Send a request and return the reply's ``data``."""
         reply = super().ask(request)
         if reply.get("ok") is False or "error" in reply:
             error = reply.get("error")

@@ -1,4 +1,4 @@
-"""Asking a server: what a protocol offers, and the retries around it."""
+"""Client of a server: the connection that a protocol offers, and the retries around it."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ FIRST_PAUSE_S = 0.25
 LONGEST_PAUSE_S = 5.0
 
 MOST_BAD_ANSWERS = 3
-"""Errors or useless answers to one query before it is given up."""
+"""Number of errors or useless answers to a query after which the server is given up."""
 
 Answer = TypeVar("Answer")
 
 
 class Unreachable(ServerError):
-    """There is no connection, it was lost, or no answer came in time: worth waiting for."""
+    """No connection, a lost connection or no answer in time: worth waiting for."""
 
 
 class Link(Protocol):
     """One connection to a server, in one protocol. It is closed and opened again after every trouble."""
 
     def open(self) -> Any:
-        """Connect, and return what the server says about itself, None where it says nothing.
+        """Connect and return the server's greeting; None where it sends none.
 
         Raises:
-            Unreachable: Nobody answers there.
-            ServerError: Somebody answers who does not speak the protocol.
+            Unreachable: No server answers there.
+            ServerError: The server does not speak the protocol.
         """
         ...
 
@@ -54,14 +54,14 @@ class Client:
     """Asks a server, patiently.
 
     A server that cannot be reached is waited for, with pauses that grow from 0.25 to 5 s, as long as the
-    patience lasts. A server that answers with errors or nonsense is asked three times. One that was given up
-    is asked once by each later query until it answers again.
+    patience lasts. A server that answers with errors or nonsense is asked three times. After it was given up
+    it is asked once by each later query until it answers again.
 
     Args:
         name: Name of the server in messages.
         link: The connection.
         patience_s: Longest time to wait for a server that cannot be reached.
-        on_open: Told what the server says about itself, each time it is connected to.
+        on_open: Called with the server's greeting each time it is connected to.
         sleep: Waits some seconds.
 
     Attributes:
@@ -103,8 +103,8 @@ class Client:
             read: Turns the reply into an answer; a ``ServerError`` that it raises counts as a bad answer.
 
         Raises:
-            ServerError: The server was given up; says how often and how long it was tried, and why it failed
-                the last time.
+            ServerError: The server was given up; names the number of tries, the time they took, and the last
+            error.
         """
         return self._patiently(lambda: read(self._link.ask(request)))
 

@@ -39,7 +39,7 @@ class VlaEvalLink:
         self._seq = 0
 
     def open(self) -> Any:
-        """Connect and greet; what the server's greeting says."""
+        """Connect and return the server's greeting."""
         self._socket.open()
         greeting = {"harness_version": "pytest-libero-max", "protocol_version": PROTOCOL_VERSION}
         seq = self._send("hello", {**greeting, "benchmark": "libero-max"})
@@ -53,7 +53,7 @@ class VlaEvalLink:
         return payload
 
     def ask(self, request: Any) -> Any:
-        """Send ``{"task": ..., "observation": ..., "count": Q}``; ``{"actions": (n, 7)}`` with n >= Q."""
+        """Send ``{"task": ..., "observation": ..., "count": Q}``; return ``{"actions": (n, 7)}``, n >= Q."""
         self._send("episode_start", {"task": request["task"]})
         rows: list[Any] = []
         while len(rows) < request["count"]:
@@ -111,7 +111,7 @@ class OneByOnePolicy(ServedPolicy):
 
 
 class VlaEvalProtocol(ServerProtocol):
-    """The protocol of vla-eval's model servers, which say which inputs they want."""
+    """The protocol of vla-eval's model servers, which declare the inputs they want."""
 
     scheme = "vla-eval"
     port = 8000

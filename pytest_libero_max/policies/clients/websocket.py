@@ -29,8 +29,8 @@ class Socket:
         """Connect.
 
         Raises:
-            Unreachable: Nobody answers there.
-            ServerError: Somebody answers who speaks no WebSocket.
+            Unreachable: No server answers there.
+            ServerError: The server does not speak WebSocket.
         """
         from websockets.exceptions import InvalidHandshake, InvalidURI
         from websockets.sync.client import connect

@@ -1,4 +1,4 @@
-"""Queries that wait for the policy: one thread answers them, several together where that is wanted."""
+"""Queue of queries for the policy: one thread answers them, several together where asked for."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Batching:
     """Number of queries that are answered together.
 
     Attributes:
-        size: The most. 1: each query is answered alone.
+        size: Largest number. 1: each query is answered alone.
         wait_s: Longest time that the first query of a batch waits for others, s. It does not wait when every
             client has asked.
         pad: True if a smaller batch is filled up with copies of its first query, so that the arithmetic
@@ -52,7 +52,7 @@ class Pending(Generic[Request, Result]):
     Attributes:
         request: The query.
         result: Future that receives the answer or the error.
-        since: When it came, by ``time.perf_counter``.
+        since: Time of arrival, by ``time.perf_counter``.
     """
 
     request: Request
@@ -65,7 +65,7 @@ class BatchQueue(Generic[Request, Result]):
 
     Args:
         batching: Size of a batch and time to wait for one.
-        present: Returns the number of clients: nobody else is waited for.
+        present: Returns the number of clients; a batch waits for no more.
         answer: Answers some requests by setting their futures, each of them.
     """
 
@@ -86,7 +86,7 @@ class BatchQueue(Generic[Request, Result]):
 
         Raises:
             ServerError: The queue is closed.
-            Exception: Whatever the answer is instead.
+            Exception: The error that took the place of the answer.
         """
         pending: Pending[Request, Result] = Pending(request)
         self._queue.put(pending)

@@ -43,7 +43,7 @@ class InferenceRequest:
         item: Observation and query for the policy.
         place: Its place in an episode; None for a policy without memory.
         cadence: H and Q that the policy declares while it answers; None for its own.
-        frames: For a policy that sees every step: what the world showed since the last query, with the step.
+        frames: For a policy that sees every step: observations since the last query, each with its step.
     """
 
     item: BatchItem
@@ -59,7 +59,7 @@ class InferenceResult:
     Attributes:
         actions: (n, 7) with Q <= n <= H.
         batch: Number of queries that were answered together.
-        memory: Name of what the policy remembers after it; None for a policy without memory.
+        memory: Name of the policy's memory after it; None for a policy without memory.
     """
 
     actions: Actions
@@ -70,7 +70,7 @@ class InferenceResult:
 class Host:
     """Answers the requests of many connections with one policy, in one thread.
 
-    Each answer is a function of its request alone, so it does not matter who else asks; only the arithmetic
+    Each answer is a function of its request alone and does not depend on other clients; only the arithmetic
     of a batch may differ in its last digits.
 
     Args:
@@ -80,8 +80,8 @@ class Host:
         metrics: Counters; None to count nothing.
 
     Raises:
-        AdapterError: The policy reads the simulator, remembers what it cannot copy, or cannot answer several
-            queries together.
+        AdapterError: The policy reads the simulator, has a memory that it cannot copy, or cannot answer
+            several queries together.
     """
 
     def __init__(

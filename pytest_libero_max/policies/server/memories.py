@@ -18,7 +18,7 @@ MOST_KEPT = 64
 """Number of memories that a client may keep."""
 
 FORGOTTEN_AFTER_S = 3600.0
-"""A client that has not asked for so long is forgotten."""
+"""Time without queries after which a client is forgotten, s."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Memories:
         return client.memories[place.at]
 
     def add(self, place: Place, memory: object) -> str:
-        """Keep the memory after a query, and of the others those that the client still needs; its name."""
+        """Keep the memory after a query and those that the client still needs; return its name."""
         now = self._clock()
         self._clients = {
             name: client

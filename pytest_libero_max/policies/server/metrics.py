@@ -45,7 +45,7 @@ class Metrics:
         )
 
     def batch(self, queued_s: list[float], policy_s: float) -> None:
-        """Count a batch: how long each of its queries waited, and how long the policy took, s."""
+        """Count a batch: the time that each of its queries waited, and the time of the policy, s."""
         self._batch.observe(len(queued_s))
         self._policy.observe(policy_s)
         for seconds in queued_s:
@@ -61,6 +61,6 @@ class Metrics:
         self._clients.set(count)
 
     def text(self) -> tuple[str, str]:
-        """Everything that was counted, and the content type."""
+        """Return everything that was counted, and the content type."""
         content: bytes = self._library.generate_latest(self._registry)
         return content.decode(), str(self._library.CONTENT_TYPE_LATEST)

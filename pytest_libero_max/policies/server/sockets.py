@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     Talk = Callable[[ServerConnection, Host], None]
 
 HEALTH = ("/health", "/healthz")
-"""Paths at which GET says that the server is there, to everybody."""
+"""Paths at which GET answers everybody that the server is up."""
 
 METRICS = "/metrics"
 
 TALKS: Mapping[str, Talk] = {"/": openpi.talk, "/vla-eval": vla_eval.talk}
-"""The protocol that is spoken at each path."""
+"""Protocol at each path."""
 
 
 @contextmanager
@@ -124,7 +124,7 @@ def _path(request: Request) -> str:
 
 
 def _quiet() -> logging.Logger:
-    """Return a log for what clients do wrong on the wire, shown from INFO on."""
+    """Return a log for protocol errors of clients, shown from INFO on."""
     log = logging.getLogger("pytest_libero_max.servers.wire")
     log.setLevel(logging.CRITICAL)
     return log

@@ -176,7 +176,7 @@ class Session:
 
 
 def talk(connection: ServerConnection, host: Host) -> None:
-    """Answer a harness until it goes, or sends what is no message."""
+    """Answer a harness until it leaves or sends an invalid message."""
     from websockets.exceptions import ConnectionClosed
 
     session = Session(host)
@@ -224,7 +224,7 @@ def _opened(message: Any) -> tuple[str, Mapping[str, Any], int]:
 
 
 def _whole(value: Any) -> int:
-    """Return an integer that a message holds; 0 where it holds none."""
+    """Return an integer of a message; 0 where there is none."""
     if value is None:
         return 0
     if not isinstance(value, int) or isinstance(value, bool):

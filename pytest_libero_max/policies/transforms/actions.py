@@ -77,8 +77,8 @@ def gripper_flag_below_half(actions: Array) -> Array:
 def pose_from_rotation_6d(actions: Array) -> Array:
     """(n, 7) of (n, 10): position, axis times angle (rad), gripper; of position, two columns, gripper.
 
-    The two columns need be neither of length one nor at right angles: the first gives the x axis, what is
-    left of the second beside it the y axis.
+    The two columns need be neither of length one nor at right angles: the first gives the x axis, the rest of
+    the second the y axis.
 
     Raises:
         AdapterError: Another shape, or columns that give no axes.
@@ -100,10 +100,10 @@ class Statistics:
     """Normalisation of a model's actions.
 
     Attributes:
-        low: (d,) what -1 means; the mean for the rule ``mean``.
-        high: (d,) what 1 means; the standard deviation for the rule ``mean``.
-        mask: (d,) whether a column is normalised at all; the others are left as they are.
-        rule: Which of the numbers of a statistics file these are.
+        low: (d,) value of -1; the mean for the rule ``mean``.
+        high: (d,) value of 1; the standard deviation for the rule ``mean``.
+        mask: (d,) True for columns that are normalised; the others are left unchanged.
+        rule: Kind of the numbers in the statistics file.
     """
 
     low: Array
@@ -122,7 +122,7 @@ class Statistics:
 
 
 def unnormalise(actions: Array, statistics: Statistics) -> Array:
-    """Actions in the units of the training data, of a model's normalised ones.
+    """Return actions in the units of the training data from a model's normalised ones.
 
     Args:
         actions: (n, d); for the rules ``quantiles`` and ``bounds`` they are cut to [-1, 1] first.
