@@ -139,7 +139,7 @@ class ChangeError(LiberoMaxError):
 
 
 class SubstrateError(LiberoMaxError):
-    """A substrate cannot build or restore what was asked for."""
+    """A substrate cannot build or restore a scene."""
 
 
 class EntityError(SubstrateError):
@@ -159,7 +159,7 @@ class TimeLimitError(LiberoMaxError):
 
 
 class LimitReached(BaseException):
-    """Raised in the middle of what takes too long; not an ``Exception``, so that nothing there handles it.
+    """Ends an activity that takes too long; not an ``Exception``, so that no handler there stops it.
 
     It becomes a :class:`TimeLimitError` of the pair.
     """

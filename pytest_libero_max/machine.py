@@ -46,11 +46,11 @@ def resident_bytes() -> int | None:
 def limit_private_bytes(most: int) -> None:
     """Let this process, and those it starts, have no more private memory than this (``RLIMIT_DATA``).
 
-    Counted is what only the process itself can write: what it has asked for, used or not. Files that are
-    only read, and the addresses that graphics drivers reserve, are not counted, as they would be under
-    ``RLIMIT_AS``. Beyond the limit the kernel gives no more, so an allocation without end fails at once, in
-    Python with a ``MemoryError``; a thread that looks at the memory now and then would be late, and cannot
-    run while native code holds the interpreter.
+    Counted is memory that only the process itself can write: all that it has requested, used or not. Files
+    that are only read, and the addresses that graphics drivers reserve, are not counted, as they would be
+    under ``RLIMIT_AS``. Beyond the limit the kernel gives no more, so an allocation without end fails at
+    once, in Python with a ``MemoryError``; a thread that looks at the memory now and then would be late, and
+    cannot run while native code holds the interpreter.
     """
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     if hard != resource.RLIM_INFINITY:

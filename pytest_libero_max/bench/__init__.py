@@ -1,1 +1,1 @@
-"""Measurements of our own speed, side by side with what they are compared to."""
+"""Measurements of our speed beside that of robosuite and the packages."""

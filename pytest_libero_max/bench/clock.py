@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 
 def processor_seconds(act: Callable[..., object], *arguments: object) -> float:
-    """Processor time of a call: what one core would take, also when the machine is busy."""
+    """Return the processor time of a call: the time of one core, also when the machine is busy."""
     begin = time.process_time()
     act(*arguments)
     return time.process_time() - begin

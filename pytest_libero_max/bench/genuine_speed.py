@@ -1,8 +1,8 @@
 """Both measurements on a genuine scene: our loop compared with the installed package's environment.
 
-The clock is the one of :mod:`~pytest_libero_max.bench.step_speed`: processor time, so what one core with
-nothing else to do would take. The package's loop is what an evaluation without this project does: a hard
-reset for each rollout, both cameras rendered at every step, the executed prefix played again.
+The clock is the one of :mod:`~pytest_libero_max.bench.step_speed`: processor time, that of one idle core. The
+package's loop is that of an evaluation without this project: a hard reset for each rollout, both cameras
+rendered at every step, the executed prefix played again.
 """
 
 from __future__ import annotations

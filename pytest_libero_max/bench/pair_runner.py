@@ -1,7 +1,6 @@
 """Pairs per minute: the pair runner compared with a plain evaluation loop.
 
-The clock is the one of :mod:`~pytest_libero_max.bench.step_speed`: processor time, so what one core with
-nothing else to do would take.
+The clock is the one of :mod:`~pytest_libero_max.bench.step_speed`: processor time, that of one idle core.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Time of a control step: ours, robosuite's, and the bare physics of it, in one run.
 
 Everything is measured in turns, step by step, on the same scene along the same trajectory. The clock is
-the processor time of the whole process, render threads included: what one core with nothing else to do
-would take, also when the machine is busy. Medians are reported.
+the processor time of the whole process, render threads included: that of one idle core, also when the
+machine is busy. Medians are reported.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def measure_stepping(
         index: Task of the suite.
         steps: Number of steps to measure.
         size: Side of the images in pixels.
-        images: True if to measure images too; without OpenGL they are left out in any case.
+        images: True to measure images too; without OpenGL they are left out in any case.
 
     Raises:
         SimulatorError: Our step and robosuite's did not arrive at the same state, so that their times

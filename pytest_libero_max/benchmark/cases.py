@@ -49,8 +49,8 @@ class Event:
     """A change in the middle of an episode.
 
     Attributes:
-        name: Which event, for example ``camera_shift`` (``change_type`` in the manifests). What events there
-            are is decided by :mod:`pytest_libero_max.events.registry`.
+        name: Name of the event, for example ``camera_shift`` (``change_type`` in the manifests); see
+            :mod:`pytest_libero_max.events.registry`.
         variant: Parameter variant, 0 or 1 (``draw_id`` in the manifests).
         seed: Scenario seed; whatever an event draws at run time is drawn from it.
         severity: ``low``, ``medium`` or ``high``.
@@ -58,7 +58,7 @@ class Event:
         response: Expected response of a policy, ``continue`` or ``replan`` (``expected_response_mode``).
         change: The change as the manifest spells it: an ``operation`` and its parameters.
         setup: Changes both arms share, applied right after reset.
-        trigger: When the change happens, as the manifest spells it: a ``type`` and its parameters, among them
+        trigger: Moment of the change, as the manifest spells it: a ``type`` and its parameters, among them
             the name of an entity in ``value``.
     """
 
@@ -86,7 +86,7 @@ class Case:
         case_id: Unique in its manifest.
         suite: LIBERO suite, for example ``libero_spatial``.
         task_index: Index in the source's own registry (LIBERO-Plus: its long list; otherwise 0 to 9).
-        init_state_index: Which frozen initial state.
+        init_state_index: Index of the frozen initial state.
         policy_seed: Seed of the policy, the same in both rollouts.
         event: The one change of the Dynamic rollout.
         source: ``plus``, ``pro``, or ``libero`` for an unmodified task.
@@ -141,7 +141,7 @@ class Case:
 
     @property
     def needs_format_2(self) -> bool:
-        """True if the authors' format cannot say what the case is."""
+        """True if the authors' format cannot express the case."""
         return self.program is not None or self.event.trigger["type"] != PROXIMITY
 
     def playing(self, program: Program) -> Case:

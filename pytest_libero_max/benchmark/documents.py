@@ -71,7 +71,7 @@ def cut_torn_line(path: Path) -> bool:
     """Remove the end of a file of lines after its last line end: a line that a kill cut off.
 
     Returns:
-        Whether there was one.
+        True if there was one.
 
     Raises:
         OSError: The file cannot be read or written.

@@ -1,4 +1,4 @@
-"""Names and seeds of cases: functions of what a case is, never of when or where it was made."""
+"""Names and seeds of cases: functions of their content, never of when or where they were made."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def seed_of(*parts: object) -> int:
 
 @dataclass(frozen=True)
 class Identity:
-    """Which configuration a case stands for, apart from its event.
+    """Configuration of a case, apart from its event.
 
     Attributes:
         source: Source of the task.
         suite: For example ``libero_spatial``.
         task_index: Index in the source's registry.
-        init_state_index: Which initial state.
+        init_state_index: Index of the initial state.
         category: Source category of a LIBERO-PRO task, for example ``view_occlusion``; otherwise empty.
     """
 
@@ -64,7 +64,7 @@ class Identity:
         )
 
     def direction_index(self, event: str) -> int:
-        """Which of the eight relocation directions; the same for every variant and initial state."""
+        """Return the relocation direction, 0 to 7; the same for every variant and initial state."""
         return seed_of(DIRECTION_SAMPLER, self.suite, self.task_index, event, "direction") % 8
 
     def scenario_id(self, event: str, variant: int) -> str:

@@ -5,7 +5,7 @@ scored by the completion of the task; a manifest that is read and written again 
 are their pairs that are scored by the policy's intent (``intent_96.json``), and their cases of version 1.0.0,
 which have a third draw of the parameters (``core.json``).
 
-Format 2 adds what the authors' format cannot say: cases with a ``program`` of their own
+Format 2 adds cases that the authors' format cannot express: those with a ``program`` of their own
 (:mod:`pytest_libero_max.benchmark.programs`), or with a trigger other than ``on_proximity``. A manifest
 declares it in ``manifest_format``; one without the field is of format 1.
 """
@@ -35,10 +35,10 @@ from pytest_libero_max.benchmark.releases import Recognition, recognise
 from pytest_libero_max.errors import ManifestError
 
 SCORING_TRACK = "physical_completion"
-"""The only way of scoring that is played: whether the goal of the task holds."""
+"""The only way of scoring that is played: by the goal of the task."""
 
 FORMAT_2 = 2
-"""Value of ``manifest_format`` where a case says more than the authors' format can."""
+"""Value of ``manifest_format`` where a case needs more than the authors' format."""
 
 
 @dataclass(frozen=True)

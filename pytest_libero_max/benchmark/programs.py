@@ -1,4 +1,4 @@
-"""Programs: the arms of a case and what happens in them, as plain data that needs no simulator.
+"""Programs: the arms of a case with their schedules, as plain data that needs no simulator.
 
 A program is an object with a ``name`` and a list of ``arms``, in a case of a manifest or in a file of its own
 that is laid over the cases of a run. An arm is a ``name`` and a ``schedule``: entries that happen one after

@@ -1,6 +1,6 @@
 """The case sets that the authors of LIBERO-MAX have released, by the SHA-256 of their files.
 
-A manifest that somebody has brings its numbers from there only if it is the released one, byte for byte.
+Numbers published for a released manifest hold only for the same file, byte for byte.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ RELEASED = (
         "ac49a3136c5e02a2f731f0b412cc6cb1b9a526ceb635c1c76e60fd563f0eef38",
     ),
 )
-"""Newest first. :mod:`.manifests` says which of them cannot be played."""
+"""Newest first. :mod:`.manifests` names those that cannot be played."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Recognition:
 
 
 def recognise(content: bytes, path: Path, benchmark_id: str | None = None) -> Recognition | None:
-    """Which released file a manifest is, or is like; None if it has nothing to do with them.
+    """Return the released file that a manifest is, or is like; None for another manifest.
 
     Args:
         content: The manifest's bytes, unpacked.

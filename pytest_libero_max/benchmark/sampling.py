@@ -1,4 +1,4 @@
-"""Small samples of a manifest that still look like it."""
+"""Small samples of a manifest with its composition."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Cell = tuple[str, int, str, str]
 
 
 def stratified(cases: Iterable[Case], limit: int) -> tuple[Case, ...]:
-    """At most ``limit`` cases, spread as evenly as possible, in their original order.
+    """Return at most ``limit`` cases, spread as evenly as possible, in their original order.
 
     Cases are taken one by one, each from the cell of (event, variant, source, suite) that is behind most:
     first by its event, then event and variant, variant, source and suite. Within a cell the order is that
-    of a hash of the case id, so a larger limit only adds cases, and no outcome has a say.
+    of a hash of the case id, so a larger limit only adds cases, and outcomes play no part.
 
     Raises:
         OptionError: ``limit`` is below 1.
@@ -43,7 +43,7 @@ def stratified(cases: Iterable[Case], limit: int) -> tuple[Case, ...]:
 
 
 def in_share(cases: Iterable[Case], share: float, purpose: str) -> frozenset[str]:
-    """Ids of about this share of the cases, drawn by a hash of purpose and id: the same in every selection.
+    """Return ids of about this share of the cases, by a hash of purpose and id: the same in every selection.
 
     Args:
         cases: The cases.
@@ -62,7 +62,7 @@ def _cell(case: Case) -> Cell:
 
 
 def _shares(cell: Cell) -> tuple[object, ...]:
-    """Quotas that one case of the cell counts towards, the most important first."""
+    """Return the quotas that one case of the cell counts towards, the most important first."""
     event, variant, source, suite = cell
     return event, (event, variant), variant, source, suite, cell
 

@@ -1,4 +1,4 @@
-"""The part of a case set that a run plays, and what was asked so that it is this part."""
+"""The part of a case set that a run plays, and the options that selected it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pytest_libero_max.errors import ReportError
 
 @dataclass(frozen=True)
 class Shards:
-    """Which parts of a divided case set are here.
+    """Parts of a divided case set that are here.
 
     Attributes:
         of: The number of parts.
@@ -39,7 +39,7 @@ class Selection:
         chosen: Number of cases that the run plays.
         of: Number of cases of the whole track or manifest.
         digest: SHA-256 of the sorted ids of the chosen cases, hexadecimal.
-        shards: Which shards these are; None where the cases were not divided, or where all shards are here.
+        shards: Shards that are here; None where the cases were not divided, or where all shards are here.
         merged: True if this is several runs joined, so that a shard that is not here is missing.
     """
 
@@ -73,7 +73,7 @@ class Selection:
 
     @property
     def missing_shards(self) -> tuple[int, ...]:
-        """Shards that a merge lacks. The run of a single shard lacks none: it says which one it is."""
+        """Shards that a merge lacks. The run of a single shard lacks none."""
         return self.shards.missing if self.shards is not None and self.merged else ()
 
     def text(self, case_set: str) -> str:
@@ -165,7 +165,7 @@ def _bracketed(asked: Sequence[str]) -> str:
 
 
 def _joined(one: Shards | None, other: Shards | None) -> Shards | None:
-    """All shards of both; None where none is missing."""
+    """Return the shards of both; None where none is missing."""
     if one is None or other is None:
         return None
     if one.of != other.of:

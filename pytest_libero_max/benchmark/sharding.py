@@ -19,11 +19,11 @@ def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
 
     Args:
         cases: All cases.
-        index: Which part, from 1.
+        index: Number of the part, from 1.
         count: Number of parts.
 
     Raises:
-        OptionError: A part would be empty; whichever is asked for, so that no part is played in vain.
+        OptionError: A part would be empty, this one or another, so that no part is played in vain.
     """
     ordered = sorted(cases, key=lambda case: case.item_id)
     before = [0, *accumulate(case.budget for case in ordered)]

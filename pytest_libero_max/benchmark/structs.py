@@ -1,7 +1,7 @@
 """Typed JSON: structs are decoded and checked in one step, and a mistake is named with field, value and rule.
 
-A stored document is declared once as :class:`msgspec.Struct`; what may be in a field is its type. The types
-below have a rule in words, which messages and generated schemas use.
+A stored document is declared once as :class:`msgspec.Struct`, each field with its type. The types below have
+a rule in words, which messages and generated schemas use.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
 
 
 def to_builtins(value: Struct) -> dict[str, Any]:
-    """Return a struct as plain values, fields in their order; what JSON does not know stays what it is."""
+    """Return a struct as plain values, fields in their order; values that JSON lacks stay as they are."""
     plain: dict[str, Any] = msgspec.to_builtins(value, builtin_types=_NOT_JSON)
     return plain
 

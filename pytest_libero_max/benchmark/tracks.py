@@ -25,12 +25,12 @@ CHECKSUMS = "SHA256SUMS"
 
 
 def track_names(folder: Path = FOLDER) -> tuple[str, ...]:
-    """Return the tracks there are, sorted."""
+    """Return the names of the tracks, sorted."""
     return tuple(sorted(path.name.partition(".json")[0] for path in folder.glob("*.json*")))
 
 
 def name_in(below: str, name: str, folder: Path = FOLDER) -> str:
-    """Name of the version of a track in a folder below, if there is one; otherwise the name as it is."""
+    """Return the name of a track's version in a folder below if there is one, else the name unchanged."""
     return f"{below}/{name}" if below and name in track_names(folder / below) else name
 
 

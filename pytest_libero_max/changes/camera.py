@@ -134,7 +134,7 @@ def _camera_reversal(change: ShiftCamera | OrbitCamera | PlaceCamera, evidence: 
 
 
 def measure_camera(world: AlterableWorld, index: int) -> dict[str, Any]:
-    """Pose of a camera, for the evidence."""
+    """Return the pose of a camera, for the evidence."""
     model = world.model
     return {
         "camera_position_m": [float(value) for value in model.cam_pos[index]],

@@ -73,8 +73,7 @@ class Change(Protocol):
     def reverted(self, evidence: Evidence) -> Change:
         """Return the change that takes this one back: its factors get their former values, bit for bit.
 
-        Objects come to rest where they were before the change; what has happened to anything else since then
-        stays as it is.
+        Objects come to rest where they were before the change; changes of anything else since then stay.
 
         Args:
             evidence: The result of :meth:`apply`.

@@ -1,7 +1,7 @@
 """Read a change from its manifest object and write it back; every field is checked.
 
 The fields of a change's dataclass are the fields of its manifest object. A field whose default is None is
-optional: absent from the object when it is None, so that what was read is written again.
+optional: absent from the object when it is None, so that reading and writing gives the same object.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 Vector3 = tuple[float, float, float]
 
 FARTHEST_M = 10.0
-"""No coordinate or offset is larger. A scene is 3 m wide; a way to a place 1000 km off fills the memory."""
+"""Largest coordinate or offset. A scene is 3 m wide; a way to a place 1000 km off fills the memory."""
 
 MOST_TIMES = 100.0
-"""No brightness or colour is multiplied with more."""
+"""Largest factor of a brightness or colour."""
 
 
 class ManifestFields:
-    """Mixin of the frozen dataclasses that stand for an object of a manifest."""
+    """Mixin of the frozen dataclasses that represent an object of a manifest."""
 
     operation: ClassVar[str]
 
@@ -98,7 +98,7 @@ def text(where: str, value: Any) -> str:
 
 
 def flag(where: str, value: Any) -> bool:
-    """Return true or False.
+    """Return a boolean.
 
     Raises:
         ChangeError: It is neither.
@@ -120,7 +120,7 @@ def items(where: str, value: Any, length: int) -> Sequence[Any]:
 
 
 def vector3(where: str, value: Any, low: float = -math.inf, high: float = math.inf) -> Vector3:
-    """Three finite numbers within [low, high].
+    """Return three finite numbers within [low, high].
 
     Raises:
         ChangeError: It is not.
@@ -133,13 +133,13 @@ def place(where: str, value: Any) -> Vector3:
     """Return a position or an offset in a scene, m.
 
     Raises:
-        ChangeError: It is none, or farther than :data:`FARTHEST_M`.
+        ChangeError: It is not one, or farther than :data:`FARTHEST_M`.
     """
     return vector3(where, value, -FARTHEST_M, FARTHEST_M)
 
 
 def offset(where: str, value: Any) -> float:
-    """One coordinate of a position or an offset, m; see :func:`place`."""
+    """Return one coordinate of a position or an offset, m; see :func:`place`."""
     return number(where, value, -FARTHEST_M, FARTHEST_M)
 
 

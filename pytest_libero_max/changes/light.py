@@ -98,7 +98,7 @@ _LOWEST_LAMP_DEG = 80.0
 
 @dataclass(frozen=True)
 class SetLamps(ManifestFields):
-    """Alter every lamp of the scene; what is not given stays as it is.
+    """Alter every lamp of the scene; properties that are not given stay.
 
     Attributes:
         levels: Ambient, diffuse and specular intensity of every lamp, absolute, the same for all channels.

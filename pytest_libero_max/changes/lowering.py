@@ -49,7 +49,7 @@ def _geoms(world: AlterableWorld, name: str) -> list[int]:
 
 
 def top(world: AlterableWorld, name: str) -> float:
-    """Height of an entity's highest point, m."""
+    """Return the height of an entity's highest point, m."""
     model, data = world.model, world.data
     heights = []
     for geom in _geoms(world, name):
@@ -63,7 +63,7 @@ def top(world: AlterableWorld, name: str) -> float:
 
 
 def reach(world: AlterableWorld, name: str) -> float:
-    """Distance from an object's origin to its farthest point, m, at most."""
+    """Return the distance from an object's origin to its farthest point, m, at most."""
     model, data = world.model, world.data
     origin = data.body(world.entities[name].body).xpos
     return max(

@@ -1,4 +1,4 @@
-"""Changes of what surfaces look like: their colours, and the textures they show."""
+"""Changes of the look of surfaces: their colours, and the textures they show."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class SetVisualTheme(ManifestFields):
     The new colour is ``clip(rgb[permutation] * multiplier, 0, 1)``, mixed with the old one by ``blend``.
 
     Attributes:
-        rgb_permutation: Which old channel becomes red, green and blue: a permutation of 0, 1, 2.
+        rgb_permutation: Old channel that becomes red, green and blue: a permutation of 0, 1, 2.
         rgb_multiplier: Factor on each new channel, at least 0.
         blend: Share of the new colour, 0 to 1; None means all of it.
 
@@ -203,7 +203,7 @@ class CoverEntity(ManifestFields):
 
 
 def _alter(world: AlterableWorld, field: str, row: int | None, value: Any) -> list[Any]:
-    """Write a row of a model field, or all of it; returns what takes it back: field, row, former values."""
+    """Write a row of a model field, or all of it; return its reversal: field, row, former values."""
     index = slice(None) if row is None else row
     former = getattr(world.model, field)[index].tolist()
     world.alter(field, index, value)
@@ -211,7 +211,7 @@ def _alter(world: AlterableWorld, field: str, row: int | None, value: Any) -> li
 
 
 def _show(world: AlterableWorld, material: int, texture: int, rgb: Vector3 | None) -> list[list[Any]]:
-    """Let a material show a texture, painted over unless ``rgb`` is None; returns what takes it back."""
+    """Let a material show a texture, painted over unless ``rgb`` is None; return the reversal."""
     row = world.model.mat_texid[material].copy()
     row[COLOUR_ROLE] = texture
     former = [_alter(world, "mat_texid", material, row)]

@@ -1,4 +1,4 @@
-"""Measurements that the evidence of several changes shares."""
+"""Measurements for the evidence of several changes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def filter_records(world: AlterableWorld) -> list[dict[str, Any]]:
 
 
 def measure_poses(world: AlterableWorld, names: Iterable[str]) -> dict[str, Any]:
-    """Positions of the entities named, for the evidence."""
+    """Return the positions of the entities named, for the evidence."""
     poses = {name: world.pose(name) for name in names}
     return {
         "position_m": {name: [float(v) for v in position] for name, (position, _) in poses.items()},

@@ -1,7 +1,7 @@
-"""Changes of what the cameras deliver, and the pixel filters that do it.
+"""Changes of the cameras' images, and the pixel filters that make them.
 
 A filter is a frozen value: its image is a function of the image, the camera, the steps since it was added
-and its own fields, and of nothing else. How often or in which order images are asked for does not matter.
+and its own fields alone. The number and order of requests for images do not matter.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ class PublishedSensorCorruption:
 class PictureCorruption:
     """Corrupt the images of one camera by one of :data:`.image_corruptions.KINDS`; other cameras stay as is.
 
-    What is random about it comes from SHA-256 of (seed, step, camera): the same step gives the same
-    picture in both rollouts of a pair, the next step another one.
+    Its randomness comes from SHA-256 of (seed, step, camera): the same step gives the same picture in both
+    rollouts of a pair, the next step another one.
 
     Attributes:
         kind: One of :data:`.image_corruptions.KINDS`.

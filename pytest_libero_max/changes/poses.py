@@ -1,4 +1,4 @@
-"""Changes of where things are: moved, turned, put down on something, taken out of the scene, brought back."""
+"""Changes of poses: objects are moved, turned, put down, taken out of the scene, brought back."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _FAR_ABOVE_M = 1.0
 class MoveObject(ManifestFields):
     """Move an object or a fixture, keeping its orientation; it is at rest afterwards.
 
-    A move by nothing leaves the world bit-identical: it does not even stop what was moving.
+    A move by nothing leaves the world bit-identical: it does not even stop a moving object.
 
     Attributes:
         object: The entity to move.
@@ -478,7 +478,7 @@ def _require_known(world: AlterableWorld, entity: str) -> None:
 
 
 def require_in_scene(world: AlterableWorld, operation: str, field: str, entity: str) -> None:
-    """Raise unless ``entity`` exists and has not been taken out."""
+    """Check that ``entity`` exists and has not been taken out."""
     _require_known(world, entity)
     if entity in world.parked:
         raise ChangeError.seen(

@@ -1,4 +1,4 @@
-"""From the operation names of manifests to changes."""
+"""Registry of changes by the operation names of manifests."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ _KINDS = (
 
 
 class ChangeType(Protocol):
-    """A class of changes: what an operation name stands for."""
+    """A class of changes, registered under the name of its operation."""
 
     operation: ClassVar[str]
 
     def from_dict(self, raw: Mapping[str, Any]) -> Change:
-        """Build the change from its manifest object, ``operation`` included; refuse what breaks a rule."""
+        """Build the change from its manifest object, ``operation`` included; refuse invalid values."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Taking a change back: the values that it overwrote, written again."""
+"""Reversal of a change: the values that it overwrote, written again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.changes.change import Change
 
 Row = tuple[str, "str | int | None", Any]
-"""Model field, which row of it (a camera's name, a number, None: the whole field), values."""
+"""Model field, its row (a camera's name, a number, None: the whole field), values."""
 
 Pose = tuple[str, tuple[float, ...]]
 """Entity, position (m) and orientation (wxyz), seven numbers."""
@@ -29,9 +29,9 @@ class Reversal:
     """Reversal of a change: writes the values again that were there before the change.
 
     A change's ``reverted`` makes it from the evidence of ``apply``; it belongs to the scene in which the
-    change was applied. Objects come back to exactly where they were before the change, at rest, wherever
-    they have been moved since. What the change set in motion meanwhile stays as it is. Velocities,
-    and the order in which objects were taken out of the scene, are not part of what comes back.
+    change was applied. Objects come back to exactly where they were before the change, at rest, wherever they
+    have been moved since. Motion that the change caused stays. Velocities, and the order in which objects
+    were taken out of the scene, are not restored.
 
     Attributes:
         reverts: Operation of the change that is taken back.
@@ -159,6 +159,6 @@ def added_filters(evidence: Evidence) -> tuple[Mapping[str, Any], ...]:
 
 
 def former_poses(evidence: Evidence, names: Sequence[str]) -> tuple[Pose, ...]:
-    """Poses of entities before a change."""
+    """Return the poses of entities before a change."""
     before = evidence.before
     return tuple((name, (*before["position_m"][name], *before["quaternion_wxyz"][name])) for name in names)

@@ -1,4 +1,4 @@
-"""Changes of the robot: where its arm starts."""
+"""Changes of the robot: the start pose of its arm."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class OffsetArm(ManifestFields):
     Attributes:
         delta_joint_rad: (7,) added to the joint positions, rad.
         keep_clear: True: where the arm would touch something, the opposite offset is taken, and where that
-            does too, three quarters of the one or the other, and so on. What was taken is in the evidence.
+            does too, three quarters of the one or the other, and so on. The evidence has the offset taken.
 
     Raises:
         ChangeError: A value breaks its rule.

@@ -1,4 +1,4 @@
-"""The ``libero-max`` command: what is done around runs, not in them. Thin.
+"""The ``libero-max`` command, for everything around runs. Thin.
 
 ``libero-max NAME`` is the module ``NAME``, whose ``add_command`` adds it to the parser.
 """
@@ -44,10 +44,10 @@ COMMANDS = (
 """Modules with commands, in the order of the help."""
 
 PIPE_CLOSED = 141
-"""Exit status where the reader of standard output has gone, as a shell gives it to what SIGPIPE ends."""
+"""Exit status where the reader of standard output has gone: that of a process ended by SIGPIPE."""
 
 INTERRUPTED = 130
-"""Exit status after Ctrl-C, as a shell gives it to what SIGINT ends."""
+"""Exit status after Ctrl-C: that of a process ended by SIGINT."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Arguments that several commands share, and what their values stand for."""
+"""Arguments that several commands share, and their values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def add_libero(command: argparse.ArgumentParser) -> None:
-    """Let a command be told where LIBERO is."""
+    """Add the options that say where LIBERO is."""
     command.add_argument(
         "--libero", type=Path, action="append", default=[], metavar="FOLDER", help="Checkout of a LIBERO"
     )
@@ -30,7 +30,7 @@ def add_libero(command: argparse.ArgumentParser) -> None:
 
 
 def add_substrate(command: argparse.ArgumentParser) -> None:
-    """Let a command be told what builds its worlds, and where LIBERO is."""
+    """Add the options of the substrate and of LIBERO's place."""
     command.add_argument(
         "--substrate",
         default=DEFAULT,
@@ -60,7 +60,7 @@ def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
 
 
 def add_classification(command: argparse.ArgumentParser) -> None:
-    """Let a command be told which classification of LIBERO-Plus it reads."""
+    """Add the option for the classification of LIBERO-Plus."""
     command.add_argument(
         "--plus-classification",
         type=Path,
@@ -71,7 +71,7 @@ def add_classification(command: argparse.ArgumentParser) -> None:
 
 
 def add_expert(command: argparse.ArgumentParser, *, default: str | None) -> None:
-    """Let a command be told which policy plays the cases that pass."""
+    """Add the option for the policy that plays the cases that pass."""
     command.add_argument(
         "--expert",
         metavar="POLICY",
@@ -84,7 +84,7 @@ def add_expert(command: argparse.ArgumentParser, *, default: str | None) -> None
 
 
 def add_examination(command: argparse.ArgumentParser) -> None:
-    """Let a command be told how many processes examine cases, and where they keep what they find."""
+    """Add the options for the number of processes that examine cases, and for the folder of their results."""
     command.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
     command.add_argument(
         "--work",
@@ -96,7 +96,7 @@ def add_examination(command: argparse.ArgumentParser) -> None:
 
 
 def tell(work: Work) -> Callable[[Progress], None]:
-    """Return what shows how far an examiner is."""
+    """Return a function that shows the progress of an examiner."""
     return lambda progress: work.show(str(progress), last=progress.ended)
 
 

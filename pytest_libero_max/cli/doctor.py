@@ -1,4 +1,4 @@
-"""``libero-max doctor``: what this machine lacks."""
+"""``libero-max doctor``: missing requirements of this machine."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def add_command(commands: Commands) -> None:
 
 
 def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
-    """Let a command be told which pairs are played again, and how.
+    """Add the arguments for the pairs to play again, and for the way to play them.
 
     Args:
         command: The command.

@@ -234,7 +234,7 @@ def _require_lines(*words: str) -> None:
 
 
 def _hand_over(jobs: str, command: Sequence[str]) -> int:
-    """Give jobs to the standard input of a command; returns its exit status.
+    """Give jobs to the standard input of a command; return its exit status.
 
     Raises:
         OptionError: It cannot be run.

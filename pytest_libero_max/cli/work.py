@@ -46,7 +46,7 @@ class Work:
         print(line, flush=True)
 
     def left(self, done: float, total: float) -> str:
-        """Time left at the pace so far, as words that end a line; nothing where it cannot be known.
+        """Return the time left at the pace so far, as words that end a line; empty where unknown.
 
         Args:
             done: Work done since the beginning, in any unit.

@@ -1,3 +1,3 @@
-"""From what a task contains to frozen cases. Policies are never consulted."""
+"""Construction of the frozen cases from the contents of tasks. Policies are never consulted."""
 
 from __future__ import annotations

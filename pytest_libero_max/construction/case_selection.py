@@ -1,10 +1,10 @@
-"""Which configurations the benchmark uses. Decided from descriptions and from what failed the preflight.
+"""Selection of the benchmark's configurations, from descriptions and from failures of the preflight.
 
 Every LIBERO-Plus cell (category, event, parameter variant) gets 50 tasks that no other cell of its category
 uses, difficulties as even as can be; every LIBERO-PRO cell gets 15 pairs of task and initial state, tasks
 used equally often. A case that has passed keeps its place; one that fails is replaced in its own cell. Where
 that cost evenness, because tasks of a difficulty are scarce, as few passing cases as possible make room.
-Outcomes of policies cannot get here: nothing is imported that knows them.
+Outcomes of policies cannot get here: no module that knows them is imported.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _MOVE = 2**42
 """Cost of a case that is not kept: more than all ranks of a category together, so that the fewest move."""
 
 Examine = Callable[[Sequence[Case]], Collection[str]]
-"""Looks at cases, and returns the ids of those that fail."""
+"""Examines cases, and returns the ids of those that fail."""
 
 
 def cells_of(category: str) -> tuple[Cell, ...]:
@@ -74,7 +74,8 @@ def select(examine: Examine, pool: Pool = OWN_POOL) -> tuple[Case, ...]:
     """Choose all 8,000 cases, and replace those that fail until none does.
 
     Args:
-        examine: Asked in rounds, never twice about the same case. The selection is a function of its answers.
+        examine: Called in rounds, never twice about the same case. The selection is a function of its
+        answers.
         pool: The pool.
 
     Returns:
@@ -152,9 +153,9 @@ class _PlusTasks:
 
     Attributes:
         configurations: The tasks.
-        ids: Of the case that a task would be in a cell.
+        ids: Ids of the case of a task in a cell.
         hosts: True if its scene can host the cell's event.
-        ranks: Which of them comes first where several would do.
+        ranks: Order of preference among them.
         levels: (n,) difficulties, from 0.
     """
 

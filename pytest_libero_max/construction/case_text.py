@@ -47,7 +47,7 @@ def find_case(manifest: Manifest, name: str) -> Case:
 
 
 def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]:
-    """One case: what it is, what happens in it, how to play it alone, and its object in the manifest.
+    """Return the lines of a case: description, event, command to play it alone, object in the manifest.
 
     Args:
         case: The case.
@@ -90,7 +90,7 @@ def _arms(case: Case) -> str:
 
 
 def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image, Image]]:
-    """Let the event happen to the world now, and show what each camera sees just before and just after.
+    """Apply the event to the world now, and return each camera's image just before and just after.
 
     Returns:
         Two (size, size, 3) uint8 images by camera, upright.

@@ -1,4 +1,4 @@
-"""Certificates: how a scripted expert does on a case, which decides nothing."""
+"""Certificates: results of a scripted expert on cases, which decide nothing."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Certificate:
 
 
 def certify(world: World, case: Case, expert: Policy) -> Certificate:
-    """Let an expert play a case.
+    """Play a case with an expert.
 
     Args:
         world: The world that plays the case.

@@ -58,7 +58,7 @@ class Configuration(NamedTuple):
         """Return the case of a cell on this configuration.
 
         Raises:
-            ManifestError: The scene lacks what the event needs.
+            ManifestError: The scene lacks a requirement of the event.
         """
         variation, identity = self.variation, self.identity
         event = resolve_event(cell.event, cell.draw, self.catalogue.metadata(variation), identity)
@@ -93,12 +93,12 @@ def hosts(
 
 
 def _events_of(task: TaskMetadata) -> frozenset[str]:
-    """Return the benchmark's events that a scene can host; those of other packages have no part in it."""
+    """Return the benchmark's events that a scene can host, without those of other packages."""
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
 
 
 def count_lines(origin: Catalogue = OWN) -> list[str]:
-    """Lines of a command: variations by category, suite and difficulty, and the catalogues' digests."""
+    """Return lines on variations by category, suite and difficulty, and the catalogues' digests."""
     plus = origin.variations("plus")
     counts = Counter((variation.category, variation.suite, variation.difficulty) for variation in plus)
     levels: tuple[int | None, ...] = (1, 2, 3, 4, 5, None)

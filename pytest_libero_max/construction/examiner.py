@@ -78,18 +78,17 @@ class Progress:
 
 
 class Examiner:
-    """Examines and certifies cases, and remembers what it found.
+    """Examines and certifies cases, and keeps the results.
 
-    What was found is kept in folders named by everything that it depends on (:func:`inputs_digest`).
-    Interrupted work goes on where it stopped; after a change of any of it, work begins again in another
-    folder.
+    Results are kept in folders named by everything that they depend on (:func:`inputs_digest`). Interrupted
+    work is resumed; after a change of any of it, work begins again in another folder.
 
     Close it, or use it in a ``with`` statement: it keeps its processes for the next cases.
 
     Args:
         folder: Folder of the results.
         jobs: Processes.
-        report: Told about the progress.
+        report: Called with the progress.
         substrate: Name of the substrate.
         options: Options of the substrate.
     """
@@ -203,7 +202,7 @@ class Ledger(Generic[Found]):
         return self.found[case.case_id] if self._digests.get(case.case_id) == case.digest else None
 
     def add(self, case: Case, found: Found) -> None:
-        """Keep what was found about a case."""
+        """Keep the result of a case."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps([case.case_id, case.digest, found.to_dict()]) + "\n")
@@ -255,7 +254,7 @@ def _expert(name: str) -> Policy:
 
 
 def _end_with_parent() -> None:
-    """End this process with its parent; otherwise it would wait forever once the parent was killed."""
+    """End this process with its parent; otherwise it would wait forever after the parent was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

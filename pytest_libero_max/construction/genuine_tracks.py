@@ -1,8 +1,8 @@
 """The tracks on genuine scenes: chosen from the installed LIBERO-Plus and LIBERO-PRO by the same rules.
 
-Max and what is drawn from it have the quotas of the embedded tracks. A case whose models are not here stays
-in its place without being examined, and is listed with what it lacks. Smoke is chosen on its own, from the
-tasks that LIBERO's and LIBERO-PRO's models are enough for, so that whoever installs the packages plays it.
+Max and the tracks drawn from it have the quotas of the embedded tracks. A case whose models are missing stays
+without being examined, and is listed with the missing ones. Smoke is chosen on its own, from the tasks that
+need no models but LIBERO's and LIBERO-PRO's, so that everybody with the packages can play it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     Args:
         examine: The preflights of some cases by id.
         catalogue: The installed variations.
-        names: Which of :data:`TRACKS`.
+        names: Names from :data:`TRACKS`.
 
     Raises:
         ManifestError: There are not enough cases that pass, or LIBERO-Plus's classification is missing.
@@ -123,11 +123,11 @@ def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
     """Choose one case of each event, variant and source, and choose again without those that fail.
 
     Each is the first configuration that was not rejected, in this order: the suite that the source has used
-    least, then the source category it has used least, then a hash. What was rejected for a place counts as
+    least, then the source category it has used least, then a hash. A case rejected for a place counts as
     used in it: where one suite has no room for an event, the next ones are tried in turn.
 
     Args:
-        examine: Asked in rounds, never twice about the same case.
+        examine: Called in rounds, never twice about the same case.
         candidates: The candidates.
 
     Raises:

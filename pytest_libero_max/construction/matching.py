@@ -15,9 +15,9 @@ class Shortage(Exception):
     """Some cells together need more tasks than can host any of them.
 
     Attributes:
-        cells: Which; a smallest proof, by Hall's theorem, that no filling exists.
+        cells: The cells; a smallest proof, by Hall's theorem, that no filling exists.
         needed: Number of tasks that they need.
-        there: Number of tasks that there are for them.
+        there: Number of tasks that can host them.
     """
 
     def __init__(self, cells: tuple[int, ...], needed: int, there: int) -> None:
@@ -33,8 +33,8 @@ def fill(fits: Flags, need: Integers, levels: Integers, cost: Integers) -> Integ
     solution is unique, and so does not depend on the solver.
 
     Args:
-        fits: (tasks, cells): which cells a task can be used in.
-        need: (cells,): how many tasks each needs.
+        fits: (tasks, cells): True where a task can be used in a cell.
+        need: (cells,): number of tasks each needs.
         levels: (tasks,): the level of each task, from 0.
         cost: (tasks, cells), at least 0, all of them together below 2 to the power of 53.
 

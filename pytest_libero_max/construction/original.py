@@ -84,7 +84,7 @@ def select_original(examine: Examine) -> Manifest:
     """Choose the cases, and choose again without those that fail until none does.
 
     Args:
-        examine: Asked in rounds, never twice about the same case.
+        examine: Called in rounds, never twice about the same case.
     """
     failed: set[str] = set()
     passed: set[str] = set()

@@ -37,7 +37,7 @@ def write_overview(folder: Path) -> None:
 
 
 def overview_lines(folder: Path) -> list[str]:
-    """All tracks of a folder, what was rejected and why, and how many cases the expert solves: Markdown.
+    """Return the tracks of a folder, rejected cases and the expert's successes, as Markdown.
 
     Raises:
         ManifestError: A file is missing or is not the one that was frozen.

@@ -2,10 +2,10 @@
 
 An event that moves something is applied twice: at the start, and where it will happen, with the hand within
 the trigger distance; any other only there. The world is held still afterwards, once with and once without the
-event, and what differs decides. Pictures are looked at where the event will happen.
+event, and the difference decides. Pictures are examined where the event will happen.
 Limits of settling and of the image are those of the benchmark's authors; clearance, reach, visibility and the
-situation of the trigger are checked in addition. The hand comes to the trigger on fixed ways that owe nothing
-to any policy, so no policy's skill decides which cases pass.
+situation of the trigger are checked in addition. The hand comes to the trigger on fixed ways that depend on
+no policy, so no policy's skill decides which cases pass.
 """
 
 from __future__ import annotations
@@ -160,11 +160,11 @@ def preflight(world: World, case: Case) -> Preflight:
     """Try a case's event at the start and at its trigger.
 
     The conditions: the hand comes within the trigger distance; neither the approach nor the event solves the
-    task; what the event moves or brings in keeps clear of everything, is seen by a camera, stays where it was
-    put, keeps the contact with its support and reaches no new one; nothing else is pushed; a moved target or
-    receptacle stays within reach; a camera still sees target and receptacle, if one did before the event,
-    unless the event turns the camera itself; the agent's camera sees a scene before and after, and the event
-    in it; the simulation stays finite.
+    task; objects that the event moves or brings in keep clear of everything, are seen by a camera, stay where
+    they were put, keep the contact with their support and reach no new one; nothing else is pushed; a moved
+    target or receptacle stays within reach; a camera still sees target and receptacle, if one did before the
+    event, unless the event turns the camera itself; the agent's camera sees a scene before and after, and the
+    event in it; the simulation stays finite.
 
     Args:
         world: The world that plays the case. It is reset and left anywhere.
@@ -194,7 +194,7 @@ def approach(world: World, case: Case) -> tuple[str, bool] | None:
     """Start the case and drive the open hand within the trigger distance, on the first way that leads there.
 
     The ways: straight to a place above, left, right or in front of the trigger entity, or first up, then
-    across and down. One on which the task is solved is none.
+    across and down. A way on which the task is solved does not count.
 
     Returns:
         The way, as the place and whether it led up first; None where none leads there.
@@ -277,8 +277,8 @@ def _is_supported(world: World, name: str) -> bool:
 def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: int) -> Preflight:
     """Apply the event to the world as it is, check, hold still, check again.
 
-    What is wrong with the geometry is found at once. The rest is looked at only where nothing is, and
-    pictures only at the trigger.
+    Defects of the geometry are found at once. The rest is examined only where there are none, and pictures
+    only at the trigger.
     """
     change = change_from_dict(case.event.change)
     entities = _moved(change)

@@ -1,4 +1,4 @@
-"""The files of the benchmark: tracks, rejected cases, what is seen of each case, certificates and checksums.
+"""The files of the benchmark: tracks, rejected cases, visibility, certificates and checksums.
 
 Certificates come last, into a folder whose tracks are frozen: nothing that an expert does can reach them.
 """
@@ -123,7 +123,7 @@ def add_certificates(
 
     Args:
         folder: Frozen tracks.
-        names: Which tracks.
+        names: Names of the tracks.
         certify: Returns the expert's results on some cases, by id.
 
     Raises:

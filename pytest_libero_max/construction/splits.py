@@ -27,7 +27,7 @@ SAMPLER = "libero-max-embedded-recovery-v1.0"
 
 
 def protocol(profile: str, contract: str, substrate: str = SUBSTRATE) -> Json:
-    """Return the protocol of a track, as manifests say it."""
+    """Return the protocol of a track, as manifests spell it."""
     return {
         "arms": ["control", "intervention"],
         "profile": profile,

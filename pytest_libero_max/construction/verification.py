@@ -50,7 +50,7 @@ def verify(folder: Path) -> list[str]:
     """Check every track of a folder, on the embedded scenes or on genuine ones.
 
     Returns:
-        What was found to be right, a line each.
+        The checks that passed, a line each.
 
     Raises:
         ManifestError: The first thing that is not.

@@ -18,7 +18,7 @@ from pytest_libero_max.costs.model import Cost
 
 @dataclass(frozen=True)
 class Fleet:
-    """Workers, policy servers and what they need.
+    """Workers, policy servers and the times they need.
 
     Attributes:
         workers: Processes that play pairs, each on a processor core of its own.
@@ -48,7 +48,7 @@ class Fleet:
 
 @dataclass(frozen=True)
 class Played:
-    """Time that a fleet needs, and what its parts do meanwhile.
+    """Time that a fleet needs, and the use of its parts.
 
     Attributes:
         seconds: From the start of the workers until the last record is written.

@@ -1,8 +1,8 @@
 """Expected costs of pairs, from the timings of pairs that were measured.
 
-Time is what was counted (steps, calls of the policy) times what one of them took. How many there are depends
-on the task and the policy: a task that the policy solves ends early. What one takes depends on the scene,
-and is taken from the suite.
+Time is the product of counts (steps, calls of the policy) and the time of one of them. The counts depend on
+the task and the policy: a task that the policy solves ends early. The time of one depends on the scene, and
+is learnt by suite.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ PAIR = "pair_s"
 """Among the timings of a pair: all of it and the building of its scene, but not the loading of the policy."""
 
 WORLD = "world_s"
-"""Among the timings of a pair: the building of its scene; next to nothing where it is built already."""
+"""Among the timings of a pair: the building of its scene; almost nothing where it is built already."""
 
 _WEIGHT = 2.0
 """Weight of the larger group's mean, in pairs, when the mean of a group is drawn towards it."""
 
 _DONORS = 3
-"""A group of so many pairs is drawn from; a smaller one leaves that to the larger group that it is in."""
+"""Least size of a group to draw from; a smaller one leaves that to the larger group that it is in."""
 
 
 class Kind(NamedTuple):
-    """The properties of a pair that its cost is expected from.
+    """Properties of a pair from which its cost is expected.
 
     Attributes:
         suite: LIBERO suite.
@@ -73,7 +73,7 @@ class Cost(NamedTuple):
 
 
 def counted(record: PairRecord) -> Counted:
-    """Return the steps and calls of a measured pair. What arms share is counted once, as it is played once.
+    """Return the steps and calls of a measured pair; a part that arms share is counted once.
 
     Where the policy is asked again for a check, those calls are counted as well.
     """
@@ -105,7 +105,7 @@ def seconds_of(record: PairRecord) -> float:
 
 @dataclass
 class _Units:
-    """Sums over pairs, from which follows what one of each takes."""
+    """Sums over pairs, from which the time of one step or call follows."""
 
     pairs: int = 0
     steps: float = 0.0
@@ -149,7 +149,7 @@ class _Group:
 
 @dataclass
 class CostModel:
-    """Learns from measured pairs what others cost.
+    """Learns the costs of pairs from measured ones.
 
     A mean of a kind is drawn towards the mean of its task, that towards the mean of its suite, and that
     towards the mean of all pairs, in units of the suite's budget of steps: a group without a measured pair
@@ -186,7 +186,7 @@ class CostModel:
         return self._cost(kind, Counted(steps, calls))
 
     def drawn(self, kind: Kind, case_id: str) -> Cost:
-        """Return the cost of one pair, from what was counted in it, or else in a measured pair of its kind.
+        """Return the cost of one pair, from its own counts, or from those of a measured pair of its kind.
 
         That is one of the smallest group that has several, chosen by the id of the case: the same one
         whenever it is asked. So a plan has long pairs and short ones, as runs have.

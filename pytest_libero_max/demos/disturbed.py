@@ -1,7 +1,7 @@
 """An expert whose hand is pushed aside now and then, so that its demonstrations show how to come back.
 
-A learned policy errs, and then sees what no undisturbed demonstration shows. The remedy is that of DART
-(Laskey et al., 2017): disturb the execution, and record what the expert answers.
+A learned policy errs, and then sees states that no undisturbed demonstration shows. The remedy is that of
+DART (Laskey et al., 2017): disturb the execution, and record the expert's answers.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ _ASIDE, _TURN = 1.0, 0.2
 
 
 class DisturbedPolicy(WrappedPolicy):
-    """Adds a random movement to some answers; the gripper does what the expert wants.
+    """Adds a random movement to some answers; the gripper's command stays the expert's.
 
     Attributes:
-        meant: Of each query of the episode, what the expert answered.
+        meant: Answer of the expert to each query of the episode.
 
     Args:
         expert: A policy that plans anew at every query.

@@ -1,4 +1,4 @@
-"""Which episodes are recorded, and the recording of one."""
+"""The episodes to record, and the recording of one."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class Demonstration:
         event_step: Policy steps before the event; None where it did not happen.
         observations: Observation before each action, by robosuite's keys: images (T, S, S, 3) uint8 as
             LIBERO delivers them, bottom row first, and states (T, n).
-        actions: (T, 7) what the policy answered.
-        executed: (T, 7) what was executed, where that is something else: see ``disturbed`` in :func:`record`.
+        actions: (T, 7) answers of the policy.
+        executed: (T, 7) executed actions, where they differ: see ``disturbed`` in :func:`record`.
     """
 
     success: bool
@@ -77,9 +77,9 @@ def planned(
 
     Args:
         suites: LIBERO suites.
-        task_indices: Which tasks of each; None for all.
-        inits: Which initial states.
-        events: Which events; none for Base alone.
+        task_indices: Tasks of each suite; None for all.
+        inits: Initial states.
+        events: Events; none for Base alone.
 
     Raises:
         OptionError: There is no such event or task.
@@ -106,7 +106,7 @@ def planned(
 def record(
     plan: Planned, world: World, policy: Policy, image_size: int, disturbed: float = 0.0
 ) -> Demonstration:
-    """Let a policy play an episode, and look at the world before every step.
+    """Let a policy play an episode, and record the world before every step.
 
     Args:
         plan: The episode.

@@ -74,10 +74,10 @@ def collect(
         folder: Made if missing.
         settings: Of the folder: those that it was begun with.
         jobs: Processes.
-        report: Told how many episodes are there, of how many, after each task.
+        report: Called with the number of finished episodes and of all, after each task.
 
     Returns:
-        What there is, in the order of the plans.
+        The state of each episode, in the order of the plans.
 
     Raises:
         OptionError: The folder was begun with other settings, or cannot be written.
@@ -133,7 +133,7 @@ def find(plan: Planned, folder: Path) -> Found | None:
 
 
 def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
-    """Return the episode of a file, and what else is known of it: suite, task, initial state, event."""
+    """Return the episode of a file, and its suite, task, initial state and event."""
     arrays = read_arrays(path)
     about = json.loads(str(arrays["about"]))
     observations = {key: value for key, value in arrays.items() if key not in _NOT_SHOWN}
@@ -163,7 +163,7 @@ def _begin(folder: Path, settings: Settings) -> None:
 
 
 def _record_all(plans: Sequence[Planned], folder: Path, settings: Settings) -> int:
-    """Record episodes of one task; how many."""
+    """Record episodes of one task; return their number."""
     policy, substrate = load_policy(settings.expert), open_substrate(settings.substrate)
     try:
         for plan in plans:

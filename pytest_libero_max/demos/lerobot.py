@@ -30,7 +30,7 @@ from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ
 VERSION = "v3.0"
 CHUNK = "chunk-{0:03d}/file-{1:03d}.parquet"
 FILE_BYTES = 100 * 2**20
-"""About how large a file may become before the next one is begun; LeRobot's own default."""
+"""Size of a file before the next one is begun, about; LeRobot's own default."""
 
 IMAGES = dict(zip(CAMERAS, ("observation.images.image", "observation.images.image2"), strict=True))
 STATE = ("x", "y", "z", "axis_angle1", "axis_angle2", "axis_angle3", "finger1", "finger2")
@@ -39,7 +39,7 @@ COUNTERS = {"timestamp": "float32", "frame_index": "int64", "episode_index": "in
 
 
 def require_pyarrow() -> None:
-    """Refuse early.
+    """Refuse early where PyArrow is missing.
 
     Raises:
         OptionError: PyArrow is not installed.
@@ -311,4 +311,4 @@ _INDEXED_BY_TASK = {
     ],
     "pandas_version": "2.2.0",
 }
-"""Metadata that tells pandas, with which LeRobot reads the table, that the texts are the index."""
+"""Metadata that marks the texts as the index for pandas, with which LeRobot reads the table."""

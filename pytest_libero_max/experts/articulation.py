@@ -1,7 +1,7 @@
 """Opening and closing drawers and doors, and turning knobs.
 
-Each skill is a route from the situation as it is. Where the hand is relative to the part decides what comes
-next, so the expert needs no memory.
+Each skill is a route from the present situation. The place of the hand relative to the part decides the next
+move, so the expert needs no memory.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def _pull_drawer(hand: Hand, scene: Boxes, part: Part, way: float) -> Route:
 
 
 def _push_drawer(hand: Hand, scene: Boxes, part: Part, way: float) -> Route:
-    """Push the handle of a drawer with closed fingers, tilted so that the palm clears what is above it."""
+    """Push the handle of a drawer with closed fingers, tilted so that the palm clears the parts above it."""
     heading = math.atan2(-part.out[1], -part.out[0])
     tip = part.position + 0.006 * part.out
     grasp = Grasp(tip, _nearest_angle(heading + math.pi / 2), _PUSH_TILT, heading)

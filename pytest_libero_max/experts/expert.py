@@ -68,7 +68,7 @@ def plan(world: PrivilegedWorld, hand: Hand) -> Route:
 def subgoals(world: PrivilegedWorld) -> list[Fact]:
     """Subgoals that are left, in order.
 
-    First what is in the hand, then knobs, drawers and doors to open, then objects to bring, and at last
+    First the object in the hand, then knobs, drawers and doors to open, then objects to bring, and at last
     drawers and doors to close. A closed drawer into which something goes is opened first.
     """
     left = [fact for fact in world.goal if is_holding_subject(world, fact)]

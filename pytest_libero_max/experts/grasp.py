@@ -177,7 +177,7 @@ def _hand_points(between: bool) -> Array:
     """(n, 3) m: points of the open hand at a grasp and behind it, in the frame of the hand.
 
     Args:
-        between: True if to add points between the fingers.
+        between: True to add points between the fingers.
     """
     finger = [(x, y, z) for x in (0.040, 0.052, 0.064) for y in (-0.01, 0.01) for z in (-0.009, 0.01, 0.03)]
     palm = [(x, y, 0.032) for x in np.linspace(0.0, 0.104, 7) for y in (-0.021, 0.0, 0.021)]

@@ -83,7 +83,7 @@ def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
         steps: Number of actions.
 
     Returns:
-        (steps, 7) actions, and what is left of the route after each of them.
+        (steps, 7) actions, and the rest of the route after each of them.
     """
     move_d, speed_d, move_v, speed_v = _response(hand.coupling)
     reply = _WEIGHT[:, None] * speed_d * _LIMIT

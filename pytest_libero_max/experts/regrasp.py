@@ -29,7 +29,7 @@ _BY_HANDLE_RAD = 0.3  # a hand that is tilted further holds the object by its ha
 
 
 def with_regrasp(view: View) -> View:
-    """Return the view of what must be done next: the view itself, or one whose goal is a place for a regrasp.
+    """Return the view of the next step: the view itself, or one whose goal is a place for a regrasp.
 
     A regrasp is needed for an object that enters its receptacle from the front and whose handle cannot be
     reached from there. Where no place for it is free, the view is returned unchanged.

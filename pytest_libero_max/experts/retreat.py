@@ -1,4 +1,4 @@
-"""Getting the hand away from what it has just used."""
+"""Retreat of the hand from a part or object that it has used."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def retreat(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
 
     Args:
         world: The world to read.
-        fact: The next subgoal. What belongs to it is no obstacle.
+        fact: The next subgoal. Entities that belong to it are no obstacles.
         hand: The hand now.
 
     Returns:

@@ -1,10 +1,10 @@
 """A reference policy that sees: it finds target and destination in the image, and brings one to the other.
 
 It is not privileged. It reads the image of the main camera, the pose of the hand and the opening of the
-fingers, and knows what demonstrations of LIBERO-Object and LIBERO-Spatial would have taught it
+fingers, and has the knowledge that demonstrations of LIBERO-Object and LIBERO-Spatial would give it
 (:mod:`.servo_scenes`): a changed camera, light, texture or noise can mislead it.
 
-At every query it looks where target and destination are, unless its own hand covers them, and goes on with
+At every query it looks for target and destination, unless its own hand covers them, and continues
 its route; where one of them has moved, it plans the rest of the route anew.
 """
 

@@ -21,8 +21,8 @@ class SceneKnowledge:
 
     Attributes:
         camera: The main camera.
-        destination: Category of what the object is brought to.
-        destination_area: Area in which to look for that.
+        destination: Category of the destination.
+        destination_area: Area in which to look for it.
         drop: True if the object is let go above the destination's rim, not on it.
         clearance: Height above which nothing stands, m.
     """

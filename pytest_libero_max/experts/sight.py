@@ -1,6 +1,6 @@
 """Finding a known object in the image of the main camera: by its colours and its outline.
 
-What is known beforehand is what demonstrations show: how the object looks in unmodified scenes
+The knowledge is that of demonstrations: the look of the object in unmodified scenes
 (``servo_colours.json``, written by ``tests.scripts.servo_colours``), how large it is, and how high it stands.
 An object is where its outline, projected by the nominal camera, holds the most of its colours inside and the
 least around it.
@@ -41,7 +41,7 @@ class Shape:
     """The outline of an object that stands upright.
 
     Attributes:
-        rings: Half width along x and along y, and height above what it stands on, m, from below.
+        rings: Half width along x and along y, and height above the foot, m, from below.
         rounded: True if they are ellipses; otherwise they are rectangles.
     """
 
@@ -50,7 +50,7 @@ class Shape:
 
     @property
     def height(self) -> float:
-        """M."""
+        """Height, m."""
         return self.rings[-1][2]
 
     @property
@@ -210,7 +210,7 @@ def _masks(outline: Array) -> tuple[NDArray[np.uint8], NDArray[np.uint8], tuple[
 
 
 def overlap(outline: Array, other: Array) -> float:
-    """Which part of the hull of projected points lies inside the hull of others, 0 to 1."""
+    """Return the share of the hull of projected points that lies inside the hull of others, 0 to 1."""
     import cv2
 
     hulls = [cv2.convexHull(points.astype(np.float32)) for points in (outline, other)]

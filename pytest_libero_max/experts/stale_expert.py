@@ -1,4 +1,4 @@
-"""The expert that never looks again: what a policy does that does not notice a change.
+"""The expert that never looks again: the behaviour of a policy that does not notice a change.
 
 At the first query it plans the expert's route for the whole task, and follows it to the end. It reads its own
 hand at every query, so its movements are as precise as the expert's, but never again where anything else is.

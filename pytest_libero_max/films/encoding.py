@@ -19,8 +19,8 @@ _H264 = {"crf": "30", "preset": "veryfast", "x264-params": "mbtree=0"}
 """Without mbtree, with which the same frames may give other bytes in a process that has made films before."""
 _WEBP_QUALITY = 60
 _KEY_FRAMES = (30, 60)
-"""Between whole frames of a WebP lie at least and at most so many that hold only what differs. Whole frames
-every few, as Pillow writes by default, make the file a third larger."""
+"""Least and largest number of frames between whole frames of a WebP; the others hold differences alone. Whole
+frames every few, as Pillow writes by default, make the file a third larger."""
 
 
 def available_format() -> str:

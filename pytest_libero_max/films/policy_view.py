@@ -1,8 +1,8 @@
-"""The images of a policy's queries, as it got them and, where that is known, as its model did.
+"""The images of a policy's queries, as it got them and, where known, as its model did.
 
-The images are rendered again from the replayed world, in the cameras and size that the policy declares. What
-happens to them afterwards is known of a policy behind a server, whose profile says it, and of an adapter that
-offers ``model_inputs``. What another adapter does to its images happens inside it and cannot be seen.
+The images are rendered again from the replayed world, in the cameras and size that the policy declares. Their
+preprocessing is known for a policy behind a server, from its profile, and for an adapter with
+``model_inputs``. That of another adapter cannot be seen.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Shown:
     """Conversion of an observation to the images of a query.
 
     Attributes:
-        words: Whose images they are, for the caption.
+        words: Owner of the images, for the caption.
         images: The images by name, (H, W, 3) uint8 each, from an observation and its query.
         instruction: Converts the policy's instruction to the model's.
         policy: The policy where one was loaded; it is told of the episode.
@@ -100,12 +100,12 @@ def policy_look(
     Args:
         case: The case.
         record: The record of the pair.
-        traces: Say when the policy was asked.
+        traces: Traces, which have the steps of the queries.
         shown: Conversion to the images.
         size: Side of the pictures in which the images are shown, pixels.
 
     Returns:
-        What :func:`~.replay.play_again` looks with, and the policy steps after which it must.
+        The look for :func:`~.replay.play_again`, and the policy steps after which it must be called.
 
     Raises:
         ReportError: The policy asked for no image.
@@ -173,12 +173,12 @@ def _wrapped(record: PairRecord) -> list[WrappedPolicy]:
 
 @dataclass
 class _Recorded:
-    """Stands inside a wrapper for the policy that was recorded; it is asked nothing."""
+    """The recorded policy inside a wrapper; it is never queried."""
 
     spec: PolicySpec
 
     def reset(self, episode: Episode) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
         raise AssertionError("a recorded policy is asked nothing")

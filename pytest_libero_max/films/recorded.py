@@ -42,7 +42,7 @@ def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: s
     Args:
         folder: Folder of the films.
         record: The pair.
-        kind: ``mp4`` or ``webp``; None: what can be written here.
+        kind: ``mp4`` or ``webp``; None for the format that can be written here.
         view: One of :data:`.media.VIEWS`.
     """
     return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}", view)
@@ -72,8 +72,8 @@ def film_pair(
         size: Side of a picture, pixels.
         every: Show only every so many steps; the film keeps its speed.
         overwrite: True if a film that is there already may be replaced.
-        on_step: Told the policy steps of each picture before it is drawn.
-        shown: Film what the policy saw at its queries, made like this. None: what the cameras see.
+        on_step: Called with the policy steps of each picture before it is drawn.
+        shown: Conversion to the policy's images, to film these at its queries. None: film the cameras.
 
     Raises:
         AdapterError: The policy's view cannot be made.
@@ -133,7 +133,7 @@ def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tic
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """A run on the disk with what its pairs can be played again with.
+    """A run on the disk with everything that its pairs need to be played again.
 
     Attributes:
         folder: Its folder.
@@ -188,7 +188,7 @@ class RecordedRun:
     def drawn_differently(self) -> str | None:
         """Return the renderers here and of the run, where they differ; None where they do not.
 
-        No digest covers what is drawn: two renderers show the same states in slightly different pixels.
+        No digest covers the images: two renderers show the same states in slightly different pixels.
         """
         if not self.stored.records:
             return None
@@ -223,7 +223,7 @@ def open_recorded(
 
     Args:
         folder: The output folder of the run.
-        cases: Track or path of a manifest. None: what the run names.
+        cases: Track or path of a manifest. None: those of the run.
         installations: LIBERO's folders on this machine. None given: those of the run.
         assets: Models and textures for it. None: where the run found them.
 

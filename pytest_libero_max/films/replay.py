@@ -1,8 +1,8 @@
 """Plays the arms of a recorded pair again, side by side, and shows each step.
 
-Nothing is asked of a policy: the recorded actions are executed, and what happened in an arm happens again at
+No policy is queried: the recorded actions are executed, and the entries of an arm happen again at
 the recorded step. The hash chain is computed again on the way. It is compared with the record before each
-event and at the end of each arm, so that what is shown is what was played, bit for bit.
+event and at the end of each arm, so that the film shows the pair as it was played, bit for bit.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class View:
     """View of a world at one moment.
 
     Attributes:
-        images: By camera, (size, size, 3) uint8, upright; or by another name what a policy was shown.
+        images: By camera, (size, size, 3) uint8, upright; or by another name an image of the policy's.
         opening_m: Distance between the fingers, m.
         words: Text for the picture beside that of the record.
     """
@@ -36,7 +36,7 @@ class View:
 
 
 Look = Callable[[str, int, World, View | None], View]
-"""Looks at a world for an arm after so many policy steps, given the arm's last view."""
+"""View of a world for an arm after a number of policy steps, given the arm's last view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def play_again(
     every: int = 1,
     also: Collection[int] = (),
 ) -> Iterator[Tick]:
-    """Play the distinct arms of a recorded pair again and yield what is seen after each step.
+    """Play the distinct arms of a recorded pair again and yield the view after each step.
 
     Worlds that are the same bit for bit are drawn once. The world is left anywhere; a reset makes it new.
 
@@ -81,11 +81,11 @@ def play_again(
         traces: The actions of its arms.
         look: Looks at the world; see :func:`through_cameras`.
         every: Show only every so many steps, and the last one.
-        also: Policy steps after which arms are looked at even where they are not shown.
+        also: Policy steps after which views are made even where they are not shown.
 
     Raises:
-        ProtocolError: The replay does not reach a recorded digest. What was yielded before may be wrong.
-        ReportError: The record or the traces do not hold what is needed, or are of another case.
+        ProtocolError: The replay does not reach a recorded digest. Earlier views may be wrong.
+        ReportError: The record or the traces lack something, or are of another case.
         ChangeError: A change does not fit this world.
         SimulatorError: The simulation broke, or the renderer does not answer.
     """
@@ -113,7 +113,7 @@ def play_again(
 
 
 class _Player:
-    """One arm while it is played again: where it is, and what the record says that it must reach."""
+    """One arm while it is played again: its state, and the recorded values that it must reach."""
 
     def __init__(
         self, name: str, record: ArmRecord, trace: ArmTrace, item_id: str, link: bytes, state: WorldState
@@ -137,7 +137,7 @@ class _Player:
         return done < len(self.firings) and self.firings[done].step == step
 
     def fire(self, step: int, world: World) -> None:
-        """Let happen what happened after this step; the world is this arm's."""
+        """Repeat the entry that happened after this step; the world is this arm's."""
         while self.fires_at(step):
             index = len(self.applied)
             self.require(self.firings[index].prefix_proof, f"before its event after step {step}")
@@ -184,7 +184,7 @@ def through_cameras(size: int, cameras: tuple[str, ...] = CAMERAS) -> Look:
 
     Args:
         size: Side of an image in pixels.
-        cameras: Which.
+        cameras: The cameras.
     """
 
     def look(name: str, step: int, world: World, before: View | None) -> View:

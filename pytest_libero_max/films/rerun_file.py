@@ -209,7 +209,7 @@ class _Writer:
             self._stream.log(f"{name}/distance_m", rerun.Scalars([distance]))
 
     def _write_words(self, name: str, step: int) -> None:
-        """Log what happens in an arm, each thing once."""
+        """Log each entry of an arm once."""
         import rerun
 
         queries = self._traces[name].query_steps.tolist()

@@ -34,7 +34,7 @@ class Best:
     """The condition of the highest success rate.
 
     Attributes:
-        name: Which; the first one among equals.
+        name: Its name; the first one among equals.
         rate: Its success.
         interval: Of its success rate, simultaneous with those of all conditions.
         differences: From each other condition, in the order given.

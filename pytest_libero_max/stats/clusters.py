@@ -16,10 +16,10 @@ from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
 REPLICATES = 10_000
 
 LEAST_TASKS = 30
-"""With fewer tasks, an interval clustered by task cannot be decided."""
+"""Least number of tasks for an interval clustered by task."""
 
 LEAST_CHANGED_TASKS = 15
-"""With fewer tasks in which a pair changed, it cannot either: resampling has too little to vary."""
+"""Least number of tasks in which a pair changed, for the same: resampling needs something to vary."""
 
 _CHUNK = 4_000_000
 """Weights held in memory at once."""
@@ -125,7 +125,7 @@ def resampled_means(
         seed: Of the private generator.
 
     Returns:
-        (replicates, k) means, and how many clusters there are.
+        (replicates, k) means, and the number of clusters.
 
     Raises:
         ReportError: The arrays differ in length, or a cluster lies in two strata.
@@ -171,7 +171,7 @@ class TaskInterval:
 
     Attributes:
         tasks: Number of tasks among the pairs.
-        changed: In how many of them a pair changed.
+        changed: Number of them in which a pair changed.
         interval: None where it cannot be decided, with fewer than :data:`LEAST_TASKS` tasks or fewer than
             :data:`LEAST_CHANGED_TASKS` that changed.
     """
@@ -231,7 +231,7 @@ def _cached_draws(seed: int, replicates: int, clusters: int) -> NDArray[np.float
 def _draws(
     generator: np.random.Generator, replicates: int, clusters: int
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """For each resample, how often each cluster is drawn; in pieces of at most ``_CHUNK`` numbers."""
+    """Yield for each resample the draws of each cluster; in pieces of at most ``_CHUNK`` numbers."""
     step = max(1, _CHUNK // clusters)
     for start in range(0, replicates, step):
         rows = slice(start, min(start + step, replicates))

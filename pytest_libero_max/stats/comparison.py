@@ -122,7 +122,7 @@ def contrasts(
     Args:
         successes: (n,) bool by condition; the same case at the same place in each.
         strata: (n,) labels whose composition the bootstrap keeps, or None.
-        pairs: Which conditions to compare; by default all pairs in the order of ``successes``. Holm's
+        pairs: Conditions to compare; by default all pairs in the order of ``successes``. Holm's
             correction is over exactly these.
 
     Raises:

@@ -97,7 +97,7 @@ class GroupInterval:
 
     Attributes:
         groups: Number of groups.
-        changed: In how many of them a case differs between the conditions.
+        changed: Number of them in which a case differs between the conditions.
         replicates: Number of resamples.
         interval: None where it cannot be decided: with fewer than :data:`.clusters.LEAST_TASKS` groups, or
             fewer than :data:`.clusters.LEAST_CHANGED_TASKS` in which a case differs.

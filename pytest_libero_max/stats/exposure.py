@@ -1,4 +1,4 @@
-"""Stale-action exposure: how long a policy keeps executing what it decided before the event."""
+"""Stale-action exposure: execution of actions that a policy decided before the event."""
 
 from __future__ import annotations
 

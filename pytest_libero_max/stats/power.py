@@ -1,4 +1,4 @@
-"""Power of the exact McNemar test: what change a number of pairs can resolve, and how many a change needs."""
+"""Power of the exact McNemar test: changes that some pairs can resolve, and pairs that a change needs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pytest_libero_max.errors import OptionError
 ALPHA = 0.05
 
 MOST_PAIRS = 1_000_000
-"""Beyond this a change counts as out of reach."""
+"""Number of pairs beyond which a change counts as out of reach."""
 
 _STEP = 1e-5
 """Resolution of a minimum detectable change."""

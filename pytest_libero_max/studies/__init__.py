@@ -1,1 +1,1 @@
-"""Studies: which arms are played over which cases, beside the pair of Base and Dynamic."""
+"""Studies: further arms over the cases of a run, beside Base and Dynamic."""

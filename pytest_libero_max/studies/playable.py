@@ -1,4 +1,4 @@
-"""True if the cases of a run can be played at its strength and in its study; asked before the first pair."""
+"""Check, before the first pair, that the cases of a run can be played at its strength and in its study."""
 
 from __future__ import annotations
 

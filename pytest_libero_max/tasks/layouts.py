@@ -1,4 +1,4 @@
-"""The initial layouts of LIBERO-10's scenes: what stands where."""
+"""The initial layouts of LIBERO-10's scenes: the places of all things."""
 
 from __future__ import annotations
 

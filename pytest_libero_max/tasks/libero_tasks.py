@@ -1,4 +1,4 @@
-"""The tasks of LIBERO as data: instructions, what stands where, and the goal.
+"""The tasks of LIBERO as data: instructions, places of things, and the goal.
 
 Names, instructions, places and goals are LIBERO's own. A row holds what distinguishes a task from the
 others of its suite; everything that follows from that is derived here.
