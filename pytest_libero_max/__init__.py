@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.report.build import build_report
     from pytest_libero_max.report.gates import evaluate_gate, parse_gate
-    from pytest_libero_max.report.stopping import StoppingRule
+    from pytest_libero_max.report.stopping_rule import StoppingRule
     from pytest_libero_max.runs.store import read_pairs
     from pytest_libero_max.studies.study import Study
     from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
@@ -149,7 +149,7 @@ _TO_EXTEND = {
     "events.triggers": ("Trigger", "Moment"),
     "pairing.probes.probe": ("Probe",),
     "studies.study": ("Study",),
-    "report.stopping": ("StoppingRule",),
+    "report.stopping_rule": ("StoppingRule",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
     "policies.clients.protocols": ("ServerProtocol", "Opening"),

@@ -38,7 +38,7 @@ def _compare(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
     from pytest_libero_max.report.comparison.compare_files import write_comparison
     from pytest_libero_max.report.comparison.compare_text import comparison_lines
-    from pytest_libero_max.report.writers.files import report_json, write_text
+    from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     runs = read_runs(options.folders)
     comparison = compare_runs(runs, options.restrict)

@@ -33,7 +33,7 @@ def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
     from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
     from pytest_libero_max.report.gates import parse_gates
-    from pytest_libero_max.report.writers.files import report_of
+    from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.report.writers.summary import incomplete_text
     from pytest_libero_max.runs.store import read_pairs
 

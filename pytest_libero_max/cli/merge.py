@@ -32,7 +32,7 @@ def add_command(commands: Commands) -> None:
 
 def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.exit_status import INCOMPLETE
-    from pytest_libero_max.report.writers.files import write_reports
+    from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.merge import finished, merge_folders
 

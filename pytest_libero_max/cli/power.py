@@ -37,8 +37,8 @@ def add_command(commands: Commands) -> None:
 
 
 def _power(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.writers.files import read_report
     from pytest_libero_max.report.writers.power_text import Expectation, expectations_of, power_lines
+    from pytest_libero_max.report.writers.report_files import read_report
 
     if options.folder:
         expected = expectations_of(read_report(options.folder))

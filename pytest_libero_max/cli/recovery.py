@@ -32,7 +32,7 @@ def add_command(commands: Commands) -> None:
 def _recovery(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.studies.recovery import recovery_of
     from pytest_libero_max.report.studies.recovery_text import recovery_lines
-    from pytest_libero_max.report.writers.files import report_json, write_text
+    from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     recovery = recovery_of(options.folders, options.restrict)
     if options.json:

@@ -32,7 +32,7 @@ def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
-    from pytest_libero_max.report.writers.files import write_figures, write_reports, write_text
+    from pytest_libero_max.report.writers.report_files import write_figures, write_reports, write_text
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.report.writers.tables import csv_text, latex_text
 

@@ -17,7 +17,7 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import arms_of, trigger_of
 from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.transforms.images import png_file
-from pytest_libero_max.report.writers.files import make_folder, write_bytes
+from pytest_libero_max.report.writers.report_files import make_folder, write_bytes
 from pytest_libero_max.substrates.registry import own_variation
 from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import task_metadata

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.order import Order
     from pytest_libero_max.events.schedules import Cadence
     from pytest_libero_max.report.gates import Gate
-    from pytest_libero_max.report.stopping import NamedRule
+    from pytest_libero_max.report.stopping_rule import NamedRule
 
 LONGEST_S = 10_000_000
 MOST_GIB = 1_000_000
@@ -111,7 +111,7 @@ def order(text: str) -> Order:
 
 def stopping_rule(text: str) -> NamedRule:
     """Parse a stopping rule with its arguments."""
-    from pytest_libero_max.report.stopping import parse_rule
+    from pytest_libero_max.report.stopping_rule import parse_rule
 
     try:
         return parse_rule(text)

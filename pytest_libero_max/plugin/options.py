@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.order import Order
     from pytest_libero_max.benchmark.programs import Program
     from pytest_libero_max.report.gates import Gate
-    from pytest_libero_max.report.stopping import NamedRule
+    from pytest_libero_max.report.stopping_rule import NamedRule
     from pytest_libero_max.studies.study import Study
 
 PREFIX_MODES = ("fork", "replay")

@@ -21,7 +21,7 @@ from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore
 
 if TYPE_CHECKING:
-    from pytest_libero_max.report.document import Report
+    from pytest_libero_max.report.report_document import Report
 
 
 class RunEnd:
@@ -74,7 +74,7 @@ class RunEnd:
     def _report(self, on_problem: Callable[[str], None]) -> int:
         """Compute and write the report and decide the gates; return the number of gates that fail."""
         from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
-        from pytest_libero_max.report.writers.files import write_reports
+        from pytest_libero_max.report.writers.report_files import write_reports
         from pytest_libero_max.report.writers.summary import summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir

@@ -117,7 +117,7 @@ class RunStop:
         """
         self._planned = len(run.planned)
         if self._settings.stop is not None:
-            from pytest_libero_max.report.stopping import CompletedPrefix
+            from pytest_libero_max.report.stopping_rule import CompletedPrefix
 
             self._prefix = CompletedPrefix(self._settings.stop, run.planned, self._settings.gate)
             for record in measured:

@@ -13,7 +13,8 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.document import (
+from pytest_libero_max.report.measured import number, outcomes_of, rate_of, ratio_of, result_of
+from pytest_libero_max.report.report_document import (
     Cell,
     ClippedActions,
     Extremes,
@@ -30,10 +31,9 @@ from pytest_libero_max.report.document import (
     Split,
     Stop,
 )
-from pytest_libero_max.report.measured import number, outcomes_of, rate_of, ratio_of, result_of
 from pytest_libero_max.report.sham import sham_of
 from pytest_libero_max.report.statements import STATEMENTS
-from pytest_libero_max.report.studies.study import study_of
+from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.stage import WAITED
-from pytest_libero_max.report.document import Caveat
+from pytest_libero_max.report.report_document import Caveat
 
 _TOKENS = re.compile(
     r" (?:view(?: \d+){5} initstate \d+(?: noise \d+)?|(?:table|tb|light|add)(?: \d+)+"

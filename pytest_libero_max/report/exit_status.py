@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pytest_libero_max.report.document import PairCounts
+    from pytest_libero_max.report.report_document import PairCounts
 
 
 GATE_FAILED = 10

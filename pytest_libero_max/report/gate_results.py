@@ -7,10 +7,10 @@ from pathlib import Path
 
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
+from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.comparison.contrasts import contrast_of
-from pytest_libero_max.report.comparison.document import SuccessContrast
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups
-from pytest_libero_max.report.writers.files import REPORT_NAME, report_of
+from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.stats.comparison import contrasts

@@ -30,10 +30,10 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.blocks import TaskInterval
 from pytest_libero_max.report.columns import COLUMNS
-from pytest_libero_max.report.comparison.document import SuccessContrast, SuccessDifference
+from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, Scale
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
 
 Verdict = Literal["passed", "failed", "undecidable"]

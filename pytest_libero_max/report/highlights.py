@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import change_text, percent, points, rate_text
+from pytest_libero_max.report.report_document import Report
 
 TITLE = "Averages and extremes"
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import read_content
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.writers.files import MARKDOWN_NAME, make_folder, report_of, write_bytes
 from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME, make_folder, report_of, write_bytes
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, pairs_file, read_pairs
 
 

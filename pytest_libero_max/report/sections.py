@@ -8,7 +8,7 @@ import msgspec
 
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.document import Report
+from pytest_libero_max.report.report_document import Report
 
 
 def with_sections(report: Report, amended: Json) -> Report:

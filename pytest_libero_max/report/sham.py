@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 from pytest_libero_max.events.schedules import BASE, SHAM
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report import document
+from pytest_libero_max.report import report_document
 from pytest_libero_max.report.blocks import MeanDifference
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
 from pytest_libero_max.report.measured import ends, number, rate_of, ratio_of
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.intervals import wilson
 from pytest_libero_max.stats.outcome_table import Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
@@ -18,7 +18,7 @@ from pytest_libero_max.stats.paired_difference import paired_difference
 SHAM_TITLE = "Sham event: other seeds alone"
 
 
-def sham_of(records: Iterable[PairRecord]) -> document.Sham | None:
+def sham_of(records: Iterable[PairRecord]) -> report_document.Sham | None:
     """Return the outcomes of the sham event beside those of the event; None where none was played."""
     played = [record for record in records if SHAM in record.arms]
     if not played:
@@ -31,7 +31,7 @@ def sham_of(records: Iterable[PairRecord]) -> document.Sham | None:
     lost, event_lost = by_sham.conditional_regression, by_event.conditional_regression
     gained = Ratio(by_sham.change_associated_success, by_sham.total - by_sham.base.count)
     lower, upper = ends(paired_difference(beyond.regression, beyond.change_associated_success, beyond.total))
-    return document.Sham(
+    return report_document.Sham(
         pairs=len(played),
         identical=ratio_of(Ratio(alike, len(played))),
         lost=rate_of(lost, wilson(lost)),

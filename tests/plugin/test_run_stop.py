@@ -12,7 +12,7 @@ from pytest_libero_max.runs.status import Follower
 from tests.plugin.test_run import Results, Run, identities
 
 RULE = """
-from pytest_libero_max.report.stopping import StoppingRule
+from pytest_libero_max.report.stopping_rule import StoppingRule
 
 
 class Enough(StoppingRule):

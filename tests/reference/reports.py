@@ -9,9 +9,9 @@ from pytest_libero_max import report
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import diagnosis, gates
 from pytest_libero_max.report.columns import COLUMNS
-from pytest_libero_max.report.comparison.document import Comparison
+from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.document import Report
+from pytest_libero_max.report.report_document import Report
 from tests.reference.docstrings import description
 from tests.reference.markdown import code, one_line, prose, table
 from tests.reference.schemas import fields_of, kind_of, written_schema

@@ -12,12 +12,12 @@ import msgspec
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import LARGEST
-from pytest_libero_max.report import blocks, document
-from pytest_libero_max.report.comparison import document as comparison_document
-from pytest_libero_max.report.studies import document as study_document
+from pytest_libero_max.report import blocks, report_document
+from pytest_libero_max.report.comparison import comparison_document
+from pytest_libero_max.report.studies import study_document
 from tests.reference.docstrings import description, section, summary
 
-_DOCUMENTS = (blocks, document, study_document, comparison_document)
+_DOCUMENTS = (blocks, report_document, study_document, comparison_document)
 """The modules with the structs of reports and comparisons."""
 
 _COMMON = {"line": "What the line holds.", "schema_version": "Version of the form of this document."}

@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.blocks import Block
-from pytest_libero_max.report.document import PlayedSelection
+from pytest_libero_max.report.report_document import PlayedSelection
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PairStore
 

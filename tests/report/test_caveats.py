@@ -8,8 +8,8 @@ from msgspec.structs import replace
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.caveats import RULES, caveats_of
-from pytest_libero_max.report.document import Caveat
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plain, plan, record_of

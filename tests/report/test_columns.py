@@ -8,9 +8,9 @@ import pytest
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.report.writers.tables import csv_text, latex_text

@@ -12,8 +12,7 @@ from msgspec.structs import replace
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.comparison.document import SuccessContrast, SuccessDifference
-from pytest_libero_max.report.document import Report
+from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.gates import (
     OPERATORS,
     evaluate_gate,
@@ -21,6 +20,7 @@ from pytest_libero_max.report.gates import (
     parse_gates,
     require_known_groups,
 )
+from pytest_libero_max.report.report_document import Report
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, selected
 
 PAIRS = plan()

@@ -12,10 +12,10 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import Run

@@ -12,8 +12,8 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
 from pytest_libero_max.report.publication import publish
-from pytest_libero_max.report.writers.files import report_of
 from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, plan, records_of

@@ -11,7 +11,7 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
-from pytest_libero_max.report.writers.files import read_report, report_json, write_reports
+from pytest_libero_max.report.writers.report_files import read_report, report_json, write_reports
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun

@@ -11,7 +11,7 @@ import pytest
 from pytest_libero_max.errors import DiskError, OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import compare_folders
 from pytest_libero_max.report.gate_results import decide
-from pytest_libero_max.report.writers.files import read_report, write_reports
+from pytest_libero_max.report.writers.report_files import read_report, write_reports
 from pytest_libero_max.runs.lock import MARK_NAME
 from pytest_libero_max.runs.merge import merge_folders
 from pytest_libero_max.runs.plan import Run

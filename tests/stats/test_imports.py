@@ -18,5 +18,7 @@ def test_statistics_know_neither_pytest_nor_a_simulator() -> None:
 
 
 def test_a_report_does_not_wait_for_scipy_stats() -> None:
-    code = "import sys, pytest_libero_max.report.writers.files; assert 'scipy.stats' not in sys.modules"
+    code = (
+        "import sys, pytest_libero_max.report.writers.report_files; assert 'scipy.stats' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)

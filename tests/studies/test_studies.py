@@ -17,7 +17,7 @@ from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, Pro
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
 from pytest_libero_max.policies.contract import Query
-from pytest_libero_max.report.studies.study import executed
+from pytest_libero_max.report.studies.study_results import executed
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, cadence_text, parse_cadence
 from pytest_libero_max.studies.camera_study import CameraStrength, CameraTiming, first_crossing
 from pytest_libero_max.studies.playable import require_playable

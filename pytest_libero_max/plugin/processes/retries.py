@@ -15,7 +15,7 @@ from pytest_libero_max.plugin.pair_reports import CRASH_PHASE
 from pytest_libero_max.plugin.processes.crash_log import Death
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
-from pytest_libero_max.report.document import InvalidPair
+from pytest_libero_max.report.report_document import InvalidPair
 from pytest_libero_max.runs.media import CRASHES_NAME
 
 RETRIED = "retried"

@@ -15,12 +15,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.build import group_order, substrate_of
-from pytest_libero_max.report.comparison.contrasts import (
-    change_contrast_of,
-    contrast_of,
-    group_contrast_of,
-)
-from pytest_libero_max.report.comparison.document import (
+from pytest_libero_max.report.comparison.comparison_document import (
     CommonPairs,
     ComparedRun,
     Comparison,
@@ -30,6 +25,11 @@ from pytest_libero_max.report.comparison.document import (
     Outcome,
     OverRuns,
     RunDifference,
+)
+from pytest_libero_max.report.comparison.contrasts import (
+    change_contrast_of,
+    contrast_of,
+    group_contrast_of,
 )
 from pytest_libero_max.report.measured import change_of, number, result_of
 from pytest_libero_max.report.statements import STATEMENTS

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from msgspec.structs import replace
 
 from pytest_libero_max.report.comparison.compare_text import with_short_names
-from pytest_libero_max.report.comparison.document import Comparison, OverRuns
+from pytest_libero_max.report.comparison.comparison_document import Comparison, OverRuns
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.writers.svg import (
     GAIN,

@@ -8,9 +8,9 @@ from pytest_libero_max.report.comparison.compare import CommonCases
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
 from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.compare_text import comparison_title, result_lines
-from pytest_libero_max.report.comparison.document import Comparison
+from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.statements import LIMITS_TITLE
-from pytest_libero_max.report.writers.files import make_folder, report_json, write_drawings, write_text
+from pytest_libero_max.report.writers.report_files import make_folder, report_json, write_drawings, write_text
 
 
 def write_comparison(comparison: Comparison, folder: Path, common: CommonCases | None = None) -> list[Path]:

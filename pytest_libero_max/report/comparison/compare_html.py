@@ -11,13 +11,13 @@ from msgspec.structs import replace
 from pytest_libero_max.report.comparison.compare import CommonCases
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
 from pytest_libero_max.report.comparison.compare_text import comparison_title, result_lines, with_short_names
-from pytest_libero_max.report.comparison.document import ComparedRun, Comparison
+from pytest_libero_max.report.comparison.comparison_document import ComparedRun, Comparison
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
 from pytest_libero_max.report.page.case_table import CASES_SECTION
-from pytest_libero_max.report.page.comparison import beside, comparison_cases
-from pytest_libero_max.report.page.document import document
+from pytest_libero_max.report.page.comparison_cases import beside, comparison_cases
 from pytest_libero_max.report.page.events import events_section
 from pytest_libero_max.report.page.markup import figure, listed, note, table
+from pytest_libero_max.report.page.page_frame import document
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.runs.store import pairs_file
 

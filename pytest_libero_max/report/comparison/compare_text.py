@@ -12,7 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import OUTCOMES
-from pytest_libero_max.report.comparison.document import (
+from pytest_libero_max.report.comparison.comparison_document import (
     ChangeContrast,
     Comparison,
     EventContrasts,

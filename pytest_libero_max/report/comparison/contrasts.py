@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.report.comparison.document import (
+from pytest_libero_max.report.comparison.comparison_document import (
     ChangeContrast,
     ChangeDifference,
     ContrastByTask,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pytest_libero_max.report.document import Report
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.store import StoredRun
 
 _NOT_RECORDED = "not recorded"

@@ -13,17 +13,17 @@ from pytest_libero_max.report.blocks import Outcomes, Rate, Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.document import PairCounts, Report
 from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.page.case_table import CASES_SECTION, OUTCOME_TITLES
-from pytest_libero_max.report.page.document import document
 from pytest_libero_max.report.page.events import events_section
 from pytest_libero_max.report.page.markup import Viewed, figure, listed, note, table
 from pytest_libero_max.report.page.origin import origin_rows
+from pytest_libero_max.report.page.page_frame import document
+from pytest_libero_max.report.report_document import PairCounts, Report
 from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
-from pytest_libero_max.report.studies.document import Study
+from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers.figures import arrow_plot, category_map, change_profile, stale_histogram

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.gates import Gate
-from pytest_libero_max.report.stopping import StoppingRule
+from pytest_libero_max.report.stopping_rule import StoppingRule
 from pytest_libero_max.runs.plan import PlannedPair
 
 

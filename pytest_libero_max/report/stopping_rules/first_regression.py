@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.stopping import StoppingRule
+from pytest_libero_max.report.stopping_rule import StoppingRule
 
 
 class FirstRegression(StoppingRule):

@@ -11,7 +11,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.measured import ends, number, outcomes_of, rate_of, stale_of
-from pytest_libero_max.report.studies.document import (
+from pytest_libero_max.report.studies.study_document import (
     BestSetting,
     Cadence,
     CadenceSetting,

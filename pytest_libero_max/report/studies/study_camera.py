@@ -13,8 +13,8 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.measured import ends, interval_of, number
-from pytest_libero_max.report.studies import document
-from pytest_libero_max.report.studies.document import (
+from pytest_libero_max.report.studies import study_document
+from pytest_libero_max.report.studies.study_document import (
     Approach,
     Camera,
     ConditionContrast,
@@ -192,9 +192,9 @@ def _mean(change: MeanChange | None) -> Mean:
     )
 
 
-def _group(interval: GroupInterval) -> document.GroupInterval:
+def _group(interval: GroupInterval) -> study_document.GroupInterval:
     lower, upper = ends(interval.interval)
-    return document.GroupInterval(
+    return study_document.GroupInterval(
         groups=interval.groups,
         changed=interval.changed,
         replicates=interval.replicates,

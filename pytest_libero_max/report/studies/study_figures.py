@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
-from pytest_libero_max.report.studies.document import Cadence, Camera, Study
+from pytest_libero_max.report.studies.study_document import Cadence, Camera, Study
 from pytest_libero_max.report.writers.svg import (
     GAIN,
     INK,

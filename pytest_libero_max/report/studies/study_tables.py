@@ -19,7 +19,7 @@ from pytest_libero_max.report.formats import (
     points,
     rate_text,
 )
-from pytest_libero_max.report.studies.document import (
+from pytest_libero_max.report.studies.study_document import (
     Approach,
     BestSetting,
     Cadence,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import percent
+from pytest_libero_max.report.report_document import Report
 
 BADGE_NAME = "badge.json"
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.blocks import Result
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.formats import interval_text, percent, points
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.svg import (
     GAIN,
     GRID,

@@ -9,11 +9,11 @@ from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
-from pytest_libero_max.report.studies.document import Study
+from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,

@@ -9,8 +9,8 @@ from typing import Any
 
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
-from pytest_libero_max.report.document import Caveat, PairCounts, Report
 from pytest_libero_max.report.formats import count_text, rate_text
+from pytest_libero_max.report.report_document import Caveat, PairCounts, Report
 from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.studies.study_tables import study_lines
 

@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.columns import COLUMNS, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.document import Macro, Report
+from pytest_libero_max.report.report_document import Macro, Report
 from pytest_libero_max.report.writers.summary import title_text
 
 ALL_PAIRS = "overall"

@@ -17,7 +17,7 @@ from pytest_libero_max.report.comparison.compare_figures import (
 )
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown, write_comparison
 from pytest_libero_max.report.comparison.compare_html import comparison_html
-from pytest_libero_max.report.comparison.document import Comparison
+from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.page.packing import unpacked
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.runs.plan import Run

@@ -13,14 +13,14 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, run_cases
-from pytest_libero_max.report.page.document import document
 from pytest_libero_max.report.page.events import events_section
 from pytest_libero_max.report.page.evidence import flat
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.packing import labelled, packed, unpacked
-from pytest_libero_max.report.writers.files import run_page
+from pytest_libero_max.report.page.page_frame import document
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.writers.report_files import run_page
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of

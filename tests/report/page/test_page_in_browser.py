@@ -17,7 +17,7 @@ from pytest_libero_max.policies.transforms.images import png_file
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
-from pytest_libero_max.report.writers.files import run_page
+from pytest_libero_max.report.writers.report_files import run_page
 from pytest_libero_max.runs.media import FILMS_NAME, PICTURES_NAME, film_name
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import StoredRun

@@ -10,7 +10,7 @@ import pytest
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.writers.figures import FIGURES
-from pytest_libero_max.report.writers.files import write_figures
+from pytest_libero_max.report.writers.report_files import write_figures
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
 PAIRS = plan(per_cell=2)

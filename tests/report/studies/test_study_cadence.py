@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.document import Report
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_csv
 from pytest_libero_max.report.writers.markdown import markdown

@@ -9,7 +9,7 @@ import pytest
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
-from pytest_libero_max.report.writers.files import report_json, write_reports
+from pytest_libero_max.report.writers.report_files import report_json, write_reports
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_command

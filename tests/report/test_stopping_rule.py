@@ -8,7 +8,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.exit_status import ended_as_declared
-from pytest_libero_max.report.stopping import STOPPING_RULES, CompletedPrefix, parse_rule
+from pytest_libero_max.report.stopping_rule import STOPPING_RULES, CompletedPrefix, parse_rule
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import PlannedPair

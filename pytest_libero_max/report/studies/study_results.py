@@ -10,9 +10,9 @@ from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.blocks import Rate
 from pytest_libero_max.report.measured import rate_of
-from pytest_libero_max.report.studies.document import Executed, Study
 from pytest_libero_max.report.studies.study_cadence import cadence_results
 from pytest_libero_max.report.studies.study_camera import camera_results
+from pytest_libero_max.report.studies.study_document import Executed, Study
 from pytest_libero_max.stats.intervals import wilson
 from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep

@@ -14,9 +14,9 @@ from pytest_libero_max.benchmark.structs import decode_json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.blocks import Block
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.document import REPORT_VERSION, Report
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.report_document import REPORT_VERSION, Report
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers import raster
 from pytest_libero_max.report.writers.figures import FIGURES

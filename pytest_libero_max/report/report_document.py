@@ -19,7 +19,7 @@ from pytest_libero_max.report.blocks import (
     Substrate,
     Text,
 )
-from pytest_libero_max.report.studies.document import Study
+from pytest_libero_max.report.studies.study_document import Study
 
 REPORT_VERSION: Final = 3
 
