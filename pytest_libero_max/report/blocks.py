@@ -114,8 +114,8 @@ class MeanDifference(Block, frozen=True, kw_only=True):
     """A mean of paired differences of success with its interval.
 
     Attributes:
-        count: Successes of the one without the other, less those of the other without the one.
-        of: Pairs.
+        count: Pairs in which only the one succeeds, less those in which only the other does.
+        of: Pairs: the denominator.
         value: count / of, -1 to 1.
         lower: Lower end of the melded exact 95% interval, which takes all pairs as independent.
         upper: Upper end of the melded exact 95% interval.
