@@ -80,7 +80,7 @@ class CheckedSource(sdist):
 
 
 def readme_for_index(text: str, source: str, version: str) -> str:
-    """The README with addresses that hold outside the repository.
+    """Return the README with addresses that hold outside the repository.
 
     Args:
         text: Markdown with links relative to the repository's root.
@@ -102,7 +102,7 @@ def readme_for_index(text: str, source: str, version: str) -> str:
 
 
 def project_urls(source: str) -> dict[str, str]:
-    """The addresses shown by a package index."""
+    """Return the addresses shown by a package index."""
     if not source:
         return {}
     return {

@@ -48,7 +48,7 @@ class Diagnosis:
 
 
 def diagnose(record: PairRecord, arm: str) -> Diagnosis | None:
-    """The diagnosis of an arm of a pair; None if it succeeded.
+    """Return the diagnosis of an arm of a pair; None if it succeeded.
 
     Raises:
         ReportError: The case was not played in this arm.
@@ -226,7 +226,7 @@ class _Seen:
         return f"; it was held up for {number} steps by {by}" if number >= _BLOCKED_STEPS else ""
 
     def after_event(self, text: str) -> str:
-        """A sentence that begins with the event where there was one."""
+        """Return a sentence that begins with the event where there was one."""
         if self.event is None:
             return text[0].upper() + text[1:]
         return f"{_capital(self.record.event)} at step {self.event.step}; {text}"
@@ -250,7 +250,7 @@ def _distance(one: list[float], other: list[float]) -> float:
 
 
 def _in_question(rows: tuple[_Row, ...], moved: Mapping[str, float]) -> _Row:
-    """The fact that the failure is about.
+    """Return the fact that the failure is about.
 
     Of those that do not hold: the one whose object or destination the event moved, or else the one that was
     tried first, or else the first.
@@ -269,7 +269,7 @@ def _in_question(rows: tuple[_Row, ...], moved: Mapping[str, float]) -> _Row:
 
 
 def _words(name: str, instruction: str) -> str:
-    """The longest part of an entity's name that the instruction uses, the last of those; or all of it.
+    """Return the longest part of an entity's name in the instruction, the last of those; or all of it.
 
     Of a region of an entity, ``wooden_cabinet_1_top_side``, the entity is named.
     """

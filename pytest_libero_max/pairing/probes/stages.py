@@ -19,7 +19,7 @@ from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
 Point = tuple[float, ...]
 
 SAMPLE_STEPS = 5
-"""What costs more than a few microseconds is looked at after every fifth step."""
+"""Policy steps between two samples of the measurements that take more than a few microseconds."""
 
 STILL_M = 0.01
 """A hand that stays within this distance of where it ends has stopped."""
@@ -154,7 +154,7 @@ _OF_GOAL = (
 
 
 class Stages(Probe[State]):
-    """How far the arm came with each fact of the goal, and what else the hand did.
+    """Progress of the arm with each fact of the goal, and movements of the hand beside it.
 
     Objects are where their origin is. A change in the arm begins the approach anew: the columns ``closest_*``
     and ``close_*`` are about the time after it.
@@ -251,7 +251,7 @@ class Stages(Probe[State]):
 
 
 def _tracks(view: View) -> tuple[Track, ...]:
-    """The facts of the goal as nothing has happened with them."""
+    """Return the facts of the goal as nothing has happened with them."""
     world = view.world
     if not isinstance(world, PrivilegedWorld):
         return (Track(None, view.entity, False, _point(world.position(view.entity))),)
@@ -266,7 +266,7 @@ def _track(world: PrivilegedWorld, fact: Fact) -> Track:
 
 
 def _owner(world: World, place: str) -> str:
-    """The entity that a place belongs to; the place itself where there is none."""
+    """Return the entity that a place belongs to; the place itself where there is none."""
     names = (name for name in world.entities if place == name or place.startswith(f"{name}_"))
     return max(names, key=len, default=place)
 
@@ -312,7 +312,7 @@ def _away_m(track: Track, world: World, at: Sequence[float]) -> float | None:
 
 
 def _follow(track: Track, view: View, last: Step, closes: bool) -> Track:
-    """The track of an object after one more step."""
+    """Return the track of an object after one more step."""
     world, step = view.world, view.trajectory.step
     if track.entity == view.entity:
         position, distance = last.entity, last.distance_m
@@ -335,7 +335,7 @@ def _follow(track: Track, view: View, last: Step, closes: bool) -> Track:
 
 
 def _closing(track: Track, last: Step, distance: float, step: int) -> Track:
-    """The track after the gripper began to close: kept where it was nearer than before."""
+    """Return the track after the gripper began to close: kept where it was nearer than before."""
     old = None if track.old is None else distance_m(last.end_effector, np.array(track.old))
     known = [gap for gap in (track.close_m, track.close_old_m) if gap is not None]
     if known and min(known) <= min(distance, distance if old is None else old):
@@ -344,7 +344,7 @@ def _closing(track: Track, last: Step, distance: float, step: int) -> Track:
 
 
 def _holding(track: Track, world: World, position: Point, step: int) -> Track:
-    """The track after a step that leaves both fingers on the object."""
+    """Return the track after a step that leaves both fingers on the object."""
     height = position[2] - track.rest[2]
     way = math.hypot(position[0] - track.rest[0], position[1] - track.rest[1])
     lifted = (track.held and track.lifted) or height > LIFTED_M
@@ -368,7 +368,7 @@ def _holding(track: Track, world: World, position: Point, step: int) -> Track:
 
 
 def _lost(track: Track, view: View) -> Track:
-    """The track after the object left the fingers."""
+    """Return the track after the object left the fingers."""
     track = replace(track, held=False, loose=0)
     if not track.lifted:
         return track
@@ -385,7 +385,7 @@ def _lost(track: Track, view: View) -> Track:
 
 
 def _after_change(state: State, view: View) -> State:
-    """The state after changes: what they moved rests elsewhere, and the approach begins anew."""
+    """Return the state after changes: what they moved rests elsewhere, and the approach begins anew."""
     world, firings = view.world, view.trajectory.firings
     goal = tuple(track.fact for track in state.tracks)
     tracks = state.tracks
@@ -441,7 +441,7 @@ def _far(one: Point, other: Point) -> bool:
 
 
 def _sample(state: State, view: View, last: Step) -> State:
-    """The state after a look at everything."""
+    """Return the state after a look at everything."""
     world, step = view.world, view.trajectory.step
     tracks = state.tracks
     if len(tracks) > 1 or any(track.part for track in tracks):
@@ -492,7 +492,7 @@ def _sampled(track: Track, view: View, last: Step) -> Track:
 
 
 def _is_held_up(view: View, last: Step) -> bool:
-    """True if the hand was told to move during the last five steps, and hardly did."""
+    """Return True if the hand was told to move during the last five steps, and hardly did."""
     executed = view.trajectory.executed
     if len(executed) <= SAMPLE_STEPS:
         return False
@@ -520,7 +520,7 @@ def _touched(world: World, tracks: Iterable[Track]) -> set[str]:
 
 
 def _row(track: Track, state: State, view: View) -> dict[str, Any]:
-    """The columns of one fact."""
+    """Return the columns of one fact."""
     world, solved = view.world, view.trajectory.success
     fact = track.fact
     satisfied = solved or (fact is not None and cast(PrivilegedWorld, world).holds(fact))
@@ -569,7 +569,7 @@ def _still_step(executed: Sequence[Step]) -> int:
 
 
 def _repeated(view: View) -> int:
-    """Number of answers at the end that equal the one before, to the last bit."""
+    """Return the number of answers at the end that equal the one before, to the last bit."""
     queries = view.trajectory.queries
     number = 0
     for later, earlier in zip(reversed(queries), reversed(queries[:-1]), strict=False):
@@ -596,5 +596,5 @@ def _point(values: Array) -> Point:
 
 
 def _metres(value: float | None) -> float | None:
-    """A length to a tenth of a millimetre, which keeps records short."""
+    """Return a length to a tenth of a millimetre, which keeps records short."""
     return None if value is None else round(value, 4)
