@@ -329,4 +329,7 @@ def continue_rollout(branch: BranchPoint, case: Case, world: World, policy: Poli
     World and policy are where :func:`play_prefix` or :func:`return_to` left them, or altered since by
     :func:`inject` or any other change. The errors are those of :func:`measure_pair`.
     """
-    return Rollout.resume(branch, Stage(case, world, policy)).advance_to_end()
+    stage = Stage(case, world, policy)
+    same = world.snapshot().assigned[0] == branch.state.assigned[0]
+    stage.begun_with(world.language if same else None)
+    return Rollout.resume(branch, stage).advance_to_end()

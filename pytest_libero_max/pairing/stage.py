@@ -48,6 +48,7 @@ class Stage:
     watch: Watch = NO_WATCH
     probes: Probes = STANDARD
     spec: PolicySpec = field(init=False)
+    _words_at_reset: list[str | None] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "spec", replace(self.policy.spec))
@@ -59,8 +60,12 @@ class Stage:
 
     @property
     def instruction(self) -> str:
-        """Instruction of the policy: the manifest's prompt, or the task's where it fixes none."""
-        return self.world.language if self.case.instruction is None else self.case.instruction
+        """Instruction of the policy: the manifest's prompt, or the task's where it fixes none.
+
+        An instruction that a change gave since the episode began replaces both.
+        """
+        words, own = self.world.language, self.case.instruction
+        return words if own is None or self._words_at_reset not in ([], [words]) else own
 
     def begin_world(self) -> None:
         """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
@@ -75,6 +80,11 @@ class Stage:
         self.watch.step()
         with self.clock("reset_s"):
             begin_world(self.case, self.world, self.spec.control)
+        self.begun_with(self.world.language)
+
+    def begun_with(self, words: str | None) -> None:
+        """Keep the world's instruction when the episode began; None: it is another one by now."""
+        self._words_at_reset[:] = [words]
 
     @property
     def episode(self) -> Episode:

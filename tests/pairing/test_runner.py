@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.changes import MoveObject, Nothing
+from pytest_libero_max.changes import MoveObject, Nothing, SetInstruction
 from pytest_libero_max.errors import ActionError, AdapterError, EntityError, ProtocolError, SimulatorError
+from pytest_libero_max.events.schedules import Arm, Entry, Revert
+from pytest_libero_max.events.triggers import Proximity, StepsAfter
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import (
     PairSettings,
@@ -288,6 +290,28 @@ def test_a_policy_learns_the_case_and_no_more(world: TinyWorld) -> None:
     privileged = Approaching(privileged=True)
     play_pair(case, world, privileged)
     assert [episode.world for episode in privileged.episodes] == [world] * 4
+
+
+def test_an_instruction_that_changes_in_the_middle_replaces_the_manifests(world: TinyWorld) -> None:
+    new = Entry(Proximity("box_1"), SetInstruction("leave it"))
+    back = Entry(StepsAfter(4), Revert(0))
+    case = make_case(instruction="do it")
+    for mode in ("fork", "replay"):
+        policy = Approaching(horizon=2, interval=2)
+        arms = (Arm("base"), Arm("dynamic", (new, back)))
+        record = play_pair(case, world, policy, PairSettings(mode), arms=arms)
+        firing = record.arms["dynamic"].firings[0]
+        told = [query.instruction for query in policy.queries if firing.step < query.step <= firing.step + 4]
+        assert record.instruction == "do it"
+        assert {"do it", "leave it"} == set(told)  # Base, and Dynamic until the words are taken back
+        late = {query.instruction for query in policy.queries if query.step > firing.step + 4}
+        assert late == {"do it"}
+    branch = play_prefix(case, world, policy)
+    assert branch is not None
+    asked = len(policy.queries)
+    SetInstruction("stack it").apply(world)
+    continue_rollout(branch, case, world, policy)
+    assert {query.instruction for query in policy.queries[asked:]} == {"stack it"}
 
 
 @pytest.mark.parametrize("how", BOTH, ids=["fork", "replay"])
