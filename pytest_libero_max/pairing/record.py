@@ -57,6 +57,9 @@ ACTION_DIM = 7
 _OWN_FIELDS = ("approach", "clipping", "contacts", "response")
 """The probes whose columns are fields of an arm's record."""
 
+PROGRAM = "program"
+"""Fingerprint of a pair whose case has a program: the program's name and digest."""
+
 ArmName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
 """Name of an arm."""
 
@@ -228,7 +231,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         policy: The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to
             the event: ``snapshot``, or what it was shown again (``queries``, ``frames``).
         fingerprints: Everything else that could change a result: versions, substrate, the policy's code, the
-            digests of the scene and of the state in which the pair starts.
+            digests of the scene and of the state in which the pair starts, the case's program if it has one.
         timings: Wall-clock seconds, and server_batch, a count; the only fields that differ between runs.
             ``pair_s`` is the whole pair, ``world_s`` the building of its scene. ``reset_s``, ``prefix_s``, an
             ``arm_..._s`` for each arm and ``asked_again_s`` (the check of a policy's answer) are its parts;
@@ -275,6 +278,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         memory: MemoryKind = "none",
     ) -> PairRecord:
         """Return the record of a case whose arms have been played."""
+        program = {} if case.program is None else {PROGRAM: f"{case.program.name} {case.program.digest}"}
         return cls(
             case_id=case.case_id,
             item_id=case.item_id,
@@ -295,7 +299,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
             max_steps=case.budget,
             arms=dict(arms),
             policy=spec.to_dict() | ({} if memory == "none" else {"memory": memory}),
-            fingerprints=dict(fingerprints),
+            fingerprints={**fingerprints, **program},
             timings=dict(timings),
         )
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.report.report_document import Caveat
 
@@ -19,9 +19,6 @@ _TOKENS = re.compile(
     r"|(?:moved )?level\d+ sample\d+)$"
 )
 """The end of a LIBERO-Plus name that is read out as a prompt."""
-
-_PROGRAM = re.compile(r"-v[01]-[a-z][a-z0-9_]*$")
-"""The end of an id with the name of a program."""
 
 _INSERTIONS = ("distractor_burst", "obstacle_insertion")
 
@@ -70,15 +67,10 @@ def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
     return lambda record: _semantics(record) == semantics and record.event in names
 
 
-def _programmed(record: PairRecord) -> bool:
-    """Return True for a pair with a program of its own or one laid over it: its name ends their ids."""
-    return _PROGRAM.search(record.item_id) is not None
-
-
 RULES = (
     Rule(
         "program",
-        _programmed,
+        lambda record: PROGRAM in record.fingerprints,
         "The arms are those of a program (its name ends the id): Dynamic is what the program makes of the "
         "event. All numbers are of Base and Dynamic; further arms are counted apart.",
     ),

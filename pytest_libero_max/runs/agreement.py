@@ -8,7 +8,7 @@ from typing import Protocol
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OtherRunError, ReportError
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record import PROGRAM, PairError, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.plan import PlannedPair, Run
 
@@ -19,6 +19,9 @@ MACHINE = ("gl", "gl_device", "blas")
 """Fingerprints in which pairs of one measurement may differ: what draws, and the kind of processor."""
 
 _PROCESSOR = "blas"
+_OF_CASE = (SCENE, START, PROGRAM)
+"""Fingerprints in which the pairs of one run may differ, because they belong to the case."""
+
 _OF_SOURCE = "assets"
 """Fingerprint of earlier versions: a digest of the source code that made the scenes."""
 
@@ -117,7 +120,7 @@ class SamePlay:
         if first.policy != pair.policy or first.fingerprints != pair.fingerprints:
             different = [
                 *differences("policy", first.policy, pair.policy),
-                *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, SCENE, START)),
+                *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, *_OF_CASE)),
                 *_other_kind(first, pair),
             ]
             if different:

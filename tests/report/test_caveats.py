@@ -127,3 +127,10 @@ def test_own_variations_are_told_from_those_of_libero_pro() -> None:
     assert names(theirs, own, plain)["erased_robot_pose"] == 1
     assert names(theirs, own, plain)["own_variations"] == 1
     assert "own_variations" not in names(theirs)
+
+
+def test_a_program_is_found_by_its_record_and_not_by_the_name_of_the_pair() -> None:
+    named = pair(item_id="libero-object-t00-i00-camera_shift-v0-transient")
+    played = pair(fingerprints={"substrate": "embedded", "program": "transient ab12"})
+    assert names(named) == {}
+    assert names(named, played) == {"program": 1}
