@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 import pytest_libero_max
 
@@ -52,3 +55,37 @@ def test_imports_go_down_the_list_of_rooms() -> None:
         if imported != room and rooms.index(imported) < rooms.index(room)
     }
     assert not upward
+
+
+def _modules() -> dict[str, Path]:
+    """The modules of the package by name."""
+    files = {
+        ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts): file
+        for file in PACKAGE.rglob("*.py")
+    }
+    return {name.removesuffix(".__init__"): file for name, file in files.items()}
+
+
+def _imported_modules(file: Path, known: Container[str]) -> Iterator[str]:
+    """The modules of the package that a file imports, also inside functions and for type checking alone."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in known else str(node.module)
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    """Not even through a function or for type checking: what needs another thing comes after it."""
+    modules = _modules()
+    facade = PACKAGE.name  # it names what others import from it
+    graph = {
+        name: {module for module in _imported_modules(file, modules) if module in modules} - {facade}
+        for name, file in modules.items()
+    }
+    try:
+        assert len([*TopologicalSorter(graph).static_order()]) == len(modules)
+    except CycleError as error:
+        pytest.fail(f"a circle of imports: {' -> '.join(error.args[1])}")

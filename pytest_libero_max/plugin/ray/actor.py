@@ -11,6 +11,7 @@ import sys
 import tempfile
 import threading
 from collections import deque
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,9 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.plugin.processes.crash_log import read_death
 from pytest_libero_max.plugin.processes.pair_process import CRASH_LOG_INPUT
-from pytest_libero_max.plugin.ray.connection import actors_on
+
+_ROUNDING = 1e-9
+"""0.3 / 0.1 is a little less than 3."""
 
 _POLL_S = 0.5
 _KEPT_CHUNKS = 16
@@ -153,3 +156,15 @@ class PairActor:
         return (
             max([actors_on(node, self._plan["cpus"], self._plan["gpus"]) for node in nodes], default=0) or 1
         )
+
+
+def actors_on(resources: Mapping[str, float], cpus: float, gpus: float) -> int:
+    """Return the number of actors that one node with these resources has room for."""
+    limits = []
+    if cpus:
+        limits.append(int(resources.get("CPU", 0) / cpus + _ROUNDING))
+    if gpus:
+        there = resources.get("GPU", 0)
+        on_each = int(1 / gpus + _ROUNDING)
+        limits.append(int(there) * on_each if gpus < 1 else int(there / gpus + _ROUNDING))
+    return min(limits, default=0)

@@ -14,9 +14,7 @@ from typing import Any
 
 from pytest_libero_max.errors import CrashError, OptionError
 from pytest_libero_max.plugin.processes.crash_log import Death
-
-_ROUNDING = 1e-9
-"""0.3 / 0.1 is a little less than 3."""
+from pytest_libero_max.plugin.ray.actor import PairActor, actors_on
 
 _EXTRA = "pip install 'pytest-libero-max[ray]'"
 _REACH_S = 20.0
@@ -73,8 +71,6 @@ class Cluster:
 
     def new_actor(self, plan: str) -> Any:
         """Request an actor, which Ray places on a node with room, now or later."""
-        from pytest_libero_max.plugin.ray.actor import PairActor
-
         return self._ray.remote(PairActor).options(**self._options).remote(plan)
 
     def wait(self, answers: Sequence[Any], timeout_s: float) -> list[Any]:
@@ -126,18 +122,6 @@ def actor_capacity(nodes: Iterable[Mapping[str, Any]], cpus: float, gpus: float)
         gpus: Of an actor. A fraction lies on one GPU.
     """
     return sum(actors_on(node.get("Resources", {}), cpus, gpus) for node in nodes if node.get("Alive"))
-
-
-def actors_on(resources: Mapping[str, float], cpus: float, gpus: float) -> int:
-    """Return the number of actors that one node with these resources has room for."""
-    limits = []
-    if cpus:
-        limits.append(int(resources.get("CPU", 0) / cpus + _ROUNDING))
-    if gpus:
-        there = resources.get("GPU", 0)
-        on_each = int(1 / gpus + _ROUNDING)
-        limits.append(int(there) * on_each if gpus < 1 else int(there / gpus + _ROUNDING))
-    return min(limits, default=0)
 
 
 def _require_answer(address: str) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.errors import AdapterError
-from pytest_libero_max.policies.clients.address import Address, parse_address
+import math
+from urllib.parse import SplitResult, parse_qsl, urlsplit
+
+from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.policies.clients.address import PATIENCE_S, TIMEOUT_S, Address
 from pytest_libero_max.policies.clients.protocols import PROTOCOLS, Opening
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
@@ -11,6 +14,13 @@ from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.transport import Client
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
+
+_REFUSED = {
+    "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
+    "pickle": "asks for pickles",
+    "xiaomi": "is raw TCP with pickles",
+    "grpc": "is LeRobot's gRPC service, whose messages are pickles",
+}
 
 
 def load_served(
@@ -92,7 +102,7 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
             "the path of your own.",
         )
     profile = load_profile(profile_text)
-    if profile.protocol != address.protocol:
+    if profile.protocol != _protocol(address):
         raise AdapterError.seen(
             "profile",
             profile_text,
@@ -104,4 +114,76 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
 
 def _fitting(address: Address) -> str:
     """Return the profiles of this package for an address, for messages."""
-    return ", ".join(name for name in profile_names() if load_profile(name).protocol == address.protocol)
+    return ", ".join(name for name in profile_names() if load_profile(name).protocol == _protocol(address))
+
+
+def _protocol(address: Address) -> str:
+    """Return the name of an address's protocol in profiles: for ``https`` it is ``http``."""
+    return PROTOCOLS[address.scheme].profiles or address.scheme
+
+
+def parse_address(text: str) -> Address:
+    """Read the address of a policy server, ``SCHEME://HOST:PORT/PATH?timeout=SECONDS&patience=SECONDS``.
+
+    Raises:
+        AdapterError: It has no such form, or a scheme that is refused or unknown.
+    """
+    scheme = text.partition("://")[0].lower()
+    if scheme in _REFUSED and scheme not in PROTOCOLS:
+        raise AdapterError.seen(
+            "policy",
+            text,
+            f" {_REFUSED[scheme]}. Whoever answers with a pickle can run any code here, so "
+            "none is ever read. Put the model behind one of the protocols that are spoken "
+            f"({', '.join(PROTOCOLS)}): a server is a few lines around it.",
+        )
+    if scheme in ("ws", "wss"):
+        raise AdapterError.seen(
+            "policy",
+            text,
+            " names a WebSocket, but not what is spoken over it. Write openpi://, "
+            "vla-eval:// or starvla:// instead.",
+        )
+    if scheme not in PROTOCOLS:
+        raise AdapterError.seen(
+            "policy", text, f": {scheme!r} is no protocol that is spoken. {did_you_mean(scheme, PROTOCOLS)}"
+        )
+    try:
+        parts = urlsplit(text)
+        port = parts.port
+    except ValueError as error:
+        raise AdapterError.seen(
+            "policy", text, f" is no address: {error}. Write {scheme}://HOST:PORT."
+        ) from None
+    if not parts.hostname or parts.username or parts.fragment:
+        raise AdapterError.seen(
+            "policy", text, f": an address is {scheme}://HOST:PORT, without a user name or a fragment."
+        )
+    seconds = _seconds(text, parts)
+    return Address(
+        text,
+        scheme,
+        parts.hostname,
+        PROTOCOLS[scheme].port if port is None else port,
+        parts.path.rstrip("/"),
+        seconds.get("timeout", TIMEOUT_S),
+        seconds.get("patience", PATIENCE_S),
+    )
+
+
+def _seconds(text: str, parts: SplitResult) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for name, value in parse_qsl(parts.query, keep_blank_values=True):
+        if name not in ("timeout", "patience"):
+            raise AdapterError.seen(
+                "policy", text, f": {name!r} is no option. {did_you_mean(name, ('timeout', 'patience'))}"
+            )
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = math.nan
+        if not 0.0 < found[name] < math.inf:
+            raise AdapterError.seen(
+                "policy", text, f": {name}={value!r}, but must be a number of seconds above 0."
+            )
+    return found

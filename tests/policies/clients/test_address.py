@@ -3,7 +3,8 @@ from __future__ import annotations
 import pytest
 
 from pytest_libero_max.errors import AdapterError
-from pytest_libero_max.policies.clients.address import is_address, parse_address
+from pytest_libero_max.policies.clients.address import is_address
+from pytest_libero_max.policies.clients.opening import parse_address
 from pytest_libero_max.policies.clients.protocols import PROTOCOLS
 
 
