@@ -46,7 +46,6 @@ def ini_lines(option: str, start: Path) -> list[str]:
 
 
 def _settings(path: Path) -> dict[str, object] | None:
-    """Return the settings for pytest in a file; None where it has none."""
     if path.suffix == ".toml":
         document = tomllib.loads(path.read_text(encoding="utf-8"))
         if path.name != "pyproject.toml":

@@ -182,7 +182,6 @@ def push_door(world: PrivilegedWorld, part: Part, target: float, hand: Hand) -> 
 
 
 def _is_at(hand: Hand, part: Part) -> bool:
-    """Return True if the hand is at a part."""
     return bool(np.linalg.norm(hand.position - part.position) < _AROUND_M)
 
 
@@ -200,5 +199,4 @@ def _approach(hand: Hand, scene: Boxes, grasp: Grasp, grip: float) -> Route:
 
 
 def _waypoint(grasp: Grasp, position: Array, grip: float, tolerance_m: float, wait: int = 0) -> Waypoint:
-    """Return a waypoint with the orientation of a grasp."""
     return Waypoint(position, grasp.angle, grip, tolerance_m, wait, grasp.tilt, grasp.heading)

@@ -133,7 +133,6 @@ def _insert(view: View, grasp: Grasp, end: Grasp) -> Route:
 def _waypoint(
     grasp: Grasp, position: Array, grip: float, tolerance_m: float = 0.005, wait: int = 0
 ) -> Waypoint:
-    """Return a waypoint with the orientation of a grasp."""
     return Waypoint(position, grasp.angle, grip, tolerance_m, wait, grasp.tilt, grasp.heading)
 
 

@@ -331,7 +331,6 @@ class Rollout:
         return View(stage.world, self.trajectory, self._entity, self._budget, stage.spec.control)
 
     def _go_on_with(self, arms: tuple[Arm, ...]) -> None:
-        """Play these arms from now on."""
         done = len(self.trajectory.firings)
         self.arms = arms
         self._groups = _by_next_entry(arms, done)

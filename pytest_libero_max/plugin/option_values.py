@@ -146,7 +146,7 @@ def known_in(known: Collection[str]) -> Callable[[str], str]:
 
 
 def _number(text: str) -> float:
-    """Return a number, or NaN, which breaks every rule."""
+    """Parse a number; NaN, which breaks every rule, where it is none."""
     try:
         return float(text)
     except ValueError:

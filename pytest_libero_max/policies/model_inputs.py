@@ -182,7 +182,6 @@ def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
 
 
 def _camera_named(name: str) -> str | None:
-    """Return the camera that the name of an input refers to."""
     lower = name.lower()
     if any(word in lower for word in ("wrist", "hand")):
         return CAMERAS[1]

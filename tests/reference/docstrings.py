@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from types import ModuleType
-from typing import Any
 
 _SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields):$", re.M)
 _ENTRY = re.compile(r"^(?P<name>\w+): (?P<text>.*(?:\n(?: .*)?)*)", re.M)
@@ -66,19 +65,6 @@ def constants(module: ModuleType) -> Iterator[Documented]:
             value = getattr(statement, "value", None)
             spelled = ast.get_source_segment(source, value) if value is not None else None
             yield Documented(target, " ".join((spelled or "").split()), str(following.value.value).strip())
-
-
-def public_names(module: Any) -> tuple[str, ...]:
-    """``__all__``, or the functions and classes that the module defines under a public name."""
-    if hasattr(module, "__all__"):
-        return tuple(module.__all__)
-    return tuple(
-        name
-        for name, value in vars(module).items()
-        if not name.startswith("_")
-        and (inspect.isfunction(value) or inspect.isclass(value))
-        and value.__module__ == module.__name__
-    )
 
 
 def _target(statement: ast.stmt) -> str | None:

@@ -6,7 +6,7 @@ clustered by configuration (task and initial state). They are pointwise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -197,9 +197,6 @@ def _notes(records: Sequence[PairRecord], arm: str) -> dict[str, int] | None:
     counted = [record.arm(arm).notes for record in records if record.arm(arm).shares is None]
     held = [notes for notes in counted if notes is not None]
     return {name: sum(notes[name] for notes in held) for name in held[0]} if held else None
-
-
-_Values = Callable[[_Columns], Differences]
 
 
 def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:

@@ -171,7 +171,6 @@ def _entities(row: Task, arena: Arena) -> dict[str, Entity]:
 
 
 def _owner(place: str, row: Task) -> str:
-    """Return the entity that a place belongs to."""
     if place in row.places:
         return row.places[place].surface
     return next(
