@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import LiberoMaxError
-from pytest_libero_max.report.comparison.compare import compare_folders
+from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide, gate_lines
 from pytest_libero_max.report.gates import parse_gates
@@ -48,7 +48,7 @@ def _use(folder: Path, sound: Path, thoroughly: bool = True) -> None:
     json.loads(report_json(report))
     summary_lines(report)
     gate_lines(decide(parse_gates(["delta >= -0.5", "regressions_vs(sound) <= 1"]), folder, sound.parent))
-    comparison_lines(compare_folders([folder, sound], restrict=True), 5)
+    comparison_lines(compare_runs(read_runs([folder, sound]), restrict=True), 5)
 
 
 def _only_our_errors(

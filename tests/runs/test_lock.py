@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import DiskError, OptionError, ReportError
-from pytest_libero_max.report.comparison.compare import compare_folders
+from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.writers.report_files import read_report, write_reports
 from pytest_libero_max.runs.lock import MARK_NAME
@@ -39,7 +39,7 @@ def test_no_reader_takes_a_run_in_progress_or_a_killed_one_for_a_result(tmp_path
             lambda: read_report(folder),
             lambda: write_reports(folder),
             lambda: decide((), folder, tmp_path),
-            lambda: compare_folders([folder, other]),
+            lambda: compare_runs(read_runs([folder, other])),
             lambda: merge_folders([folder, other], tmp_path / "merged"),
         ):
             with pytest.raises(ReportError, match=state):

@@ -245,15 +245,6 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     )
 
 
-def compare_folders(paths: Sequence[Path], restrict: bool = False) -> Comparison:
-    """Compare the runs in folders, see :func:`read_runs`.
-
-    Raises:
-        ReportError: A run cannot be read, or see :func:`common_cases`.
-    """
-    return compare_runs(read_runs(paths), restrict)
-
-
 def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
     """Read the runs in folders (or of ``pairs.jsonl`` files), named by their paths as given.
 

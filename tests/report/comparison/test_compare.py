@@ -10,7 +10,7 @@ from msgspec import structs
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.comparison.compare import common_cases, compare_folders, compare_runs
+from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
 from pytest_libero_max.report.gates import parse_gates
@@ -266,11 +266,11 @@ sensitivity to the event, not whether the policy detected it or planned anew."""
 
 def test_folders_are_compared_under_their_names(tmp_path: Path) -> None:
     old, new = _store(tmp_path / "old", _run(ALWAYS)), _store(tmp_path / "new", _run(MIXED))
-    comparison = compare_folders([old, new / "pairs.jsonl"])
+    comparison = compare_runs(read_runs([old, new / "pairs.jsonl"]))
     assert [run["name"] for run in plain(comparison)["runs"]] == [str(old), str(new / "pairs.jsonl")]
     assert len(plain(comparison)["flips"]) == 4
     with pytest.raises(ReportError, match="given twice"):
-        compare_folders([old, old])
+        compare_runs(read_runs([old, old]))
 
 
 def test_runs_that_differ_in_more_than_their_policy_are_warned_of() -> None:
