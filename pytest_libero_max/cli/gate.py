@@ -44,7 +44,7 @@ def _gate(options: argparse.Namespace) -> int:
             "There is no gate to decide. Give --gate=CONDITION, or libero_max_gate in pytest's ini file."
         )
     stored = read_pairs(options.folder)
-    require_usable(gates, stored.run.planned, options.folder, here)
+    require_usable(gates, stored.run.planned, stored.run.planned, options.folder, here)
     verdicts = decide(gates, options.folder, here)
     print("\n".join(gate_lines(verdicts)))
     failed = [verdict for verdict in verdicts if not verdict.passed]

@@ -125,7 +125,9 @@ class RunController:
             from pytest_libero_max.report.gate_results import require_usable
 
             pairs = map(PlannedPair.of, manifest_of(self.config))
-            require_usable(self.settings.gate, pairs, self.settings.output, self.config.invocation_params.dir)
+            chosen = [PlannedPair.of(case) for case in self.cases.values()]
+            start = self.config.invocation_params.dir
+            require_usable(self.settings.gate, pairs, chosen, self.settings.output, start)
 
     def _read_to_resume(self) -> None:
         self._before = read_to_resume(self.settings.output) if self.settings.resume else None

@@ -66,6 +66,8 @@ class Column(Generic[T]):
         line: Place in the terminal summary; None for none.
         gate: Name as a quantity of gates; the key where it is empty, None where no gate can ask for it.
         width: Characters of the column in the terminal's narrow table.
+        of_change: True for what the event changed, which needs pairs that can show it (see
+            :mod:`pytest_libero_max.report.measurable`).
     """
 
     key: str
@@ -77,6 +79,7 @@ class Column(Generic[T]):
     line: Line | None = None
     gate: str | None = ""
     width: int = 8
+    of_change: bool = False
 
     def long(self, row: Result) -> str:
         """Return the cell in a wide table."""
@@ -121,9 +124,11 @@ COLUMNS: tuple[Column[Any], ...] = (
     Column(
         "paired_change", "Paired change", lambda row: row.paired_change, Change(), "Change",
         tables=("summary", "groups", "narrow"), line=Line("Paired change"), gate="delta", width=24,
+        of_change=True,
     ),
     Column(
         "p_value", "Exact McNemar", lambda row: row.mcnemar, PValue(), line=Line("Paired change", "McNemar"),
+        of_change=True,
     ),
     Column(
         "log10_p_value", "Exact McNemar, log10 of p", lambda row: row.mcnemar.log10_p_value, Number(".2f"),
@@ -131,7 +136,7 @@ COLUMNS: tuple[Column[Any], ...] = (
     ),
     Column(
         "paired_change_by_task", "Paired change, interval by task", lambda row: row.paired_change.by_task,
-        TaskInterval(), line=Line("Paired change by task"), gate="delta.clustered",
+        TaskInterval(), line=Line("Paired change by task"), gate="delta.clustered", of_change=True,
     ),
     Column(
         "preserved_success", "Preserved successes (1,1)", lambda row: row.outcomes.preserved_success,
@@ -144,7 +149,7 @@ COLUMNS: tuple[Column[Any], ...] = (
     ),
     Column(
         "regression", "Regressions (1,0)", lambda row: row.outcomes.regression, Number(),
-        line=Line(_OUTCOMES, "(1,0)"), gate="regressions",
+        line=Line(_OUTCOMES, "(1,0)"), gate="regressions", of_change=True,
     ),
     Column(
         "persistent_failure", "Persistent failures (0,0)", lambda row: row.outcomes.persistent_failure,
@@ -152,11 +157,11 @@ COLUMNS: tuple[Column[Any], ...] = (
     ),
     Column(
         "conditional_regression", _LOST, lambda row: row.conditional_regression, Rate(counted=True), "Lost",
-        tables=("summary", "groups", "narrow"), line=Line(_LOST), width=9,
+        tables=("summary", "groups", "narrow"), line=Line(_LOST), width=9, of_change=True,
     ),
     Column(
         "retained", "Dynamic successes per Base success", lambda row: row.retained, Share(),
-        line=Line(_LOST, "retained", short=True),
+        line=Line(_LOST, "retained", short=True), of_change=True,
     ),
     Column(
         "trigger_coverage", _FIRED, lambda row: row.trigger_coverage, Rate(counted=True),
@@ -187,7 +192,7 @@ COLUMNS: tuple[Column[Any], ...] = (
     Column(
         "given_response_paired_change", "Paired change, given a query after the event",
         lambda row: row.given_response.paired_change, Share(signed=True), "Paired change",
-        tables=("summary", "given_response"),
+        tables=("summary", "given_response"), of_change=True,
     ),
 )  # fmt: skip
 """Every column, in the order of all tables."""

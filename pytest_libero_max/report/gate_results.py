@@ -9,6 +9,7 @@ from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.comparison.contrasts import contrast_of
+from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups
 from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
@@ -16,22 +17,32 @@ from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRu
 from pytest_libero_max.stats.comparison import contrasts
 
 
-def require_usable(gates: Sequence[Gate], pairs: Iterable[PlannedPair], folder: Path, start: Path) -> None:
-    """Refuse gates that could not be decided whatever a run measures. Called before anything is played.
+def require_usable(
+    gates: Sequence[Gate],
+    pairs: Iterable[PlannedPair],
+    chosen: Sequence[PlannedPair],
+    folder: Path,
+    start: Path,
+) -> None:
+    """Refuse gates that could not be decided, or not be met, whatever a run measures.
+
+    Called before anything is played.
 
     Args:
         gates: Result of :func:`~pytest_libero_max.report.gates.parse_gates`.
         pairs: All pairs of the track or manifest, also those left out of the run.
-        folder: Folder of the run, which need not exist yet.
-        start: Folder from which relative paths of other runs in the gates start.
+        chosen: The pairs of the run.
+        folder: Folder of the run, which may not exist yet.
+        start: Folder that relative paths of other runs in the gates begin at.
 
     Raises:
         OptionError: A gate names a group that no pair is of, another run that cannot be read, or the run
-            itself as the other one.
+            itself as the other one; or no outcome of its pairs meets it.
     """
     require_known_groups(gates, pairs)
     for gate in gates:
         if gate.run is None:
+            require_reachable(gate, chosen)
             continue
         other = _folder(start / gate.run)
         if other.resolve() == _folder(folder).resolve():
@@ -40,11 +51,13 @@ def require_usable(gates: Sequence[Gate], pairs: Iterable[PlannedPair], folder: 
                 "other run elsewhere, or choose another output folder."
             )
         try:
-            read_pairs(other)
+            earlier = read_pairs(other)
         except ReportError as error:
             raise OptionError(
                 f"gate={gate.text!r} compares with the run {gate.run!r}, which cannot be read: {error}"
             ) from error
+        names = {pair.case_id for pair in chosen}
+        require_reachable_vs(gate, [it.dynamic_success for it in earlier.records if it.case_id in names])
 
 
 def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult, ...]:

@@ -7,14 +7,20 @@ The language::
     number    = a decimal number, or a percentage such as 60% (exactly 0.6)
     quantity  = [scope "."] name ["." end]   a rate, a change, a count or a summary of the run
               | name "(" run ")" ["." end]   the same cases now and in another run, by its folder
+    gate      = "equivalent_vs(" run "," number ")"   Dynamic success differs by less than the number
     scope     = dimension "." group          for example event.camera_shift, category.pro-position
     end       = "lower" | "upper"            of the 95% interval
 
 Every quantity has a scale: the values it can have. A gate that no value or every value of the scale meets is
 refused, because it would test nothing. Numbers are compared exactly, as decimals of the report.
 
-A gate over pairs of which some are missing or invalid, or whose denominator is zero, is undecidable; an
-undecidable gate is not passed, and its reason is said.
+``equivalent_vs`` holds where the 90% interval of the difference lies inside the margin on both sides, which
+are two one-sided tests at 5% (D. J. Schuirmann (1987), J. Pharmacokinet. Biopharm. 15:657-680).
+
+A gate over pairs of which some are missing or invalid, or whose denominator is zero, is undecidable. So is
+one on what the event changed, or against another run, where Base succeeds in less than 20% of the pairs, or
+the event happened in less than 50%: it would pass because nothing was there to be lost. Gate ``base_sr`` and
+``trigger_coverage`` as well. An undecidable gate is not passed, and its reason is said.
 """
 
 from __future__ import annotations
@@ -28,11 +34,12 @@ from typing import Literal
 
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
-from pytest_libero_max.report.blocks import TaskInterval
+from pytest_libero_max.report.blocks import Result, TaskInterval
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, Scale
+from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, SHARE, Scale
+from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
 
@@ -64,6 +71,11 @@ VERSUS: Mapping[str, tuple[Callable[[SuccessContrast], SuccessDifference | float
 }
 """Quantities against another run, whose Dynamic outcomes come first in the contrast, with their scales."""
 
+EQUIVALENT = "equivalent_vs"
+"""Largest end, without its sign, of the 90% interval of Dynamic success less that of another run."""
+
+EQUIVALENCE_CONFIDENCE = 0.9
+
 _FLAG = Scale("0 or 1", 0, 1, whole=True, percent=False)
 
 _GATE = re.compile(r"(?P<quantity>.+?)\s*(?P<operator>>=|<=|==|!=|>|<)\s*(?P<number>\S+)")
@@ -71,6 +83,7 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?%?")
 _EXPONENT = re.compile(r"[eE][+-]?0*(\d+)")
 _MOST_EXPONENT_DIGITS = 3
 """A number with a larger exponent would fill the memory when it is written out."""
+_EQUIVALENT = re.compile(rf"{EQUIVALENT}\((?P<run>[^(),]+),\s*(?P<number>[^\s(),]+)\)")
 _CALL = re.compile(r"(?P<name>\w+)\((?P<run>[^()]+)\)(\.(?P<end>\w+))?")
 
 
@@ -95,6 +108,7 @@ class Gate:
     run: str | None
     operator: str
     threshold: Fraction
+    percent: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,15 +136,33 @@ def parse_gate(text: str) -> Gate:
     Raises:
         OptionError: It is not in the language; says what is, and the closest known name.
     """
+    margin = _EQUIVALENT.fullmatch(text.strip())
+    if margin is not None:
+        threshold = _number(margin["number"], text)
+        run = margin["run"].strip().strip("'\"")
+        gate = Gate(
+            margin.string, EQUIVALENT, None, None, run, "<", threshold, margin["number"].endswith("%")
+        )
+        _require_open(gate)
+        return gate
     match = _GATE.fullmatch(text.strip())
     if match is None:
         raise OptionError.seen(
             "gate",
             text,
             f" is not a condition. Write QUANTITY OPERATOR NUMBER, for example "
-            f"'dynamic_sr >= 0.6'; operators: {' '.join(OPERATORS)}.",
+            f"'dynamic_sr >= 0.6', or '{EQUIVALENT}(RUN, 5%)'; operators: {' '.join(OPERATORS)}.",
         )
-    number = match["number"]
+    threshold = _number(match["number"], text)
+    name, scope, end, run = _parse_quantity(match["quantity"].strip(), text)
+    percent = match["number"].endswith("%")
+    gate = Gate(match.string, name, scope, end, run, match["operator"], threshold, percent)
+    _require_open(gate)
+    return gate
+
+
+def _number(number: str, text: str) -> Fraction:
+    """Return the number of a gate, exactly as written."""
     if not _NUMBER.fullmatch(number):
         raise OptionError.seen(
             "gate", text, f" compares with {number!r}, but must compare with a number or a percentage."
@@ -140,26 +172,24 @@ def parse_gate(text: str) -> Gate:
         raise OptionError.seen(
             "gate", text, f" compares with {number!r}, but no quantity is so large or so small."
         )
-    threshold = Fraction(number.rstrip("%")) / (100 if number.endswith("%") else 1)
-    name, scope, end, run = _parse_quantity(match["quantity"].strip(), text)
-    gate = Gate(match.string, name, scope, end, run, match["operator"], threshold)
-    _require_open(gate, percent=number.endswith("%"))
-    return gate
+    return Fraction(number.rstrip("%")) / (100 if number.endswith("%") else 1)
 
 
 def scale_of(name: str) -> Scale:
     """Return the values that a quantity can have."""
     if name in VERSUS:
         return VERSUS[name][1]
+    if name == EQUIVALENT:
+        return SHARE
     if name == WHOLE_TRACK:
         return _FLAG
     return COUNT if name in COUNTS else _QUANTITIES[name].format.scale
 
 
-def _require_open(gate: Gate, percent: bool) -> None:
+def _require_open(gate: Gate) -> None:
     """Refuse a gate that every value of its quantity meets, or none."""
     scale, number = scale_of(gate.name), gate.threshold
-    if percent and not scale.percent:
+    if gate.percent and not scale.percent:
         raise OptionError.seen(
             "gate",
             gate.text,
@@ -217,18 +247,41 @@ def evaluate_gate(
         value, lack = _in_block(gate, report)
     if value is None:
         return GateResult(gate, "undecidable", None, f"{gate.text}: undecidable, {lack.rstrip('.')}.")
-    passed = OPERATORS[gate.operator](Fraction(repr(value)), gate.threshold)
+    passed = meets(gate, value)
     verdict: Verdict = "passed" if passed else "failed"
-    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, it is {value:.12g}.")
+    what = "the 90% interval reaches" if gate.name == EQUIVALENT else "it is"
+    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, {what} {_shown(gate, value)}.")
+
+
+def meets(gate: Gate, value: float) -> bool:
+    """Tell whether the quantity of a gate may have this value."""
+    return OPERATORS[gate.operator](Fraction(repr(value)), gate.threshold)
+
+
+def _shown(gate: Gate, value: float) -> str:
+    """Return the value in the unit of the gate, with as many decimals as show on which side it lies."""
+    if not gate.percent:
+        return f"{value:.12g}"
+    for decimals in range(1, 10):
+        text = f"{100 * value:.{decimals}f}"
+        if (Fraction(text) / 100 > gate.threshold) == (Fraction(repr(value)) > gate.threshold):
+            break
+    return f"{text}%"
 
 
 def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | None, str | None, str | None]:
     call = _CALL.fullmatch(quantity)
     if call is not None:
         name, end = call["name"], call["end"]
+        if name == EQUIVALENT:
+            raise OptionError.seen(
+                "gate", text, f" compares {EQUIVALENT}, which is a condition. Write '{EQUIVALENT}(RUN, 5%)'."
+            )
         if name not in VERSUS:
             raise OptionError.seen(
-                "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, VERSUS)}"
+                "gate",
+                text,
+                f" has the unknown quantity {name!r}. {did_you_mean(name, [*VERSUS, EQUIVALENT])}",
             )
         if end is not None and name != "dynamic_sr_vs":
             raise OptionError.seen("gate", text, f" asks for {end!r} of {name}, which has no interval.")
@@ -250,7 +303,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
     words = 2 if ".".join(parts[:2]) in known else 1
     name, ends = ".".join(parts[:words]), parts[words:]
     if name not in known:
-        names = known if scope else [*known, *DIMENSIONS, *VERSUS]
+        names = known if scope else [*known, *DIMENSIONS, *VERSUS, EQUIVALENT]
         raise OptionError.seen(
             "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
         )
@@ -315,8 +368,9 @@ def _in_block(gate: Gate, report: Report) -> tuple[float | None, str]:
     if block.played < block.planned:
         return None, f"{block.played} of {block.planned} planned pairs of {where} were played"
     column = _QUANTITIES[gate.name]
-    found = column.value(block)
-    number = column.format.numbers(found)[f"_{gate.end}" if gate.end else ""]
+    if column.of_change and (lacks := lacks_of(block)):
+        return None, f"of {where}, {'; '.join(lacks)}"
+    found, number = column.value(block), value_in(gate, block)
     if number is None and isinstance(found, TaskInterval) and block.played:
         from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 
@@ -325,6 +379,17 @@ def _in_block(gate: Gate, report: Report) -> tuple[float | None, str]:
             f"{LEAST_TASKS} and {LEAST_CHANGED_TASKS} are needed"
         )
     return number, f"{where} has no pair to measure {gate.name} on"
+
+
+def value_in(gate: Gate, row: Result) -> float | None:
+    """Return the quantity of a gate in the result of a set of pairs; None where it cannot be measured.
+
+    Args:
+        gate: A gate that names no other run and no count of pairs.
+        row: The result.
+    """
+    column = _QUANTITIES[gate.name]
+    return column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
 
 
 def _whole_track(report: Report) -> tuple[float | None, str]:
@@ -343,6 +408,15 @@ def _versus(
     if not report.pairs.complete:
         counts = report.pairs
         return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
+    if lacks := lacks_of(report.overall):
+        return None, "; ".join(lacks)
+    if gate.name == EQUIVALENT:
+        from pytest_libero_max.stats.paired_difference import paired_difference
+
+        interval = paired_difference(
+            contrast.first_only, contrast.second_only, contrast.cases, EQUIVALENCE_CONFIDENCE
+        )
+        return (None if interval is None else max(-interval.lower, interval.upper)), "there is no common case"
     found = VERSUS[gate.name][0](contrast)
     if isinstance(found, SuccessDifference):
         found = {"lower": found.lower, "upper": found.upper}.get(gate.end or "", found.value)

@@ -12,9 +12,9 @@ Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
 
 
 def test_gates_that_hold_leave_the_status_alone(run: Run) -> None:
-    result = run("-k", "camera_shift", "--libero-max-gate=regressions <= 3", "--libero-max-gate=missing == 0")
+    result = run("-k", "camera_shift", "--libero-max-gate=stale_mean <= 3", "--libero-max-gate=missing == 0")
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["gate pass*regressions*", "gate pass*missing*"])
+    result.stdout.fnmatch_lines(["gate pass*stale_mean*", "gate pass*missing*"])
 
 
 @pytest.mark.parametrize("quiet", [(), ("-q",)], ids=["normal", "quiet"])
@@ -93,8 +93,8 @@ def test_gates_are_decided_again_on_a_stored_run(
     from pytest_libero_max.cli import main
 
     run("-k", "camera_shift")
-    assert main(["gate", "libero-max-results", "--gate", "regressions <= 2", "--gate", "invalid == 0"]) == 0
-    assert "gate pass  regressions <= 2: passed" in capsys.readouterr().out
+    assert main(["gate", "libero-max-results", "--gate", "stale_mean <= 2", "--gate", "invalid == 0"]) == 0
+    assert "gate pass  stale_mean <= 2: passed" in capsys.readouterr().out
     assert main(["gate", "libero-max-results", "--gate=dynamic_sr >= 60%", "--gate=missing == 0"]) == 10
     assert "Exit status 10: 1 of 2 gates do not hold." in capsys.readouterr().out
     pytester.makeini("[pytest]\nlibero_max_gate =\n    dynamic_sr >= 0.6  # as before\n    invalid == 0\n")
@@ -151,7 +151,39 @@ def test_a_run_is_gated_against_an_earlier_one(run: Run) -> None:
     result = run(
         "-k", "camera_shift", "--libero-max-output=after", "--libero-max-gate=regressions_vs(before) <= 0"
     )
-    assert result.ret == 0
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(["gate FAIL*undecidable, Base succeeds in 0/2 pairs, and below 20%*"])
+
+
+@pytest.mark.parametrize(
+    "gate", ["delta.lower >= -15%", "regressions <= 3", "conditional_regression <= 10%", "p_value > 0.05"]
+)
+def test_a_policy_that_fails_everything_passes_no_gate_on_the_change(run: Run, gate: str) -> None:
+    result = run(f"--libero-max-gate={gate}")
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(
+        [
+            "The paired change says next to nothing of the event here: Base succeeds in 0/16*",
+            "gate FAIL*undecid*",
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    ("gate", "words"),
+    [
+        ("event.camera_shift.delta.lower >= -15%", "no outcome of its 2 pairs can meet it"),
+        ("base_sr.lower >= 90%", "no outcome of its 16 pairs"),
+        ("equivalent_vs(before, 5%)", "no outcome of its 16 pairs"),
+    ],
+)
+def test_a_gate_that_no_outcome_can_meet_is_refused_before_anything_plays(
+    run: Run, gate: str, words: str
+) -> None:
+    run("--libero-max-output=before")
+    result = run(f"--libero-max-gate={gate}")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"*{words}*"])
 
 
 @pytest.mark.parametrize("workers", ["0", "2"])

@@ -13,6 +13,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
+from pytest_libero_max.report.gate_reach import require_reachable_vs
 from pytest_libero_max.report.gates import (
     OPERATORS,
     evaluate_gate,
@@ -48,6 +49,7 @@ NO_INTERVAL = Interval(lower=None, upper=None)
 CONTRAST = SuccessContrast(
     first="old",
     second="now",
+    cases=32,
     first_only=3,
     second_only=1,
     difference=SuccessDifference(
@@ -89,7 +91,8 @@ def test_a_gate_is_decided(text: str, value: float, passed: bool) -> None:
     result = evaluate_gate(parse_gate(text), REPORT)
     assert result.value == pytest.approx(value)
     assert result.verdict == ("passed" if passed else "failed")
-    assert result.reason == f"{text}: {result.verdict}, it is {value:.12g}."
+    shown = f"{100 * value:.1f}%" if text.endswith("%") else f"{value:.12g}"
+    assert result.reason == f"{text}: {result.verdict}, it is {shown}."
 
 
 def test_interval_ends_are_addressable() -> None:
@@ -145,7 +148,7 @@ def test_a_zero_denominator_makes_a_gate_undecidable() -> None:
     for name in ("conditional_regression", "retained", "stale_mean"):
         result = evaluate_gate(parse_gate(f"{name} <= 0.9"), report)
         assert result.verdict == "undecidable"
-        assert f"no pair to measure {name} on" in result.reason
+    assert "no pair to measure stale_mean on" in result.reason
 
 
 def test_without_a_changed_pair_the_p_value_is_one() -> None:
@@ -323,3 +326,62 @@ def test_no_text_breaks_the_parser(text: str) -> None:
     except OptionError:
         return
     assert gate.operator in OPERATORS
+
+
+def test_a_value_is_shown_in_the_unit_of_its_gate_and_on_its_side() -> None:
+    report = _report_of_change(losses=17, gains=0, pairs=32)
+    result = evaluate_gate(parse_gate("delta.lower >= -15%"), report)
+    assert result.reason == "delta.lower >= -15%: failed, it is -70.9%."
+    near = evaluate_gate(parse_gate("delta >= -53.12%"), report)
+    assert near.reason == "delta >= -53.12%: failed, it is -53.125%."
+
+
+def test_a_change_without_fired_events_or_base_successes_is_undecidable() -> None:
+    planned = plan()
+    never = [record_of(pair, True, True, **NEVER_TRIGGERED) for pair in planned]
+    failing = [record_of(pair, False, False) for pair in planned]
+    for records, words in ((never, "the event happened in 0/32 pairs"), (failing, "Base succeeds in 0/32")):
+        report = build_report(records, [], planned, PROVENANCE)
+        for text in ("delta.lower >= -15%", "regressions <= 3", "family.geometry.delta >= -50%"):
+            result = evaluate_gate(parse_gate(text), report)
+            assert result.verdict == "undecidable"
+            assert words.split(" in ")[0] in result.reason
+        for text in (
+            "dynamic_sr_vs(old).lower >= -30%",
+            "regressions_vs(old) <= 3",
+            "equivalent_vs(old, 40%)",
+        ):
+            assert words in evaluate_gate(parse_gate(text), report, {"old": CONTRAST}).reason
+    assert evaluate_gate(parse_gate("base_sr >= 50%"), build_report(never, [], planned, PROVENANCE)).passed
+
+
+@pytest.mark.parametrize(("margin", "verdict"), [("40%", "passed"), ("0.1", "failed")])
+def test_equivalence_is_decided_by_both_ends_of_a_90_interval(margin: str, verdict: str) -> None:
+    from pytest_libero_max.stats.paired_difference import paired_difference
+
+    interval = paired_difference(3, 1, 32, 0.9)
+    assert interval is not None
+    result = evaluate_gate(parse_gate(f"equivalent_vs(old, {margin})"), REPORT, {"old": CONTRAST})
+    assert result.verdict == verdict
+    assert result.value == max(-interval.lower, interval.upper)
+    assert "the 90% interval reaches" in result.reason
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["equivalent_vs(old) <= 5%", "equivalent_vs(old, much)", "equivalent_vs(old, 0)", "equivalent_vs(5%)"],
+)
+def test_equivalence_that_is_spelled_wrong_is_refused(text: str) -> None:
+    with pytest.raises(OptionError, match="gate="):
+        parse_gate(text)
+
+
+def test_a_difference_that_no_outcome_reaches_is_refused() -> None:
+    alike = [True] * 32
+    with pytest.raises(OptionError, match="Dynamic succeeded in 32 of the 32 there"):
+        require_reachable_vs(parse_gate("dynamic_sr_vs(old).lower >= -5%"), alike)
+    with pytest.raises(OptionError, match="no outcome of its 32 pairs"):
+        require_reachable_vs(parse_gate("equivalent_vs(old, 5%)"), alike)
+    for text in ("dynamic_sr_vs(old).lower >= -12%", "equivalent_vs(old, 12%)", "regressions_vs(old) <= 3"):
+        require_reachable_vs(parse_gate(text), alike)
+    require_reachable_vs(parse_gate("dynamic_sr_vs(old).lower >= -5%"), alike * 25)

@@ -137,6 +137,7 @@ class SuccessContrast(Block, frozen=True, kw_only=True):
     Attributes:
         first: Name of the first run.
         second: Name of the second run.
+        cases: Cases that both runs played.
         first_only: Cases in which only the first run succeeds.
         second_only: Cases in which only the second run succeeds.
         difference: Success of the second less that of the first.
@@ -147,6 +148,7 @@ class SuccessContrast(Block, frozen=True, kw_only=True):
 
     first: Text
     second: Text
+    cases: Count
     first_only: Count
     second_only: Count
     difference: SuccessDifference

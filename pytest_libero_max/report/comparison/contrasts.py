@@ -28,6 +28,7 @@ def contrast_of(contrast: stats.Contrast, by_task: TaskInterval | None = None) -
     return SuccessContrast(
         first=contrast.first,
         second=contrast.second,
+        cases=difference.pairs if difference else 0,
         first_only=contrast.first_only,
         second_only=contrast.second_only,
         difference=SuccessDifference(

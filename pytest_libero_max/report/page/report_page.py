@@ -15,6 +15,7 @@ from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import percent, rate_text
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.page.case_table import CASES_SECTION, OUTCOME_TITLES
 from pytest_libero_max.report.page.events import events_section
 from pytest_libero_max.report.page.markup import Viewed, figure, listed, note, table
@@ -79,6 +80,9 @@ def html(
         body.append(note(repaired))
     if report.substrate.note:
         body.append(note(report.substrate.note))
+    warning = warning_of(report.overall)
+    if warning is not None:
+        body.append(note(warning, "alarm"))
     body += [note(caveat_text(caveat)) for caveat in report.caveats]
     if pairs.played:
         body += _summary(report)

@@ -10,6 +10,7 @@ from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
@@ -44,6 +45,9 @@ def markdown(report: Report) -> str:
         lines += [repaired, ""]
     if report.substrate.note:
         lines += [report.substrate.note, ""]
+    warning = warning_of(report.overall)
+    if warning is not None:
+        lines += [f"**{warning}**", ""]
     if report.caveats:
         lines += [*(f"- {caveat_text(caveat)}" for caveat in report.caveats), ""]
     clipping = clipping_text(report)

@@ -10,6 +10,7 @@ from typing import Any
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import count_text, rate_text
+from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report
 from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.studies.study_tables import study_lines
@@ -47,6 +48,7 @@ def summary_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
         return [*lines, "No pair was played; there is nothing to report.", *_written(paths)]
     if not pairs.complete:
         lines.append(f"Over the {pairs.played} played pairs only:")
+    lines += wrap(warning_of(overall) or "", 100)
     lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
     return [*lines, *_caveat_lines(report.caveats), *_clipping_lines(report), *_written(paths)]

@@ -80,6 +80,9 @@ ALL_ALIKE = """\
 scripted (H=10 Q=5) on libero, 32 cases of track smoke (selection not recorded):
 32 of 32 planned pairs played
 
+The paired change says next to nothing of the event here: Base succeeds in 0/32 pairs, and below 20%
+there is next to nothing to lose; the event happened in 0/32 pairs, and below 50% most of Dynamic is
+Base.
 Base success                    0.0% [0.0, 10.7]  0/32
 Dynamic success                 0.0% [0.0, 10.7]  0/32
 Paired change                   +0.0 pp [-10.9, +10.9]   McNemar p = 1.000
