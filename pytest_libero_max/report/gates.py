@@ -264,9 +264,13 @@ def _shown(gate: Gate, value: float) -> str:
         return f"{value:.12g}"
     for decimals in range(1, 10):
         text = f"{100 * value:.{decimals}f}"
-        if (Fraction(text) / 100 > gate.threshold) == (Fraction(repr(value)) > gate.threshold):
+        if _side(Fraction(text) / 100, gate) == _side(Fraction(repr(value)), gate):
             break
     return f"{text}%"
+
+
+def _side(value: Fraction, gate: Gate) -> tuple[bool, bool]:
+    return value < gate.threshold, value > gate.threshold
 
 
 def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | None, str | None, str | None]:
