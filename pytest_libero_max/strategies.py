@@ -88,7 +88,7 @@ def events(
     Args:
         draw: Given by Hypothesis.
         entities: The world's entities; by default those of the tiny world.
-        names: Which events; by default all that are registered.
+        names: Names of events; by default all that are registered.
         distances_m: Trigger distances; by default the benchmark's. A large one fires at the first step.
     """
     known = entities_or_tiny(entities)

@@ -28,7 +28,7 @@ def add_command(commands: Commands) -> None:
         help="Build every track from nothing: select, preflight, replace, freeze",
         description="No policy has a part in it. Interrupted, it goes on where it stopped.",
     )
-    build.add_argument("folder", type=Path, metavar="FOLDER", help="Where the tracks are written")
+    build.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the tracks")
     build.add_argument(
         "tracks",
         nargs="*",
@@ -60,7 +60,7 @@ def _build(options: argparse.Namespace) -> None:
         Work() as work,
         Examiner(options.work, options.jobs, tell(work), options.substrate, told) as examiner,
     ):
-        work.say(f"What is found is kept in {examiner.path()}")
+        work.say(f"Results are kept in {examiner.path()}")
         if whole:
             release = build_release(examiner.examine)
         else:

@@ -45,7 +45,7 @@ def _certify(options: argparse.Namespace) -> None:
     tracks = options.tracks or independent_tracks(options.folder)
     where = (options.substrate, substrate_options(options))
     with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:
-        work.say(f"What is found is kept in {examiner.path(options.expert)}")
+        work.say(f"Results are kept in {examiner.path(options.expert)}")
         add_certificates(options.folder, tracks, partial(examiner.certify, expert=options.expert))
     write_overview(options.folder)
     print("\n".join(certificate_lines(read_certificates(options.folder))))

@@ -25,14 +25,17 @@ def add_command(commands: Commands) -> None:
     check.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H")
     check.add_argument("--query-interval", type=int, metavar="ACTIONS", help="Override Q")
     check.add_argument(
-        "--substrate", default="embedded", metavar="NAME", help="What is shown (default: %(default)s)"
+        "--substrate",
+        default="embedded",
+        metavar="NAME",
+        help="Substrate of the scene that is shown (default: %(default)s)",
     )
     check.add_argument(
         "--picture",
         type=Path,
         default=Path("libero-max-check.png"),
         metavar="FILE",
-        help="Where the images that the model is shown are written (default: %(default)s)",
+        help="File for the images that the model is shown (default: %(default)s)",
     )
     check.set_defaults(run=_check)
 

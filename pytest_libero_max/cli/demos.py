@@ -25,7 +25,7 @@ def add_command(commands: Commands) -> None:
         "same bytes. The tracks play all ten initial states of a task, on varied scenes and with events: "
         "record some of them with --inits, and evaluate on the others, for example with -k 'i08 or i09'.",
     )
-    demos.add_argument("folder", type=Path, metavar="FOLDER", help="Where the episodes are written")
+    demos.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the episodes")
     demos.add_argument(
         "--suites", nargs="+", default=list(SUITES), choices=SUITES, metavar="SUITE", help="Default: all four"
     )

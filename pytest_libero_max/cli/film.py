@@ -75,7 +75,7 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
         "(default: %(default)s)",
     )
     command.add_argument(
-        "--output", type=Path, metavar="FOLDER", help=f"Where files are written (default: {folder} in RUN)"
+        "--output", type=Path, metavar="FOLDER", help=f"Folder for the files (default: {folder} in RUN)"
     )
     command.add_argument(
         "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
@@ -88,7 +88,7 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
         "--cases",
         dest="case_set",
         metavar="TRACK|MANIFEST",
-        help="Where the cases are, if not where the run says",
+        help="The cases, if they are not where the run says",
     )
     add_libero(command)
 

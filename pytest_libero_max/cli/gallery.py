@@ -24,7 +24,7 @@ def add_command(commands: Commands) -> None:
         help="Draw the embedded scenes, their variations and the events",
         description="On a substrate without sheets of its own: only the events.",
     )
-    gallery.add_argument("folder", type=Path, metavar="FOLDER", help="Where the pictures are written")
+    gallery.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the pictures")
     gallery.add_argument(
         "--page-pictures",
         type=Path,

@@ -196,7 +196,7 @@ class Shards:
 
 
 def _add_shards(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--shards", type=int, required=True, metavar="N", help="How many there are")
+    parser.add_argument("--shards", type=int, required=True, metavar="N", help="Number of shards")
     parser.add_argument(
         "--at-once", type=int, metavar="N", help="Shards that are played at the same time (default: all)"
     )

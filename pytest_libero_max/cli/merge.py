@@ -19,7 +19,7 @@ def add_command(commands: Commands) -> None:
         "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of the shards"
     )
     merge.add_argument(
-        "--output", type=Path, required=True, metavar="FOLDER", help="Where the joined run is written"
+        "--output", type=Path, required=True, metavar="FOLDER", help="Folder for the joined run"
     )
     merge.add_argument(
         "--finished",

@@ -20,7 +20,7 @@ def add_command(commands: Commands) -> None:
     """Add ``plan`` to the parser."""
     plan = commands.add_parser(
         "plan",
-        help="How long pairs will take with so many workers and policy servers, and what is the bottleneck",
+        help="Time that pairs will take with a number of workers and policy servers, and the bottleneck",
         description="Learns from the timings of a run what steps, images and queries take and how many of "
         "them each task needs, and computes how long the slowest part of a fleet takes. A worker is as fast "
         "as one of that run: each needs a processor core of its own. The start of the workers and of the "
@@ -28,7 +28,7 @@ def add_command(commands: Commands) -> None:
     )
     plan.add_argument("run_folder", type=Path, metavar="RUN", help="The run that is learnt from")
     what = plan.add_mutually_exclusive_group()
-    what.add_argument("--track", metavar="NAME", help="What is to be played (default: the pairs of RUN)")
+    what.add_argument("--track", metavar="NAME", help="Track to play (default: the pairs of RUN)")
     what.add_argument("--manifest", type=Path, metavar="PATH", help="The same, as a manifest")
     plan.add_argument("--workers", type=int, default=1, metavar="N", help="Default: %(default)s")
     plan.add_argument(
@@ -42,7 +42,7 @@ def add_command(commands: Commands) -> None:
         "--query-ms",
         type=float,
         metavar="MS",
-        help="What a query takes (default: what it took in RUN)",
+        help="Time of a query (default: that in RUN)",
     )
     plan.add_argument(
         "--batch",
@@ -52,14 +52,14 @@ def add_command(commands: Commands) -> None:
         help="Queries that a server answers together (default: %(default)s)",
     )
     plan.add_argument(
-        "--batch-ms", type=float, metavar="MS", help="What a full batch takes (default: as long as one query)"
+        "--batch-ms", type=float, metavar="MS", help="Time of a full batch (default: that of one query)"
     )
     plan.add_argument(
         "--record-ms",
         type=float,
         default=7.0,
         metavar="MS",
-        help="What the process that owns the run needs for a record; most of it is the disk (default: "
+        help="Time that the process that owns the run needs for a record, mostly the disk's (default: "
         "%(default)s)",
     )
     plan.add_argument(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def add_command(commands: Commands) -> None:
     """Add ``power`` to the parser."""
     power = commands.add_parser(
-        "power", help="What each track can resolve, and how many pairs a change needs"
+        "power", help="Changes that each track can resolve, and number of pairs that a change needs"
     )
     known = power.add_mutually_exclusive_group(required=True)
     known.add_argument(

@@ -35,7 +35,7 @@ def add_command(commands: Commands) -> None:
         type=float,
         default=5.0,
         metavar="MS",
-        help="How long the first query of a batch waits for others (default: %(default)s)",
+        help="Longest time that the first query of a batch waits for others (default: %(default)s)",
     )
     serve.add_argument(
         "--pad-batch",

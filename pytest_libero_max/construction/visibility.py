@@ -21,7 +21,7 @@ MIN_PIXELS = 30
 scenes, a box of butter, has about 150 in an agent's view that nothing stands in."""
 
 Pixels = Mapping[str, Mapping[str, int]]
-"""By camera, the pixels of each entity that is in its image."""
+"""Pixels by camera of each entity that is in its image."""
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def changes(
 
     Args:
         entities: The world's entities; by default those of the tiny world.
-        operations: Which of :data:`AT_ONCE` to draw from.
+        operations: Operations of :data:`AT_ONCE` to draw from.
         cameras: The cameras that may be shifted.
 
     Raises:

@@ -79,7 +79,7 @@ class EventKind(ABC):
         Args:
             variant: 0 or 1.
             task: Contents of the scene.
-            identity: Which configuration this is; the source of all seeds.
+            identity: Configuration of the case; the source of all seeds.
         """
 
     @abstractmethod

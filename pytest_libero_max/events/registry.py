@@ -96,7 +96,7 @@ def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identit
         name: One of :data:`EVENTS`.
         variant: 0 or 1.
         task: Contents of the scene.
-        identity: Which configuration this is; the source of all seeds.
+        identity: Configuration of the case; the source of all seeds.
 
     Raises:
         ManifestError: There is no such event or variant, or the task cannot host it.

@@ -41,7 +41,7 @@ def relocation(
         moved: The object; an eligible task has one.
         distance_m: Length of the move.
         task: Contents of the scene.
-        identity: Which configuration this is.
+        identity: Configuration of the case.
     """
     assert moved is not None  # eligibility demands it
     x, y = DIRECTIONS[identity.direction_index(event)]

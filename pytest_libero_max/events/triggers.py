@@ -148,7 +148,7 @@ class StepsAfter(Trigger):
 
     Attributes:
         steps: Policy steps, at least 1.
-        entry: Which entry: its index from 0, or -1 for the one just before.
+        entry: Index of the entry, from 0, or -1 for the one just before.
     """
 
     type = "steps_after"

@@ -186,7 +186,7 @@ def _is_at(hand: Hand, part: Part) -> bool:
 
 
 def _nearest_angle(angle: float) -> float:
-    """Of an angle of the finger axis and its opposite, the one nearer the middle of the wrist's range."""
+    """Return the angle of the finger axis or its opposite, the one nearer the middle of the wrist's range."""
     return WRIST_MIDDLE_RAD + math.remainder(angle - WRIST_MIDDLE_RAD, math.pi)
 
 

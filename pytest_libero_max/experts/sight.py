@@ -130,7 +130,7 @@ def find(likely: Chances, camera: NominalCamera, shape: Shape, area: Area, leash
 
     Args:
         likely: Of the whole image.
-        camera: Which took it.
+        camera: Camera of the image.
         shape: Of the object.
         area: Area in which to look.
         leash: Score that is taken off for each m from the middle of the area.

@@ -44,7 +44,7 @@ class PairSettings:
     Attributes:
         prefix: Way of an arm to the branch point; see :func:`return_to`.
         fingerprints: Versions, substrate, scene: whatever could change a result, for the record.
-        watch: Told what begins, so that it can end what takes too long.
+        watch: Notified of each call, so that it can end one that takes too long.
         probes: The probes that read every arm; see
             :func:`~pytest_libero_max.pairing.probes.registry.probes_called`.
     """
@@ -108,7 +108,7 @@ def measure_pair(
         world: A world of the case's scene; what it was doing before leaves no trace.
         policy: A checked policy.
         settings: The settings.
-        on_phase: Told when ``setup`` begins, and then each arm by its name, so that an error can be placed.
+        on_phase: Called with ``setup`` and then with the name of each arm as it begins, to locate errors.
         arms: The arms. None: those of :func:`~pytest_libero_max.events.schedules.arms_of`.
 
     Raises:

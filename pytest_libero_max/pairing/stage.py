@@ -36,7 +36,7 @@ class Stage:
         world: A world of the case's scene.
         policy: A checked policy.
         clock: Adds up wall-clock seconds.
-        watch: Told what begins.
+        watch: Notified of each call that may take too long.
         probes: The probes that read every arm.
         spec: A copy of the policy's spec, which must stay what it is.
     """

@@ -83,7 +83,7 @@ OPTIONS = (
     Option(
         "profile",
         "NAME|PATH",
-        "How the policy behind a server's address is asked: a profile of this package, or a TOML file",
+        "Profile of the policy behind a server's address: one of this package, or a TOML file",
         read.text,
     ),
     Option(
@@ -137,7 +137,7 @@ OPTIONS = (
     Option(
         "substrate",
         "NAME",
-        "What builds the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
+        "Builder of the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
         "(a toy scene for manifests that name its entities)",
         read.known_in(SUBSTRATES),
         "embedded",
@@ -182,7 +182,7 @@ OPTIONS = (
     Option(
         "prefix",
         "MODE",
-        "How Dynamic reaches the event: fork (from a snapshot taken in Base) or "
+        "Way of Dynamic to the event: fork (from a snapshot taken in Base) or "
         "replay (the recorded actions, from reset)",
         read.one_of(*PREFIX_MODES),
         "fork",
@@ -262,7 +262,7 @@ OPTIONS = (
     Option(
         "progress",
         "FORM",
-        "How far the run is: live (a line below pytest's output that is drawn again and again), lines (one a "
+        "Progress of the run: live (a line below pytest's output that is redrawn), lines (one a "
         "minute, later fewer), none, or auto (live in a terminal, otherwise lines, and with -q none)",
         read.one_of(*PROGRESS_FORMS),
         "auto",
@@ -360,7 +360,7 @@ OPTIONS = (
         False,
         switch=True,
     ),
-    Option("output", "FOLDER", "Where pairs.jsonl and report.json go", read.text, DEFAULT_OUTPUT),
+    Option("output", "FOLDER", "Folder for pairs.jsonl and report.json", read.text, DEFAULT_OUTPUT),
     Option(
         "resume",
         "",

@@ -52,4 +52,4 @@ MEASURED = pytest.StashKey[tuple[str, ...]]()
 """On the controller's config: item ids of the pairs that a resumed run holds already."""
 
 MEASURED_INPUT = "libero_max_measured"
-"""In a worker's input: the same."""
+"""Key of the same in a worker's input."""

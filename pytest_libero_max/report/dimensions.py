@@ -33,4 +33,4 @@ DIMENSIONS: Mapping[str, Dimension] = {
         "Difficulty", lambda pair: "none" if pair.difficulty is None else str(pair.difficulty)
     ),
 }
-"""By their key in ``report["by"]`` and in gates, in the order of all writers."""
+"""Dimensions by their key in ``report["by"]`` and in gates, in the order of all writers."""

@@ -40,7 +40,7 @@ class FileState:
     Attributes:
         inode: Number of the file.
         size: In bytes.
-        altered_ns: When it was written last, in ns since the epoch.
+        altered_ns: Time of the last write, in ns since the epoch.
     """
 
     inode: int

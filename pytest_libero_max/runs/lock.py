@@ -124,7 +124,7 @@ class SeenMark:
     """The mark of a folder as another process sees it.
 
     Attributes:
-        owner: Which process wrote it, on which machine.
+        owner: Process that wrote it, and its machine.
         locked: True if a living process holds it; None where the file system does not tell.
         here: True if that process is one of this machine. Where it is not, and the lock is not seen, the
             file system may not tell of locks on other machines.

@@ -62,7 +62,7 @@ def collect(
         order: Order of play; the planned pairs of the run are in this order.
         stopping_rule: Rule that may stop the run, as asked for; None for none.
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
-        started: When the run began, with its time zone; by default now.
+        started: Start of the run, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
     """
     begun = datetime.now(UTC) if started is None else started.astimezone(UTC)

@@ -50,7 +50,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
 
 
 def _noise_floor(provenance: Json) -> list[tuple[str, object]]:
-    """Which pairs play Base twice depends on how many were asked for, and on what was left out before."""
+    """Return options that select the same pairs to play Base twice: the number asked for, and omissions."""
     noise_floor = provenance["protocol"].get("noise_floor")
     if noise_floor is None:
         return []

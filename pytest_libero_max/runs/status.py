@@ -44,7 +44,7 @@ def note_of(
     """Return the note of a run for its watchers, in seconds since the epoch of its own clock.
 
     Args:
-        began: When this session began to play.
+        began: Time at which this session began to play.
         now: Now.
         before: Pairs that a resumed run had already.
         playing: Begin of each running pair, by item id.

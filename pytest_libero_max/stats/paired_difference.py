@@ -30,7 +30,7 @@ _FAR = 1e-13
 PRECISION = 1e-11
 """Precision of a bound."""
 _DECIMALS = 9
-"""Of a reported bound, so that it is the same on every machine."""
+"""Decimals of a reported bound, so that it is the same on every machine."""
 _CHUNK = 4096
 """Counts that are integrated at once."""
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 RESET = "reset"
 STRENGTHS = (0.25, 0.5, 1.0)
-"""Of the strength study. The last is the event itself."""
+"""Strengths of the strength study. The last is the event itself."""
 
 _CAMERA = "camera:"
 

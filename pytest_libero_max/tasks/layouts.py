@@ -133,4 +133,4 @@ LAYOUTS: dict[str, Layout] = {
         extra={"desk_caddy_right_region": (-0.40, 0.15, 0.05)},
     ),
 }
-"""By LIBERO-90's name of the scene."""
+"""Layouts by LIBERO-90's name of the scene."""

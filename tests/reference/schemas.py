@@ -20,7 +20,7 @@ from tests.reference.docstrings import description, section, summary
 _DOCUMENTS = (blocks, report_document, study_document, comparison_document)
 """The modules with the structs of reports and comparisons."""
 
-_COMMON = {"line": "What the line holds.", "schema_version": "Version of the form of this document."}
+_COMMON = {"line": "Kind of the line.", "schema_version": "Version of the form of this document."}
 """Descriptions of the fields that no docstring describes."""
 
 

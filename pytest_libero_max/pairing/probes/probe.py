@@ -107,8 +107,8 @@ class Probe(ABC, Generic[State]):
         name: Name in the record and on the command line: lower-case letters, digits and underscores.
         schema: The columns that it yields.
         cost: Its cost in words, for the table of probes.
-        every: When :meth:`step` is called: after every policy ``step``, after every ``query``, or never, for
-            a probe that reads all that it needs at the ``end``.
+        every: Times at which :meth:`step` is called: after every policy ``step``, after every ``query``, or
+            never, for a probe that reads all that it needs at the ``end``.
     """
 
     name: ClassVar[str]

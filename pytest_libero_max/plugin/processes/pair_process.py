@@ -20,7 +20,7 @@ from pytest_libero_max.plugin.processes.time_limits import Watchdog
 from pytest_libero_max.substrates.registry import SUBSTRATES
 
 CRASH_LOG_INPUT = "libero_max_crash_log"
-"""In a worker's input: the path of its crash log."""
+"""Key in a worker's input of the path of its crash log."""
 
 OUT_OF_MEMORY = 70
 """Exit status of a process that wanted more memory than it may use."""

@@ -148,8 +148,8 @@ def read_statistics(path: Path, key: str | None = None, rule: Rule = "bounds") -
 
     Args:
         path: A JSON file: ``{key: {"action": {"min": [...], "max": [...], "mask": [...]}}}``.
-        key: Which of its entries; may be left out where there is one.
-        rule: Which of the numbers.
+        key: Key of the entry; may be left out where there is one.
+        rule: Rule of normalisation.
 
     Raises:
         AdapterError: The file cannot be read, or lacks what is asked for.

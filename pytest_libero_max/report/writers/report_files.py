@@ -52,7 +52,7 @@ def write_reports(
     Args:
         folder: The folder of the run.
         amend: Returns the report with sections of the user's own.
-        on_problem: Told of each file that cannot be made or written. None: the first one is an error.
+        on_problem: Called for each file that cannot be made or written. None: the first one is an error.
 
     Returns:
         The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.

@@ -41,7 +41,7 @@ _GRIPS: Mapping[str, tuple[_Grip, ...]] = {
     "yellow_moka_pot": _MOKA_POT,
     "white_yellow_mug": _WHITE_YELLOW_MUG,
 }
-"""By category of an object: name of a part, its middle, the direction along it and away from it, in the frame
+"""Parts by category of an object: name, middle, the direction along it and away from it, in the frame
 of the object's body, and its width, m."""
 
 
