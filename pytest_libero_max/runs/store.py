@@ -253,13 +253,18 @@ class PairStore:
 
 def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:
     try:
-        text = json.dumps({"line": kind, **value.to_dict()}, separators=(",", ":"), allow_nan=False)
+        values = {"line": kind, **value.to_dict()}
+        text = json.dumps(values, separators=(",", ":"), allow_nan=False)
+        if (
+            "\\ud" in text
+        ):  # half a character, as in the name of a file that is no UTF-8, cannot be read again
+            text = json.dumps(values, separators=(",", ":"), ensure_ascii=False)
     except (TypeError, ValueError, RecursionError) as error:
         raise ReportError(
             f"case_id={getattr(value, 'case_id', None)!r} holds a value JSON does not know ({error}); what "
             "leaves a worker are finite numbers, text, lists and objects."
         ) from error
-    return text.encode() + b"\n"
+    return text.encode(errors="replace") + b"\n"
 
 
 def _set_aside(path: Path) -> None:

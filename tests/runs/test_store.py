@@ -37,6 +37,17 @@ def test_what_is_appended_is_read_back(tmp_path: Path, run: Run) -> None:
     assert stored.measured == {record.case_id for record in records}
 
 
+def test_half_a_character_from_the_command_line_leaves_the_run_readable(tmp_path: Path) -> None:
+    for name in ("caf\udce9", "café \U0001f916"):  # an argument that is no UTF-8, and one that is
+        store = PairStore(
+            tmp_path / name[-1].encode(errors="replace").decode(),
+            Run(planned=(), provenance=PROVENANCE | {"command": [name]}),
+        )
+        store.close()
+        expected = name.encode(errors="replace").decode()
+        assert read_pairs(store.path).run.provenance["command"] == [expected]
+
+
 def test_a_line_is_on_disk_before_the_next_pair(tmp_path: Path, run: Run) -> None:
     store = PairStore(tmp_path, run)
     assert not store.path.exists()
