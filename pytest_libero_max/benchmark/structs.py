@@ -151,11 +151,8 @@ def _explain(values: Any, kind: type[Document]) -> None:
 
 
 def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> None:
-    try:
-        msgspec.convert(value, hint)
+    if fits(value, hint):
         return
-    except (msgspec.ValidationError, RecursionError):
-        pass
     inner = _document_in(hint)
     plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if inner is not None and isinstance(value, dict) and get_origin(plain) is dict:
@@ -169,7 +166,7 @@ def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> No
             convert(item, inner)
     elif inner is not None and isinstance(value, dict):
         convert(value, inner)
-    raise ReportError(f"{name}={shown(value)} of the {kind.NOUN}, but must be {_words(hint)}.")
+    raise ReportError(f"{name}={shown(value)} of the {kind.NOUN}, but must be {words(hint)}.")
 
 
 def _document_in(hint: Any) -> type[Document] | None:
@@ -180,7 +177,16 @@ def _document_in(hint: Any) -> type[Document] | None:
     return next((kind for kind in found if kind is not None), None)
 
 
-def _words(hint: Any) -> str:
+def fits(value: Any, kind: Any) -> bool:
+    """Return True if plain values are of a type and keep its rule."""
+    try:
+        msgspec.convert(value, kind)
+    except (msgspec.ValidationError, RecursionError):
+        return False
+    return True
+
+
+def words(hint: Any) -> str:
     """Return the rule of a type in words."""
     if get_origin(hint) is Annotated:
         for meta in hint.__metadata__:
@@ -188,8 +194,8 @@ def _words(hint: Any) -> str:
                 return str(meta.extra["rule"])
     if get_origin(hint) in (Union, UnionType):
         parts = [part for part in get_args(hint) if part is not NoneType]
-        words = " or ".join(_words(part) for part in parts)
-        return f"{words}, or null" if NoneType in get_args(hint) else words
+        either = " or ".join(map(words, parts))
+        return f"{either}, or null" if NoneType in get_args(hint) else either
     if str(get_origin(hint)) == "typing.Literal":
         return " or ".join("null" if value is None else repr(value) for value in get_args(hint))
     origin = get_origin(hint) or hint

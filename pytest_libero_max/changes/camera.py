@@ -82,6 +82,7 @@ class ShiftCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> ShiftCamera:
@@ -210,6 +211,7 @@ class OrbitCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> OrbitCamera:
@@ -298,6 +300,7 @@ class PlaceCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PlaceCamera:

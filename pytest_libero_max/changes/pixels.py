@@ -214,6 +214,7 @@ class SetSensorCorruption(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
@@ -274,6 +275,7 @@ class CorruptPicture(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
@@ -320,6 +322,7 @@ class SetGlare(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 

@@ -97,6 +97,7 @@ class MoveObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the entity back at where it was, in its former orientation, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> MoveObject:
@@ -153,9 +154,11 @@ class RemoveObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the object back in the scene where it was, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> RemoveObject | Nothing:
+        """Return the removal at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -213,9 +216,11 @@ class InsertObstacle(Placement):
         return _insert(world, self.operation, [self])
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the object out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertObstacle | Nothing:
+        """Return the insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -262,9 +267,11 @@ class InsertDistractors(ManifestFields):
         return _insert(world, self.operation, self.placements)
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the objects out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertDistractors | Nothing:
+        """Return the insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -335,9 +342,11 @@ class PutObject(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"parked": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the object back at where it was, at rest, or out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PutObject | Nothing:
+        """Return the move at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -383,6 +392,7 @@ class TurnObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
+        """Return the entity back at where it was, in its former orientation, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> TurnObject:

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.errors import LiberoMaxError
 
 COMMANDS = (
@@ -77,7 +76,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         return int(options.run(options) or 0)
     except LiberoMaxError as error:
-        print("\n".join(map(printable, f"libero-max: {error}".splitlines())), file=sys.stderr)
+        print(f"libero-max: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         work = getattr(options, "work", None)

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -47,11 +46,11 @@ def _gate(options: argparse.Namespace) -> int:
     stored = read_pairs(options.folder)
     require_usable(gates, stored.run.planned, stored.run.planned, options.folder, here)
     verdicts = decide(gates, options.folder, here)
-    say(gate_lines(verdicts))
+    print("\n".join(gate_lines(verdicts)))
     failed = [verdict for verdict in verdicts if not verdict.passed]
     counts = report_of(stored).pairs
     if not ended_as_declared(counts):
-        say([f"{incomplete_text(counts)} Exit status {INCOMPLETE}."])
+        print(f"{incomplete_text(counts)} Exit status {INCOMPLETE}.")
         return INCOMPLETE
     if failed:
         print(f"Exit status {GATE_FAILED}: {len(failed)} of {len(gates)} gates do not hold.")

@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.terminal import say
-
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -41,5 +39,5 @@ def _merge(options: argparse.Namespace) -> int:
     folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
     merge_folders(folders, options.output)
     report, paths = write_reports(options.output)
-    say([*left_out, *summary_lines(report, [str(path) for path in paths])])
+    print("\n".join([*left_out, *summary_lines(report, [str(path) for path in paths])]))
     return 0 if report.pairs.complete else INCOMPLETE

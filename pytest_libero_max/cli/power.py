@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.terminal import say
-
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -49,4 +47,4 @@ def _power(options: argparse.Namespace) -> None:
             Expectation("overall", options.base, options.gain),
             Expectation("one event", options.base, options.gain),
         )
-    say(power_lines(expected, options.change))
+    print("\n".join(power_lines(expected, options.change)))

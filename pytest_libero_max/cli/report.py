@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.terminal import say
-
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -51,6 +49,6 @@ def _report(options: argparse.Namespace) -> None:
     if options.badge:
         write_text(options.folder / BADGE_NAME, badge_json(report))
         paths.append(options.folder / BADGE_NAME)
-    say(summary_lines(report, [str(path) for path in paths]))
+    print("\n".join(summary_lines(report, [str(path) for path in paths])))
     if options.figures and not raster.available():
         print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")

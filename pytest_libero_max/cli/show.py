@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import add_substrate, manifest_of, substrate_options
-from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -42,13 +41,13 @@ def _show(options: argparse.Namespace) -> None:
     if options.pictures is not None and options.case is None:
         raise OptionError("--pictures shows the event of one case: give TRACK and CASE as well.")
     if options.cases is None:
-        say(overview_lines(FOLDER))
+        print("\n".join(overview_lines(FOLDER)))
         return
     manifest = manifest_of(options.cases)
     if options.json:
         print(manifest.to_json(), end="")
     elif options.case is None:
-        say(manifest_lines(manifest))
+        print("\n".join(manifest_lines(manifest)))
     else:
         _show_case(options, manifest)
 
@@ -61,7 +60,7 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
 
     case, name = find_case(manifest, options.case), options.cases
     certificates = {} if is_manifest_path(name) else read_certificates(track_path(name).parent)
-    say(case_lines(case, certificates))
+    print("\n".join(case_lines(case, certificates)))
     if options.pictures is None:
         return
     substrate = open_substrate(options.substrate, substrate_options(options))
@@ -69,4 +68,4 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
         paths = write_event_pictures(options.pictures, substrate.world(case), case, options.size)
     finally:
         substrate.close()
-    say(f"Written: {path}" for path in paths)
+    print("\n".join(f"Written: {path}" for path in paths))

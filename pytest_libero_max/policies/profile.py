@@ -14,8 +14,9 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, Texts, fits, rule, shown, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
 
 UNKNOWN = "?"
@@ -23,40 +24,56 @@ UNKNOWN = "?"
 
 FOLDER = Path(__file__).parent / "profiles"
 
-SECTIONS: Mapping[str, tuple[str, ...]] = {
-    "policy": (
-        "name",
-        "protocol",
-        "horizon",
-        "query_interval",
-        "image_size",
-        "repeatable",
-        "revision",
-        "path",
-        "codec",
-        "dialect",
-        "declared_by_server",
-        "every_step",
-        "suites",
-    ),
-    "inputs": (),
-    "instruction": ("steps",),
-    "request": (),
-    "reply": ("at", "parts", "normalised_at"),
-    "actions": ("control", "steps", "statistics", "statistics_key", "statistics_rule", "normalised_steps"),
-    "native": (
-        "horizon",
-        "query_interval",
-        "wait_steps",
-        "budgets",
-        "episodes",
-        "seed",
-        "weights",
-        "runtime",
-    ),
-    "sources": (),
+_TwoSizes = Annotated[tuple[Positive, ...], rule("two integers", min_length=2, max_length=2)]
+"""A fixed-length tuple in a union would crash msgspec 0.22."""
+
+_ImageSize = Annotated[
+    Positive | _TwoSizes, rule("an integer of at least 1, or two of them, [height, width]")
+]
+_List = Annotated[list[Any], rule("a list")]
+_Budgets = Annotated[dict[str, Positive], rule("a table of integers of at least 1, by suite")]
+
+SECTIONS: Mapping[str, Mapping[str, Any]] = {
+    "policy": {
+        "name": Text,
+        "protocol": Text,
+        "horizon": Positive,
+        "query_interval": Positive,
+        "image_size": _ImageSize,
+        "repeatable": Flag,
+        "revision": Text,
+        "path": Text,
+        "codec": Text,
+        "dialect": Text,
+        "declared_by_server": Flag,
+        "every_step": Flag,
+        "suites": Texts,
+    },
+    "inputs": {},
+    "instruction": {"steps": _List},
+    "request": {},
+    "reply": {"at": _List, "parts": _List, "normalised_at": _List},
+    "actions": {
+        "control": Text,
+        "steps": _List,
+        "statistics": Text,
+        "statistics_key": Text,
+        "statistics_rule": Text,
+        "normalised_steps": _List,
+    },
+    "native": {
+        "horizon": Positive,
+        "query_interval": Positive,
+        "wait_steps": Count,
+        "budgets": _Budgets,
+        "episodes": Positive,
+        "seed": Count,
+        "weights": Text,
+        "runtime": Text,
+    },
+    "sources": {},
 }
-"""The tables of a profile with their fields. Tables without fields here take any."""
+"""Tables of a profile with the types of their fields. Tables without fields here take any."""
 
 GIVEN_BY_OPTION = {
     "policy.horizon": "--libero-max-horizon",
@@ -198,14 +215,14 @@ def _check(content: Table, path: Path) -> None:
                 path=path,
             )
         known = SECTIONS[section]
-        for field in table:
-            if known and field not in known:
-                raise AdapterError(
-                    f"{path.name}: {section}.{field} is unknown. {did_you_mean(field, known)}",
-                    field=f"{section}.{field}",
-                    value=table[field],
-                    path=path,
-                )
+        for field, value in table.items() if known else ():
+            wrong = f" is unknown. {did_you_mean(field, known)}"
+            if field in known:
+                if fits(value, known[field]) or any(leaf == UNKNOWN for _, leaf in leaves(value)):
+                    continue
+                wrong = f"={shown(value)}, but must be {words(known[field])}."
+            name = f"{section}.{field}"
+            raise AdapterError(f"{path.name}: {name}{wrong}", field=name, value=value, path=path)
 
 
 def _merged(below: Mapping[str, Table], above: Mapping[str, Table]) -> dict[str, Table]:

@@ -79,6 +79,15 @@ def test_a_profile_of_ones_own_replaces_what_it_names_and_files_lie_beside_it(tm
         ('extends = "pi05_librero"', "Did you mean 'pi05_libero'"),
         ('extends = "other.toml"', "no such profile. Check the path"),
         ("x = " + "[" * 9999, "cannot be read"),
+        (
+            '[policy]\nhorizon = "ten"',
+            r"mine\.toml: policy\.horizon='ten', but must be an integer of at least 1",
+        ),
+        ("[policy]\nimage_size = [0, 8]", r"policy\.image_size=\[0, 8\], but must be an integer .*, or two"),
+        ('[policy]\nrepeatable = "yes"', "policy.repeatable='yes', but must be true or false"),
+        ('[policy]\nsuites = "libero_goal"', "policy.suites='libero_goal', but must be a list of texts"),
+        ('[reply]\nat = "actions"', "reply.at='actions', but must be a list"),
+        ("[native.budgets]\nlibero_goal = -1", "native.budgets=.*, but must be a table of integers"),
     ],
 )
 def test_a_damaged_profile_is_refused_with_the_reason(text: str, message: str, tmp_path: Path) -> None:

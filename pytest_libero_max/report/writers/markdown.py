@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.report import highlights
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
@@ -35,25 +34,22 @@ from pytest_libero_max.report.writers.summary import (
 def markdown(report: Report) -> str:
     """Render a report; ends with a newline."""
     provenance, pairs = report.provenance, report.pairs
-    lines = [f"# {markdown_text(title_text(report))}", ""]
+    lines = [f"# {title_text(report)}", ""]
     if not pairs.complete:
-        lines += [
-            f"**{markdown_text(incomplete_text(pairs))}** All rates below are over the played pairs.",
-            "",
-        ]
+        lines += [f"**{incomplete_text(pairs)}** All rates below are over the played pairs.", ""]
     partial = unsupported_text(pairs)
     if partial is not None:
-        lines += [f"**{markdown_text(partial)}**", ""]
+        lines += [f"**{partial}**", ""]
     repaired = repaired_text(pairs)
     if repaired is not None:
-        lines += [markdown_text(repaired), ""]
+        lines += [repaired, ""]
     if report.substrate.note:
-        lines += [markdown_text(report.substrate.note), ""]
+        lines += [report.substrate.note, ""]
     warning = warning_of(report.overall)
     if warning is not None:
-        lines += [f"**{markdown_text(warning)}**", ""]
+        lines += [f"**{warning}**", ""]
     if report.caveats:
-        lines += [*(f"- {markdown_text(caveat_text(caveat))}" for caveat in report.caveats), ""]
+        lines += [*(f"- {caveat_text(caveat)}" for caveat in report.caveats), ""]
     clipping = clipping_text(report)
     if clipping is not None:
         lines += [clipping, ""]
@@ -74,11 +70,11 @@ def markdown(report: Report) -> str:
     ]
     lines += [] if report.study is None else _study(report.study)
     for title, values in report.sections.items():
-        lines += [f"## {markdown_text(title)}", "", *_table(("Name", "Value"), values.items()), ""]
+        lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",
-        *(f"- {markdown_text(text)}" for text in report.statements.values()),
+        *(f"- {text}" for text in report.statements.values()),
     ]
     lines += ["", "## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
@@ -89,12 +85,6 @@ def markdown(report: Report) -> str:
         digests.append(("selected cases", report.selection.digest))
     lines += _table(("Part", "Version"), [*versions, *digests])
     return "\n".join(lines) + "\n"
-
-
-def markdown_text(text: object) -> str:
-    """Return text as one line that holds no markup of HTML and no link."""
-    words = printable(str(text)).replace("&", "&amp;").replace("<", "&lt;")
-    return words.replace("](", "]\\(")
 
 
 def _quantities(report: Report) -> list[tuple[str, str]]:
@@ -109,11 +99,11 @@ def _quantities(report: Report) -> list[tuple[str, str]]:
 
 
 def _study(study: Study) -> list[str]:
-    lines = [f"## Study: {markdown_text(study.title)}", ""]
-    lines += [line for note in study_notes(study) for line in (markdown_text(note), "")]
+    lines = [f"## Study: {study.title}", ""]
+    lines += [line for note in study_notes(study) for line in (note, "")]
     for table in study_tables(study):
-        lines += [f"### {markdown_text(table.title)}", "", *_table(table.head, table.rows), ""]
-        lines += [markdown_text(table.note), ""] if table.note else []
+        lines += [f"### {table.title}", "", *_table(table.head, table.rows), ""]
+        lines += [table.note, ""] if table.note else []
     return lines
 
 
@@ -128,5 +118,5 @@ def _groups(table: Table, title: str, groups: Mapping[str, Result]) -> list[str]
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    body = [" | ".join(markdown_text(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
+    body = [" | ".join(str(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
     return [f"| {body[0]} |", "|" + " --- |" * len(head), *(f"| {row} |" for row in body[1:])]

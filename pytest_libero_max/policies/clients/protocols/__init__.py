@@ -1,1 +1,0 @@
-"""The protocols that are spoken, a module for each scheme of an address."""
