@@ -1,9 +1,11 @@
-"""Arguments that several commands share, and their values."""
+"""Arguments and output that several commands share."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -115,3 +117,10 @@ def manifest_of(name: str) -> Manifest:
     manifest = load_cases(name)
     check_cases(manifest)
     return manifest
+
+
+def print_coloured(lines: Sequence[str]) -> None:
+    """Print lines of a summary: in colours on a terminal, unless ``NO_COLOR`` is set."""
+    from pytest_libero_max.report.writers.broken import coloured
+
+    print(coloured(lines, sys.stdout.isatty() and not os.environ.get("NO_COLOR")))

@@ -29,12 +29,14 @@ def add_command(commands: Commands) -> None:
 
 
 def _gate(options: argparse.Namespace) -> int:
+    from pytest_libero_max.cli.arguments import print_coloured
     from pytest_libero_max.cli.ini_file import ini_lines
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
     from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
     from pytest_libero_max.report.gates import parse_gates
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.report.writers.summary import incomplete_text
+    from pytest_libero_max.runs.replay_command import replay_command
     from pytest_libero_max.runs.store import read_pairs
 
     here = Path.cwd()
@@ -46,7 +48,7 @@ def _gate(options: argparse.Namespace) -> int:
     stored = read_pairs(options.folder)
     require_usable(gates, stored.run.planned, stored.run.planned, options.folder, here)
     verdicts = decide(gates, options.folder, here)
-    print("\n".join(gate_lines(verdicts)))
+    print_coloured(gate_lines(verdicts, replay_command(stored)))
     failed = [verdict for verdict in verdicts if not verdict.passed]
     counts = report_of(stored).pairs
     if not ended_as_declared(counts):

@@ -31,6 +31,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _merge(options: argparse.Namespace) -> int:
+    from pytest_libero_max.cli.arguments import print_coloured
     from pytest_libero_max.report.exit_status import INCOMPLETE
     from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.report.writers.summary import summary_lines
@@ -39,5 +40,5 @@ def _merge(options: argparse.Namespace) -> int:
     folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
     merge_folders(folders, options.output)
     report, paths = write_reports(options.output)
-    print("\n".join([*left_out, *summary_lines(report, [str(path) for path in paths])]))
+    print_coloured([*left_out, *summary_lines(report, [str(path) for path in paths])])
     return 0 if report.pairs.complete else INCOMPLETE

@@ -29,12 +29,14 @@ def add_command(commands: Commands) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
+    from pytest_libero_max.cli.arguments import print_coloured
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
     from pytest_libero_max.report.writers.report_files import write_figures, write_reports, write_text
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.report.writers.tables import csv_text, latex_text
+    from pytest_libero_max.runs.media import films_in
 
     report, paths = write_reports(options.folder)
     if options.figures:
@@ -49,6 +51,7 @@ def _report(options: argparse.Namespace) -> None:
     if options.badge:
         write_text(options.folder / BADGE_NAME, badge_json(report))
         paths.append(options.folder / BADGE_NAME)
-    print("\n".join(summary_lines(report, [str(path) for path in paths])))
+    films = {item: str(options.folder / film) for item, film in films_in(options.folder).items()}
+    print_coloured(summary_lines(report, [str(path) for path in paths], films))
     if options.figures and not raster.available():
         print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")

@@ -45,8 +45,10 @@ from pytest_libero_max.plugin.stash_keys import (
 )
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.loading import check_reference
+from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.exit_status import INCOMPLETE
-from pytest_libero_max.report.writers.junit import suite_properties
+from pytest_libero_max.report.report_document import ChangedPair
+from pytest_libero_max.report.writers.junit import broken_properties, suite_properties
 from pytest_libero_max.runs import provenance
 from pytest_libero_max.runs.damaged_lines import damage_said
 from pytest_libero_max.runs.lock import require_free
@@ -81,6 +83,7 @@ class RunController:
         self.cases = {case.item_id: case for case in cases_of(config)}
         self.store: PairStore | None = None
         self._before: StoredRun | None = None
+        self._changed: list[ChangedPair] = []
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
         self._hook_raised = False
         self._broken_policy: str | None = None
@@ -194,7 +197,7 @@ class RunController:
             asked_for(self.config),
             self.settings.shard,
         )
-        self._tell_junit(selection)
+        self._tell_junit(suite_properties(selection, self.settings.case_set))
         run = Run.of(planned, self._provenance(selection))
         resume, stored = self.settings.resume, None
         try:
@@ -209,14 +212,15 @@ class RunController:
             pytest.exit(f"{prefix}{error}", returncode=pytest.ExitCode.USAGE_ERROR)
         self.store = store
         records = () if stored is None else stored.records
+        self._changed += changed_pairs(records)
         self.progress.begin(store, run.planned, records)
         self.stop.begin(run, records)
 
-    def _tell_junit(self, selection: Selection) -> None:
-        """Name the selection in the properties of the JUnit file's suite, where one is written."""
+    def _tell_junit(self, properties: Iterable[tuple[str, str]]) -> None:
+        """Add properties to the suite of the JUnit file, where one is written."""
         for plugin in self.config.pluginmanager.get_plugins():
             if hasattr(plugin, "add_global_property"):
-                for name, value in suite_properties(selection, self.settings.case_set):
+                for name, value in properties:
                     plugin.add_global_property(name, value)
 
     def _provenance(self, selection: Selection) -> Json:
@@ -271,6 +275,7 @@ class RunController:
             self._broken_policy = pair.message
         pair = self._stored(pair, self.cases[name])
         self._measured_now[name] = isinstance(pair, PairRecord)
+        self._changed += changed_pairs([pair] if isinstance(pair, PairRecord) else [])
         note = getattr(report, NOTE_ATTRIBUTE, None)
         if note is not None:
             self.end.notes.append(note)
@@ -308,6 +313,7 @@ class RunController:
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> Generator[None, None, None]:
+        self._tell_junit(broken_properties(self._changed))
         try:
             yield
         finally:  # whatever another plugin's hook has raised

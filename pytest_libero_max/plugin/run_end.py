@@ -18,7 +18,9 @@ from pytest_libero_max.plugin.processes.retries import set_aside_lines
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
-from pytest_libero_max.runs.store import PAIRS_NAME, PairStore
+from pytest_libero_max.runs.media import films_in
+from pytest_libero_max.runs.replay_command import replay_command
+from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.report_document import Report
@@ -34,6 +36,7 @@ class RunEnd:
 
     Attributes:
         lines: Of the summary, in order; what is known before the end comes first.
+        quiet: Lines of the summary of a quiet run.
         notes: Failures beside the pairs, for example of a film.
         report: As written; None before that.
     """
@@ -41,6 +44,7 @@ class RunEnd:
     def __init__(self, config: pytest.Config, settings: Settings, stop: RunStop) -> None:
         self.config, self.settings = config, settings
         self.lines: list[str] = []
+        self.quiet: list[str] = []
         self.notes: list[str] = []
         self.report: Report | None = None
         self._stop = stop
@@ -75,15 +79,20 @@ class RunEnd:
         """Compute and write the report and decide the gates; return the number of gates that fail."""
         from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
         from pytest_libero_max.report.writers.report_files import write_reports
-        from pytest_libero_max.report.writers.summary import summary_lines
+        from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
         self.report, written = write_reports(folder, self._add_sections, on_problem)
-        self.lines += summary_lines(self.report, [str(_relative(path, here)) for path in written])
+        paths = [str(_relative(path, here)) for path in written]
+        films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
+        self.lines += summary_lines(self.report, paths, films)
+        self.quiet += quiet_lines(self.report, paths)
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
         verdicts = decide(self.settings.gate, folder, here)
-        self.lines += gate_lines(verdicts)
+        failed = not all(verdict.passed for verdict in verdicts)
+        replay = replay_command(read_pairs(folder)) if failed else ()
+        self.lines += gate_lines(verdicts, replay)
         if os.environ.get("GITHUB_ACTIONS") == "true":
             self.lines += github_annotations(verdicts)
             try:
@@ -171,16 +180,17 @@ class RunEnd:
         ]
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        from pytest_libero_max.report.gate_results import AGAINST, AGAINST_AGAIN
+        from pytest_libero_max.report.writers.broken import colour_of
+
         if terminalreporter.verbosity < 0:
-            self.lines = [
-                line
-                for line in self.lines
-                if line.startswith(("gate FAIL", "::error", "Exit status", "Interrupted"))
-            ]
+            kept = ("gate FAIL", AGAINST, AGAINST_AGAIN, "::error", "Exit status", "Interrupted")
+            self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]
         if self.lines:
             terminalreporter.section("libero-max")
         for line in self.lines:
-            terminalreporter.write_line(line)
+            colour = colour_of(line)
+            terminalreporter.write_line(line, **({colour: True} if colour else {}))
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from pytest_libero_max.benchmark.cases import Case
@@ -9,9 +10,11 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import EVENTS, families
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveats_of
+from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.measured import number, outcomes_of, rate_of, ratio_of, result_of
 from pytest_libero_max.report.report_document import (
@@ -137,6 +140,8 @@ def build_report(
         noise_floor=_noise_floor(played.values()),
         sham=sham_of(played.values()),
         clipped_actions=_clipped_actions(played.values()),
+        changed_pairs=changed_pairs(played.values()),
+        causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
         by={
             name: {label: result_of(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
@@ -151,6 +156,11 @@ def build_report(
         methods=dict(METHODS),
         provenance=provenance,
     )
+
+
+def _causes(records: Iterable[PairRecord], arm: str) -> dict[str, int]:
+    found = Counter(why.cause for record in records if (why := diagnose(record, arm)) is not None)
+    return {cause: found[cause] for cause in CAUSES if found[cause]}
 
 
 def _noise_floor(records: Iterable[PairRecord]) -> NoiseFloor | None:

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from pytest_libero_max.events.schedules import BASE
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairRecord
+from pytest_libero_max.report.report_document import ChangedPair
+
+NOT_RECORDED = "not_recorded"
 
 STAGES = "stages"
 """Name of the probe that the rules read."""
@@ -27,6 +30,7 @@ _NEAR_M = 0.12
 _REACHED_MORE_M = 0.04  # how much farther than in a Base that succeeded the hand may be
 _MOVED_M = 0.02
 _SAME_PLACE_M = 0.015  # by which distances at which a hand closes differ in one place
+_BESIDE_M = 0.03  # how much farther from an object a hand may close beside it
 _FAR_FROM_GOAL_M = 0.15
 _FALL_M = 0.05
 _PUSHED_M = 0.05
@@ -63,9 +67,28 @@ def diagnose(record: PairRecord, arm: str) -> Diagnosis | None:
     return _of_arm(record, played)
 
 
+def changed_pairs(records: Iterable[PairRecord]) -> list[ChangedPair]:
+    """Return the pairs of which one arm succeeded and the other failed, in the order of their item ids."""
+    found = []
+    for record in sorted(records, key=lambda record: record.item_id):
+        if record.base_success != record.dynamic_success:
+            why = diagnose(record, DYNAMIC if record.base_success else BASE)
+            assert why is not None
+            found.append(
+                ChangedPair(
+                    item_id=record.item_id,
+                    event=record.event,
+                    outcome="regression" if record.base_success else "change_associated_success",
+                    cause=why.cause,
+                    sentence=why.sentence,
+                )
+            )
+    return found
+
+
 def _of_arm(record: PairRecord, arm: ArmRecord) -> Diagnosis:
     if not {field.name for field in fields(_Row)} <= arm.probes.get(STAGES, {}).keys():
-        return Diagnosis("not_recorded", "The record holds no stages of this arm: play the pair again.")
+        return Diagnosis(NOT_RECORDED, "The record holds no stages.")
     base = record.arms.get(BASE)
     seen = _Seen.of(record, arm, base if base is not None and base.success else None)
     return next(Diagnosis(cause, sentence) for cause, rule in _RULES if (sentence := rule(seen)))
@@ -253,14 +276,15 @@ def _in_question(rows: tuple[_Row, ...], moved: Mapping[str, float]) -> _Row:
     """Return the fact that the failure is about.
 
     Of those that do not hold: the one whose object or destination the event moved, or else the one that was
-    tried first, or else the first.
+    tried first, or else the first. Closing or turning off comes last, as it does in a task.
     """
     left = [row for row in rows if not row.satisfied] or list(rows)
 
-    def order(row: _Row) -> tuple[bool, float]:
+    def order(row: _Row) -> tuple[bool, bool, float]:
         place = row.place or ""
         touched = row.entity in moved or any(place == name or place.startswith(f"{name}_") for name in moved)
-        return not touched, float("inf") if row.touch_step is None else float(row.touch_step)
+        last = row.goal.startswith(("close", "turnoff"))
+        return not touched, last, float("inf") if row.touch_step is None else float(row.touch_step)
 
     return min(left, key=order)
 
@@ -333,7 +357,7 @@ def _missed_moved_goal(seen: _Seen) -> str | None:
         return None
     return (
         f"{seen.goal.capitalize()} moved {_cm(seen.moved[seen.mover])} at step {event.step}; {seen.thing} "
-        f"was let go at step {row.lost_step}, {_cm(row.lost_m)} from it, where it had been."
+        f"was let go at step {row.lost_step}, {_cm(row.lost_m)} from it, where it had been before."
     )
 
 
@@ -499,7 +523,7 @@ def _pushed_target(seen: _Seen) -> str | None:
 def _grasp_missed(seen: _Seen) -> str | None:
     """The hand closed near the object without getting hold of it."""
     row = seen.row
-    if seen.lifted or row.close_step is None or row.close_m is None or row.close_m > seen.near_m + _NEAR_M:
+    if seen.lifted or row.close_step is None or row.close_m is None or row.close_m > seen.near_m + _BESIDE_M:
         return None
     return seen.after_event(
         f"the hand closed at step {row.close_step}, {_cm(row.close_m)} from {seen.thing}{seen.in_base}, and "
@@ -600,7 +624,7 @@ _RULES: tuple[tuple[str, Callable[[_Seen], str | None]], ...] = tuple(
 """The rules in their order; the last one always fits."""
 
 CAUSES: Mapping[str, str] = {
-    "not_recorded": "The record holds no stages: it was written before there were any.",
+    NOT_RECORDED: "The record holds no stages: it was written before there were any.",
     "already_failing_in_base": "Base failed as well.",
     **{cause: " ".join((rule.__doc__ or "").split()) for cause, rule in _RULES},
 }

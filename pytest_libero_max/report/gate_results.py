@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.comparison.contrasts import contrast_of
+from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups
 from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
+
+AGAINST, AGAINST_AGAIN = "  lost:", "  again:"
+"""Beginnings of the lines below a gate that fails."""
+
+_NAMED = 3
+
+_OF_LOSSES = (
+    *("dynamic_sr", "delta", "delta.clustered", "preserved_success", "regressions"),
+    *("conditional_regression", "retained", "given_response_dynamic_success", "given_response_paired_change"),
+)
+"""Quantities that a pair moves that Base completes and Dynamic does not."""
 
 
 def require_usable(
@@ -75,13 +89,54 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
     report = report_of(stored)
     others = {gate.run for gate in gates if gate.run is not None}
     against = {other: _against(stored, start / other) for other in sorted(others)}
-    return tuple(evaluate_gate(gate, report, against) for gate in gates)
+    contrasts = {other: found if isinstance(found, str) else found[0] for other, found in against.items()}
+    results = []
+    for gate in gates:
+        result = evaluate_gate(gate, report, contrasts)
+        if result.verdict == "failed":
+            found = against.get(gate.run or "", "")
+            lost = _lost(stored, gate) if gate.run is None or isinstance(found, str) else found[1]
+            result = replace(result, lost=lost)
+        results.append(result)
+    return tuple(results)
 
 
-def gate_lines(results: Sequence[GateResult]) -> list[str]:
-    """Return the lines on gates for the terminal, one each."""
+def gate_lines(results: Sequence[GateResult], replay: Sequence[str] = ()) -> list[str]:
+    """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
+
+    Args:
+        results: Result of :func:`decide`.
+        replay: The command that plays a pair again, once its item id is appended.
+    """
     marks = {"passed": "pass", "failed": "FAIL", "undecidable": "FAIL"}
-    return [f"gate {marks[result.verdict]}  {result.reason}" for result in results]
+    lines = []
+    for result in results:
+        lines.append(f"gate {marks[result.verdict]}  {result.reason}")
+        if result.lost:
+            more = f" and {len(result.lost) - _NAMED} more" if len(result.lost) > _NAMED else ""
+            lines.append(f"{AGAINST} {', '.join(result.lost[:_NAMED])}{more}")
+    if replay and (lost := next((result.lost[0] for result in results if result.lost), None)):
+        lines.append(f"{AGAINST_AGAIN} {shlex.join([*replay, lost])}")
+    return lines
+
+
+def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
+    """Pairs of a gate's scope that Base completes and Dynamic does not, by item id."""
+    label = DIMENSIONS[gate.scope[0]].label if gate.scope else None
+    if gate.name not in _OF_LOSSES:
+        return ()
+    within = {
+        pair.item_id
+        for pair in stored.run.planned
+        if label is None or (gate.scope and label(pair) == gate.scope[1])
+    }
+    return tuple(
+        sorted(
+            record.item_id
+            for record in stored.records
+            if record.outcome == "regression" and record.item_id in within
+        )
+    )
 
 
 def github_annotations(results: Sequence[GateResult]) -> list[str]:
@@ -93,8 +148,11 @@ def github_annotations(results: Sequence[GateResult]) -> list[str]:
     ]
 
 
-def _against(stored: StoredRun, other: Path) -> SuccessContrast | str:
-    """Return the contrast of Dynamic success, the other run first; or why there is none."""
+def _against(stored: StoredRun, other: Path) -> tuple[SuccessContrast, tuple[str, ...]] | str:
+    """Return the contrast of Dynamic success, the other run first, and the pairs that only it completes.
+
+    A text says why there is none.
+    """
     try:
         baseline = read_pairs(_folder(other))
         common = common_cases({"baseline": baseline, "now": stored})
@@ -104,7 +162,9 @@ def _against(stored: StoredRun, other: Path) -> SuccessContrast | str:
         return f"it is a comparison on the {len(common.planned)} pairs that both policies support"
     outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
     (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
-    return contrast_of(contrast)
+    before, now = (outcomes[name] for name in ("baseline", "now"))
+    lost = [pair.item_id for pair, was, n in zip(common.planned, before, now, strict=True) if was and not n]
+    return contrast_of(contrast), tuple(sorted(lost))
 
 
 def _folder(path: Path) -> Path:

@@ -117,13 +117,16 @@ class GateResult:
 
     Attributes:
         value: The quantity's value; None where it is undecidable.
-        reason: A sentence that explains the verdict.
+        reason: A sentence that explains the verdict, in the unit of the gate's number.
+        lost: Item ids of the pairs that count against a gate that failed: those that Base completes and
+            Dynamic does not, or that another run completes and this one does not.
     """
 
     gate: Gate
     verdict: Verdict
     value: float | None
     reason: str
+    lost: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:

@@ -21,7 +21,7 @@ from pytest_libero_max.report.blocks import (
 )
 from pytest_libero_max.report.studies.study_document import Study
 
-REPORT_VERSION: Final = 3
+REPORT_VERSION: Final = 4
 
 
 class Stop(Block, frozen=True, kw_only=True):
@@ -289,6 +289,24 @@ class Extremes(Block, frozen=True, kw_only=True):
     largest_loss: Text
 
 
+class ChangedPair(Block, frozen=True, kw_only=True):
+    """A pair of which one arm succeeded and the other failed, and the cause of that failure.
+
+    Attributes:
+        item_id: Name of the test item; select it with -k.
+        event: Name of the event.
+        outcome: regression, where Dynamic failed, or change_associated_success, where Base did.
+        cause: Of the failed arm; see the list of causes.
+        sentence: The cause with its numbers.
+    """
+
+    item_id: Text
+    event: Text
+    outcome: Literal["regression", "change_associated_success"]
+    cause: Text
+    sentence: Text
+
+
 class Report(Block, frozen=True, kw_only=True):
     """The report of a run: everything that is computed from its pairs.
 
@@ -309,6 +327,8 @@ class Report(Block, frozen=True, kw_only=True):
             played.
         clipped_actions: Action components outside [-1, 1], which the controller clips; None where the records
             do not say.
+        changed_pairs: Played pairs of which one arm succeeded and the other failed, by item id.
+        causes: Number of failed arms of Base and of Dynamic, by cause.
         by: Results by group, for eight ways of grouping: event, family, suite, source, category (source and
             source category), severity, variant (event and parameter variant) and difficulty. Groups hold
             different cases: differences between groups are descriptions, not effects.
@@ -326,7 +346,7 @@ class Report(Block, frozen=True, kw_only=True):
         provenance: Everything that could change a result, as the header of pairs.jsonl has it.
     """
 
-    schema_version: Literal[3] = REPORT_VERSION
+    schema_version: Literal[4] = REPORT_VERSION
     pairs: PairCounts
     selection: PlayedSelection | None
     headline: Headline
@@ -337,6 +357,8 @@ class Report(Block, frozen=True, kw_only=True):
     noise_floor: NoiseFloor | None
     sham: Sham | None = None
     clipped_actions: ClippedActions | None
+    changed_pairs: list[ChangedPair]
+    causes: dict[str, dict[str, Count]]
     by: dict[str, dict[str, Result]]
     category_by_event: dict[str, dict[str, Cell]]
     macro: Macros

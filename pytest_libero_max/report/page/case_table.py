@@ -9,7 +9,9 @@ from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
 from pytest_libero_max.report.page.packing import labelled, packed
 from pytest_libero_max.runs.media import PICTURES_NAME, caption_of
@@ -72,6 +74,7 @@ def run_cases(
     columns = [
         *label_columns(planned),
         {**label_column("outcome", "Outcome", outcomes, [*OUTCOME_TITLES], OUTCOME_TITLES), "outcome": True},
+        *_causes(found),
         number_column(
             "base_steps", "Base steps", [record and record.base_steps for record in found], secondary=True
         ),
@@ -95,6 +98,17 @@ def run_cases(
         "pictures": media_by_place(planned, pictures),
         "commands": [*_commands(stored, traced)],
     }
+
+
+def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
+    """Return the column of causes, where one is known: that of Dynamic, or else that of Base."""
+    whys = [
+        record and (diagnose(record, DYNAMIC) or (BASE in record.arms and diagnose(record, BASE)) or None)
+        for record in found
+    ]
+    causes = [why.cause if why else "none" for why in whys]
+    if {*causes} - {"none", NOT_RECORDED}:
+        yield label_column("cause", "Cause", causes, [*CAUSES, "none"])
 
 
 def _commands(stored: StoredRun, traced: bool) -> Iterator[list[str]]:

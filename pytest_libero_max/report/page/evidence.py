@@ -8,6 +8,7 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.diagnosis import NOT_RECORDED, diagnose
 from pytest_libero_max.runs.plan import PlannedPair
 
 _DIGITS = 16
@@ -23,7 +24,18 @@ def details_of(pair: PlannedPair, record: PairRecord) -> Json:
         "Steps at most": record.max_steps,
         "Trigger entity": record.trigger_entity,
     }
-    return {"Case": case, "Arms": _arms(record), **dict(_event(record))}
+    return {"Case": case, **_happened(record), "Arms": _arms(record), **dict(_event(record))}
+
+
+def _happened(record: PairRecord) -> Json:
+    """Return the cause of each failed arm and its sentence, where there are stages."""
+    found = {name: diagnose(record, name) for name in record.arms}
+    rows = {
+        f"{name}: {why.cause}": why.sentence
+        for name, why in found.items()
+        if why and why.cause != NOT_RECORDED
+    }
+    return {"What happened": rows} if rows else {}
 
 
 def error_details(pair: PlannedPair, error: PairError) -> Json:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.diagnosis import diagnose
+from pytest_libero_max.report.report_document import ChangedPair
+from pytest_libero_max.report.writers.broken import LETTERS, groups_of
 
 PREFIX = "libero_max_"
 
 
 def properties(record: PairRecord) -> list[tuple[str, str]]:
     """Names and values for ``user_properties``, in a fixed order; a value that does not exist is left out."""
+    why = diagnose(record, BASE if record.dynamic_success else DYNAMIC)
     values = {
         "case_id": record.case_id,
         "outcome": record.outcome,
@@ -23,6 +30,8 @@ def properties(record: PairRecord) -> list[tuple[str, str]]:
         "response_step": _text(record.response_step),
         "stale_actions": _text(record.stale_actions),
         "prefix_digest": _text(record.prefix_digest),
+        "cause": None if why is None else why.cause,
+        "diagnosis": None if why is None else why.sentence,
     }
     return [(PREFIX + name, value) for name, value in values.items() if value is not None]
 
@@ -35,6 +44,16 @@ def suite_properties(selection: Selection, case_set: str) -> list[tuple[str, str
         "whole_track": _flag(selection.whole),
     }
     return [(PREFIX + name, value) for name, value in values.items()]
+
+
+def broken_properties(pairs: Sequence[ChangedPair]) -> list[tuple[str, str]]:
+    """Names and values for the properties of the whole suite: the pairs whose outcome changed, by cause."""
+    return [
+        (f"{PREFIX}{outcome}", f"{letter} {pair.item_id}, {pair.event}, {pair.cause}: {pair.sentence}")
+        for outcome, letter in LETTERS.items()
+        for group in groups_of(pairs, outcome)
+        for pair in group.named
+    ]
 
 
 def _flag(value: bool) -> str:

@@ -16,6 +16,7 @@ from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
+from pytest_libero_max.report.writers import broken
 from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -31,8 +32,13 @@ from pytest_libero_max.report.writers.summary import (
 )
 
 
-def markdown(report: Report) -> str:
-    """Render a report; ends with a newline."""
+def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
+    """Render a report; ends with a newline.
+
+    Args:
+        report: The report.
+        films: Path of the film of each pair that has one, relative to the file, by item id.
+    """
     provenance, pairs = report.provenance, report.pairs
     lines = [f"# {title_text(report)}", ""]
     if not pairs.complete:
@@ -54,6 +60,7 @@ def markdown(report: Report) -> str:
     if clipping is not None:
         lines += [clipping, ""]
     lines += _table(("Quantity", "Value"), _quantities(report))
+    lines += _broken(report, films or {})
     lines += ["", f"## {highlights.TITLE}", "", *_table(("What", "Where", "Value"), highlight_rows(report))]
     lines += ["", highlights.NOTE]
     for key, dimension in DIMENSIONS.items():
@@ -96,6 +103,20 @@ def _quantities(report: Report) -> list[tuple[str, str]]:
     if sham is not None:
         rows.append((SHAM_TITLE, sham))
     return rows
+
+
+def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
+    """Return the pairs whose outcome changed, a part of them by name."""
+    lines = []
+    for outcome in broken.LETTERS:
+        rows = broken.broken_rows(report, outcome, films)
+        if rows:
+            lines += ["", f"## {broken.title_of(report, outcome)}", ""]
+            head = ("", "Pair", "Event", "Cause (pairs)", "What happened", "Film")
+            lines += _table(head if films else head[:-1], rows if films else [row[:-1] for row in rows])
+            more = broken.count_of(report, outcome) - len(rows)
+            lines += ["", f"{more} more: `changed_pairs` of report.json, and report.html."] if more else []
+    return lines
 
 
 def _study(study: Study) -> list[str]:

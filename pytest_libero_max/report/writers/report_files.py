@@ -66,7 +66,7 @@ def write_reports(
         report = amend(report)
     files: dict[str, Callable[[], str]] = {
         REPORT_NAME: lambda: report_json(report),
-        MARKDOWN_NAME: lambda: markdown(report),
+        MARKDOWN_NAME: lambda: markdown(report, films_in(folder)),
         HTML_NAME: lambda: run_page(report, stored, folder),
     }
     written = [pairs_file(folder)]

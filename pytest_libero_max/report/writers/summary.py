@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from textwrap import wrap
 from typing import Any
 
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
-from pytest_libero_max.report.formats import count_text, rate_text
+from pytest_libero_max.report.formats import change_text, count_text, percent, rate_text
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report
 from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.studies.study_tables import study_lines
+from pytest_libero_max.report.writers.broken import broken_line, broken_lines
 
 ALL_PAIRS = "all pairs"
 
@@ -27,12 +28,15 @@ _NAMED = 3
 FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of robustness there."
 
 
-def summary_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
+def summary_lines(
+    report: Report, paths: Sequence[str] = (), films: Mapping[str, str] | None = None
+) -> list[str]:
     """Render a report for the terminal.
 
     Args:
         report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         paths: Files written, named at the end.
+        films: Path of the film of each pair that has one, by item id.
 
     Returns:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.
@@ -51,7 +55,19 @@ def summary_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
     lines += wrap(warning_of(overall) or "", 100)
     lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
-    return [*lines, *_caveat_lines(report.caveats), *_clipping_lines(report), *_written(paths)]
+    lines += [*_caveat_lines(report.caveats), *_clipping_lines(report)]
+    return [*lines, *broken_lines(report, films), *_written(paths)]
+
+
+def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
+    """Render a report for the terminal of a quiet run: the headline, what broke, and the page."""
+    pairs, overall = report.pairs, report.overall
+    lines = [] if pairs.complete else [incomplete_text(pairs)]
+    if pairs.played:
+        rates = f"{percent(overall.base_success.value)} to {percent(overall.dynamic_success.value)}"
+        change = change_text(overall.paired_change)
+        lines += [f"{title_text(report)}: {rates}, {change}", broken_line(report)]
+    return [*lines, *_written([path for path in paths if path.endswith(".html")])]
 
 
 def _overall_lines(overall: Result) -> Iterator[str]:

@@ -138,9 +138,10 @@ def test_cases_are_put_in_order_by_the_heads_of_the_table_and_by_keyboard(browse
     assert head.get_attribute("aria-sort") == "ascending"
     shown.page.keyboard.press("Enter")  # the button is still in focus
     assert head.get_attribute("aria-sort") == "descending"
-    stale = [
-        int(text) for text in shown.page.locator(".cases > tbody > tr > td:nth-child(10)").all_inner_texts()
-    ]
+    heads = shown.page.locator(".cases > thead > tr").first.get_by_role("columnheader").all_inner_texts()
+    place = 1 + next(number for number, text in enumerate(heads) if "Stale" in text)
+    cells = shown.page.locator(f".cases > tbody > tr > td:nth-child({place})").all_inner_texts()
+    stale = [int(text) for text in cells]
     assert stale == sorted(stale, reverse=True)
     assert stale[0] == 9
     assert shown.fragment.endswith("sort=-stale")

@@ -1,0 +1,158 @@
+"""Pairs that broke or were gained, as lines of text: grouped by cause and event, a part of them by name."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from textwrap import wrap
+from typing import Literal, NamedTuple
+
+from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED
+from pytest_libero_max.report.report_document import ChangedPair, Report
+
+TITLE = "What broke"
+GAINED_TITLE = "What was gained"
+
+MOST_NAMED = 20
+"""Number of pairs that a table names."""
+
+_MOST_GROUPS, _MOST_OF_GROUPS = 6, 14
+"""Number of groups that the terminal shows, and of pairs that it names of them: together twenty lines."""
+
+Outcome = Literal["regression", "change_associated_success"]
+
+LETTERS: Mapping[Outcome, str] = {"regression": "R", "change_associated_success": "G"}
+"""Letters of the outcomes, as progress shows them."""
+
+
+class Group(NamedTuple):
+    """Pairs of one cause under one event.
+
+    Attributes:
+        cause: The cause.
+        event: The event.
+        pairs: All of them.
+        named: Those to name, the first ones.
+    """
+
+    cause: str
+    event: str
+    pairs: tuple[ChangedPair, ...]
+    named: tuple[ChangedPair, ...]
+
+
+def groups_of(
+    pairs: Iterable[ChangedPair], outcome: Outcome, most: int = MOST_NAMED, most_groups: int = MOST_NAMED
+) -> list[Group]:
+    """Return the pairs of an outcome by cause and event, large groups first.
+
+    Args:
+        pairs: Changed pairs.
+        outcome: Which of them.
+        most: Number of pairs to name: one of each group, then a second one of each, and so on.
+        most_groups: Number of groups of which pairs are named.
+    """
+    found: dict[tuple[str, str], list[ChangedPair]] = {}
+    for pair in pairs:
+        if pair.outcome == outcome:
+            found.setdefault((pair.cause, pair.event), []).append(pair)
+    order = sorted(
+        found, key=lambda key: (-len(found[key]), _rank(key[0], CAUSES), _rank(key[1], EVENTS), key)
+    )
+    shown = order[:most_groups]
+    turns = [(turn, place) for place, key in enumerate(shown) for turn in range(len(found[key]))]
+    named = Counter(place for _, place in sorted(turns)[:most])
+    return [
+        Group(*key, tuple(found[key]), tuple(found[key][: named[place]])) for place, key in enumerate(order)
+    ]
+
+
+def _rank(name: str, names: Iterable[str]) -> int:
+    known = [*names]
+    return known.index(name) if name in known else len(known)
+
+
+def count_of(report: Report, outcome: Outcome) -> int:
+    """Return the number of pairs of an outcome."""
+    return sum(pair.outcome == outcome for pair in report.changed_pairs)
+
+
+def title_of(report: Report, outcome: Outcome) -> str:
+    """Return the heading of the pairs of an outcome: their number and that of all that could be."""
+    number = count_of(report, outcome)
+    lost = report.overall.conditional_regression
+    if outcome == "regression":
+        return f"{TITLE}: {number} of {lost.of} Base successes lost"
+    return f"{GAINED_TITLE}: {number} of {report.overall.played - lost.of} Base failures solved"
+
+
+def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list[str]:
+    """Return the lines for the terminal; none where no outcome changed.
+
+    Args:
+        report: The report.
+        films: Path of the film of each pair that has one, by item id.
+    """
+    films, lines = films or {}, []
+    for outcome, letter in LETTERS.items():
+        groups = groups_of(report.changed_pairs, outcome, _MOST_OF_GROUPS, _MOST_GROUPS)
+        if not groups:
+            continue
+        lines += ["", title_of(report, outcome)]
+        for group in groups:
+            if not group.named:
+                continue
+            head = f"{len(group.pairs)} x {group.cause}, {group.event}"
+            head += "" if group.cause == NOT_RECORDED else f": {group.pairs[0].sentence}"
+            lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
+            lines += [f"{letter}   {pair.item_id}{_film(pair, films)}" for pair in group.named]
+        more = sum(len(group.pairs) - len(group.named) for group in groups)
+        lines += [f"{more} more: in the table of cases of report.html, by outcome and cause."] if more else []
+    if lines and not films:
+        lines.append("To see one: libero-max film RUN NAME, of a run with --libero-max-traces=all.")
+    return lines
+
+
+def _film(pair: ChangedPair, films: Mapping[str, str]) -> str:
+    return f"  {films[pair.item_id]}" if pair.item_id in films else ""
+
+
+def broken_line(report: Report) -> str:
+    """Return all of it in one line, for quiet runs."""
+    lost, gained = (count_of(report, outcome) for outcome in LETTERS)
+    causes = Counter(pair.cause for pair in report.changed_pairs if pair.outcome == "regression")
+    words = ", ".join(f"{cause} {number}" for cause, number in causes.most_common())
+    return f"{TITLE}: {lost} lost{f' ({words})' if words else ''}, {gained} gained"
+
+
+def broken_rows(report: Report, outcome: Outcome, films: Mapping[str, str]) -> list[tuple[str, ...]]:
+    """Return the rows of a Markdown table: letter, pair, event, cause, what happened, film."""
+    return [
+        (
+            LETTERS[outcome],
+            f"`{pair.item_id}`",
+            group.event,
+            f"{group.cause} ({len(group.pairs)})",
+            pair.sentence,
+            f"[film]({films[pair.item_id]})" if pair.item_id in films else "",
+        )
+        for group in groups_of(report.changed_pairs, outcome)
+        for pair in group.named
+    ]
+
+
+def colour_of(line: str) -> Literal["red", "green"] | None:
+    """Return the colour of a line: red for what was lost or failed, green for what was gained."""
+    if line.startswith(("R   ", "gate FAIL")):
+        return "red"
+    return "green" if line.startswith("G   ") else None
+
+
+def coloured(lines: Sequence[str], colours: bool) -> str:
+    """Return lines as one text, with ANSI colours where these are wanted."""
+    codes = {"red": "31", "green": "32"}
+    marked = [(line, colour_of(line)) for line in lines]
+    return "\n".join(
+        f"\x1b[{codes[colour]}m{line}\x1b[0m" if colours and colour else line for line, colour in marked
+    )

@@ -1,0 +1,95 @@
+"""What broke, as text: grouped by cause and event, a part of it by name, in colours where they are wanted."""
+
+from __future__ import annotations
+
+from itertools import count
+
+import msgspec
+import pytest
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.report_document import ChangedPair, Report
+from pytest_libero_max.report.writers.broken import broken_line, broken_lines, coloured, groups_of
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import quiet_lines
+from tests.report.made_up import PROVENANCE, plan, records_of
+
+PAIRS = plan()
+
+
+def changed(number: int, cause: str, event: str, outcome: str = "regression") -> list[ChangedPair]:
+    numbers = count()
+    return [
+        ChangedPair(
+            item_id=f"{event}-{cause}-{next(numbers):02d}",
+            event=event,
+            outcome=outcome,  # type: ignore[arg-type]
+            cause=cause,
+            sentence=f"It was {cause}.",
+        )
+        for _ in range(number)
+    ]
+
+
+MANY = [
+    *changed(30, "missed_moved_target", "target_relocation"),
+    *changed(2, "dropped", "camera_shift"),
+    *changed(1, "dropped", "target_relocation"),
+    *changed(2, "froze", "camera_shift", "change_associated_success"),
+]
+
+
+def report(pairs: list[ChangedPair]) -> Report:
+    made = build_report(records_of(PAIRS), [], PAIRS, PROVENANCE)
+    return msgspec.structs.replace(made, changed_pairs=pairs)
+
+
+def test_groups_are_by_cause_and_event_large_ones_first_and_each_is_named_before_one_is_named_twice() -> None:
+    groups = groups_of(MANY, "regression", most=5)
+    assert [(group.cause, group.event, len(group.pairs), len(group.named)) for group in groups] == [
+        ("missed_moved_target", "target_relocation", 30, 2),
+        ("dropped", "camera_shift", 2, 2),
+        ("dropped", "target_relocation", 1, 1),
+    ]
+    assert [len(group.named) for group in groups_of(MANY, "regression", most_groups=1)] == [20, 0, 0]
+
+
+def test_the_lines_name_pairs_with_their_films_and_say_how_to_see_the_rest() -> None:
+    film = {"camera_shift-dropped-01": "films/one.mp4"}
+    lines = broken_lines(report(MANY), film)
+    assert lines[1].startswith("What broke: 33 of ")
+    assert lines[2] == "30 x missed_moved_target, target_relocation: It was missed_moved_target."
+    assert "R   camera_shift-dropped-01  films/one.mp4" in lines
+    assert sum(line.startswith("R   ") for line in lines) == 14
+    assert "19 more: in the table of cases of report.html, by outcome and cause." in lines
+    assert sum(line.startswith("G   ") for line in lines) == 2
+    assert not any("libero-max film" in line for line in lines)
+    assert "libero-max film" in broken_lines(report(MANY))[-1]
+    assert broken_lines(report([])) == []
+
+
+def test_a_quiet_run_says_it_in_one_line() -> None:
+    said = "What broke: 33 lost (missed_moved_target 30, dropped 3), 2 gained"
+    assert broken_line(report(MANY)) == said
+    assert quiet_lines(report(MANY), ["run/pairs.jsonl", "run/report.html"])[1:] == [
+        said,
+        "Written: run/report.html",
+    ]
+
+
+def test_markdown_has_a_table_of_those_that_broke_and_one_of_those_gained() -> None:
+    text = markdown(report(MANY), {"camera_shift-dropped-01": "films/one.mp4"})
+    row = "| R | `camera_shift-dropped-01` | camera_shift | dropped (2) | It was dropped. | [film]"
+    assert f"{row}(films/one.mp4) |" in text
+    assert text.count("| R | ") == 20
+    assert "13 more: `changed_pairs` of report.json, and report.html." in text
+    assert text.count("| G | ") == 2
+    assert "Film |" not in markdown(report(MANY))
+
+
+@pytest.mark.parametrize("colours", [True, False])
+def test_lost_is_red_and_gained_is_green(colours: bool) -> None:
+    lines = ["What broke", "R   one", "G   two", "gate FAIL  dynamic_sr"]
+    text = coloured(lines, colours)
+    red, green, end = ("\x1b[31m", "\x1b[32m", "\x1b[0m") if colours else ("", "", "")
+    assert text == f"What broke\n{red}R   one{end}\n{green}G   two{end}\n{red}gate FAIL  dynamic_sr{end}"
