@@ -1,4 +1,4 @@
-"""Probes: what is read of every arm while it is played, and what a probe of your own needs."""
+"""Probes: read-only measurements of every arm while it is played, and the types for probes of your own."""
 
 from __future__ import annotations
 

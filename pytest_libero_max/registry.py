@@ -1,4 +1,4 @@
-"""Registries: what this package offers by name, and what other installed packages add to it.
+"""Registries of named things: those of this package, and those that other installed packages add.
 
 There is one registry for each kind of thing that a user's package can add without touching this one. Each
 reads one entry-point group::
@@ -32,7 +32,7 @@ ENTRY_POINTS = {
     "pytest_libero_max.protocols": "a `ServerProtocol`, under the scheme of its addresses",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
 }
-"""The entry-point groups that other packages can add to, and what an entry of each is."""
+"""The entry-point groups that other packages can add to, and the entries of each."""
 
 
 class Registry(Generic[T]):
@@ -43,11 +43,11 @@ class Registry(Generic[T]):
         group: Entry-point group by which other packages add theirs.
         own: Returns a function that loads the entry, for each name of the package's own, in order. It is
             called on first use.
-        accept: Turns what an entry point names into an entry; raises ``ValueError`` with the rule that the
+        accept: Turns the object of an entry point into an entry; raises ``ValueError`` with the rule that the
             object breaks.
         error: Raised for an unknown name, for a name that is used twice and for an entry that cannot be
             loaded.
-        read: Returns what an entry point stands for: by default, what it names, which is imported for that.
+        read: Returns the object of an entry point; by default imports the one that it names.
     """
 
     def __init__(

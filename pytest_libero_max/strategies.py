@@ -1,4 +1,4 @@
-"""Hypothesis strategies for what a benchmark is made of: changes, events, cases, actions, policies.
+"""Hypothesis strategies for the parts of a benchmark: changes, events, cases, actions, policies.
 
 For the tests of this project and for those of anybody who writes a change, an adapter or a world of
 their own. They need nothing but the names of a world's entities, so they fit every world; the cheap one is
@@ -180,7 +180,7 @@ def action_sequences(
 
 
 class ScriptedPolicy:
-    """A deterministic policy that moves by what it sees, what it is asked and a table of actions.
+    """A deterministic policy whose actions depend on observation, query and a table of actions.
 
     The first of the returned actions is the table's for the step of the query. All of them are shifted
     by the query's seed and by the end effector's position, so that a wrong seed, a wrong step or a stale

@@ -57,7 +57,7 @@ class Change(Protocol):
         """Alter the world now.
 
         Raises:
-            ChangeError: The world lacks what the change needs.
+            ChangeError: The world lacks a requirement of the change.
             EntityError: It names an entity the world does not have.
         """
         ...

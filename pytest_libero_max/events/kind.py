@@ -47,8 +47,8 @@ class EventKind(ABC):
         family: The paper's family, by which results are grouped; also a marker.
         code: The family code of the manifests, for example ``OBS``.
         severities: Severity of variant 0 and of variant 1: ``low``, ``medium`` or ``high``.
-        response: The manifests' word for what a policy is expected to do: ``continue`` where the task is what
-            it was, ``replan`` where the target, the destination or the path has changed.
+        response: The manifests' word for the expected response of a policy: ``continue`` where the task stays
+            the same, ``replan`` where the target, the destination or the path has changed.
         needs: Requirement of a task, in words that follow "The task needs".
         expected: Expected response of a policy, in a sentence.
     """

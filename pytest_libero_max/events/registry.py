@@ -1,4 +1,4 @@
-"""The event kinds there are, and what a manifest may say of them."""
+"""Registry of event kinds, and checks of the events of manifests."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Revert:
-    """Takes back what an earlier entry of the schedule changed.
+    """Takes back the change of an earlier entry of the schedule.
 
     Attributes:
         entry: Index of that entry, from 0.

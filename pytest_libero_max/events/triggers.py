@@ -134,7 +134,7 @@ class Proximity(Trigger):
 
 @dataclass(frozen=True)
 class AtStart(Trigger):
-    """Before the first step: after the settle steps, before the policy is told that an episode begins."""
+    """Before the first step: after the settle steps, before the policy's episode begins."""
 
     type = "at_start"
 

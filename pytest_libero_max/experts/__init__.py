@@ -6,7 +6,7 @@ name (``--libero-max-policy=expert``). They serve two purposes:
 
 * as a policy whose results are known, to try the benchmark and to compare an adapter with: ``expert`` plans
   anew at every query and so answers to an event, ``stale_expert`` has the same skill and never looks again,
-  ``servo`` can be misled by what a camera shows;
+  ``servo`` can be misled by the images;
 * as the instrument of certificates: while tracks are built, a case is certified where ``expert`` completes
   its task after the event. Whether a case exists does not depend on it.
 
@@ -19,7 +19,7 @@ episodes: the same state of the world gives the same actions, bit for bit.
 ``expert``             which goal comes next, and the route to it; the policy
 ``stale_expert``       the same route, planned once at the first query; the policy
 ``servo``              looks, and plans a route where something has moved; the policy
-``servo_scenes``       what it knows before it looks: cameras, sizes, usual places
+``servo_scenes``       its prior knowledge: cameras, sizes, usual places
 ``sight``              finding a known object in an image by its colours and its outline
 ``nominal_camera``     where a point of the world is in the image of the main camera
 ``noop``, ``random``   policies that do not read the world
@@ -28,7 +28,7 @@ episodes: the same state of the world gives the same actions, bit for bit.
 ``pick_and_place``     the route of an object from where it is to where it must be
 ``regrasp``            putting a mug down so that its handle can be reached
 ``articulation``       opening and closing drawers and doors, and turning knobs
-``retreat``            getting the hand away from what it has just used
+``retreat``            moving the hand away from a part or object after use
 ``motion``             waypoints, and the actions that follow them
 =====================  ===========================================================================
 """

@@ -169,7 +169,7 @@ class RecordedRun:
             use: Plays it again; is given its case, its world and the traces of its arms.
 
         Raises:
-            ProtocolError: The replay does not reach the recorded digests; names what differs from then.
+            ProtocolError: The replay does not reach the recorded digests; names the differences in versions.
             ReportError: A needed file is missing, or a file is there already or cannot be written.
             AdapterError: The policy's view cannot be made.
             SubstrateError: The substrate cannot build the scene.

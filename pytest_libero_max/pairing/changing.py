@@ -45,7 +45,7 @@ class Applied:
 
     Attributes:
         change: The change.
-        evidence: State of what it touches, before and after.
+        evidence: Values that it touches, before and after.
         pixel_change: For each camera that was looked through, the mean absolute difference of its images
             before and after, 0 to 255.
     """
@@ -60,7 +60,7 @@ class Applied:
 
 
 def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id: str) -> Applied:
-    """Apply a change to the world now, once, and measure what it did.
+    """Apply a change to the world now, once, and measure its effect.
 
     Args:
         change: The change.

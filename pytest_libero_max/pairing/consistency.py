@@ -1,4 +1,4 @@
-"""The same query asked twice: a check that answers depend on what the contract allows, and on nothing else.
+"""The same query asked twice: a check that answers depend only on inputs that the contract allows.
 
 A policy answers from the observation, the query and, if it offers ``snapshot`` and ``restore``, the memory
 that they carry. So the same observation and query, with the memory it had, must give the same bytes again.
@@ -34,7 +34,7 @@ class Memory:
 
     @classmethod
     def of(cls, policy: Policy) -> Memory:
-        """Return a copy of what the policy remembers now.
+        """Return a copy of the policy's present memory.
 
         Raises:
             AdapterError: Its snapshot raised.
@@ -57,7 +57,7 @@ class Memory:
             restore_memory(stage.policy, self.value)
 
     def require_unchanged(self, stage: Stage, step: int) -> None:
-        """Check that nobody has written to the copy.
+        """Check that the copy is unchanged.
 
         Raises:
             AdapterError: It has changed.

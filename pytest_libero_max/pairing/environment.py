@@ -26,13 +26,13 @@ Info = dict[str, Any]
 
 
 class _Outside:
-    """The policy of a stage whose queries somebody else answers."""
+    """The policy of a stage whose queries are answered from outside."""
 
     def __init__(self, spec: PolicySpec) -> None:
         self.spec = spec
 
     def reset(self, episode: Episode) -> None:
-        """Do nothing: whoever steps the environment keeps the policy."""
+        """Do nothing: the policy is outside."""
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
         """Refuse: the actions come from outside.
@@ -51,7 +51,7 @@ class ArmEnv:
 
     Args:
         case: The case.
-        world: A world of its scene; what it was doing before leaves no trace.
+        world: A world of its scene, in any state.
         arm: The arm; Base unless given.
         cameras: Images of the observation.
         image_size: Their side, or height and width, pixels.
@@ -109,7 +109,7 @@ class ArmEnv:
         return self._rollout.observed(), self._info(self._rollout, 0)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
-        """Execute one action, and let happen what happens after it.
+        """Execute one action, and the entries of the schedule that fire after it.
 
         Args:
             action: (7,) a movement or a pose, as ``control`` says.

@@ -223,7 +223,7 @@ class Rollout:
         self._take(self._stage.ask(query))
 
     def advance(self) -> None:
-        """Execute one action, after what happens now, and after a query if none is queued."""
+        """Execute one action, after the entries that fire now, and after a query if none is queued."""
         self.let_happen()
         if not self.trajectory.queued:
             self._due = self._due or self._next_query()
@@ -370,7 +370,7 @@ class Rollout:
 
 
 def _by_next_entry(arms: Sequence[Arm], done: int) -> list[tuple[Entry | None, tuple[Arm, ...]]]:
-    """Return the arms by what happens next in them; None where nothing does."""
+    """Return the arms by their next entry; None for arms without one."""
     groups: list[tuple[Entry | None, tuple[Arm, ...]]] = []
     for arm in arms:
         entry = arm.schedule[done] if done < len(arm.schedule) else None

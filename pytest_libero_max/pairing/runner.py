@@ -1,4 +1,4 @@
-"""The runner: plays the arms of a case, what they share only once, and makes the record.
+"""The runner: plays the arms of a case, shared parts only once, and makes the record.
 
 :func:`play_pair` does all of it. Its parts, for a test of your own: :func:`play_prefix` plays a case up to
 its event, :func:`inject` makes the change, :func:`continue_rollout` plays on, :func:`return_to` goes back.
@@ -105,7 +105,7 @@ def measure_pair(
 
     Args:
         case: The case.
-        world: A world of the case's scene; what it was doing before leaves no trace.
+        world: A world of the case's scene, in any state.
         policy: A checked policy.
         settings: The settings.
         on_phase: Called with ``setup`` and then with the name of each arm as it begins, to locate errors.

@@ -14,8 +14,8 @@ SCENE, START = "scene", "start"
 def scene_fingerprints(world: World, init: int) -> dict[str, str]:
     """Return the fingerprints of the scene that a pair plays; resets the world.
 
-    ``scene`` is the key of the scene and the digest of what no reset changes, which all pairs of the scene
-    have in common. ``start`` is the digest of the state after the reset, the source variation's changes
+    ``scene`` is the key of the scene and the digest of all that no reset changes, which all pairs of the
+    scene have in common. ``start`` is the digest of the state after the reset, the source variation's changes
     included.
 
     Args:

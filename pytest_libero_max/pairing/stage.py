@@ -38,7 +38,7 @@ class Stage:
         clock: Adds up wall-clock seconds.
         watch: Notified of each call that may take too long.
         probes: The probes that read every arm.
-        spec: A copy of the policy's spec, which must stay what it is.
+        spec: A copy of the policy's spec, which must stay the same.
     """
 
     case: Case
@@ -88,7 +88,7 @@ class Stage:
 
     @property
     def episode(self) -> Episode:
-        """Return the episode as the policy is told of it; a privileged one gets the live world."""
+        """Return the episode for the policy; a privileged one gets the live world."""
         return Episode(
             suite=self.case.suite,
             task_index=self.case.task_index,

@@ -109,7 +109,7 @@ class Firing:
 class Trajectory:
     """All that has happened in a rollout, from the first policy step on.
 
-    A value: what happens next makes a new one, so to keep it is to fork it.
+    An immutable value: each step makes a new one, so keeping one is forking it.
 
     Attributes:
         query_interval: Q (execution horizon, replan steps), the actions executed of an answer.
@@ -241,7 +241,7 @@ class Trajectory:
         return replace(after, firings=(*self.firings, firing))
 
     def altered(self, digest: bytes) -> Trajectory:
-        """Return the trajectory with a link for a change of the world, if it is not what it was."""
+        """Return the trajectory with a link for a change of the world, if it has changed."""
         if digest == self.digest:
             return self
         return replace(self, link=event_link(self.link, digest), digest=digest)

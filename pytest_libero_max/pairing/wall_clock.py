@@ -49,7 +49,7 @@ class _Stretch:
 
 
 class Watch(Protocol):
-    """Is told before every call that may never return, so that it can end one that takes too long."""
+    """Is notified before every call that may never return, so that it can end one that takes too long."""
 
     def query(self) -> None:
         """Note that a call of the policy begins: ``reset`` or ``predict``."""

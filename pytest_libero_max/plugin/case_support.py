@@ -44,7 +44,7 @@ def require_support(case_set: str, cases: Sequence[Case], substrate: str, option
         options: Of the substrate.
 
     Raises:
-        OptionError: Some of them lack something; says what, how many, and which track fits.
+        OptionError: Some of them lack something; names it, their number, and the track that fits.
         SubstrateError: A genuine installation is missing.
     """
     from pytest_libero_max.substrates.registry import SUBSTRATES

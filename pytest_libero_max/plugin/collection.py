@@ -223,7 +223,7 @@ def _resolve(arg: str) -> str:
 
 
 def header_without_pairs(config: pytest.Config) -> str | None:
-    """Return what a policy in the ini file does in a session without pairs; None with pairs, or no policy."""
+    """Return a note on a policy in the ini file in a session without pairs; None with pairs, or no policy."""
     if not options.policy_in_ini_file(config) or is_run(config):
         return None
     policy = config.getini("libero_max_policy")

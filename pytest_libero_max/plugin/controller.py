@@ -70,7 +70,7 @@ class RunController:
     Raises:
         pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
             is asked for is not installed; at the start of the session: the output folder cannot be written
-            to, a gate cannot be used, or what is to be resumed cannot be read.
+            to, a gate cannot be used, or the run to resume cannot be read.
     """
 
     def __init__(self, config: pytest.Config) -> None:

@@ -559,7 +559,7 @@ def _check_substrate_options(config: pytest.Config, substrate: str) -> None:
 
 
 def _check_ray(config: pytest.Config, values: dict[str, Any]) -> None:
-    """Check what is said about actors.
+    """Check the options about actors.
 
     Raises:
         pytest.UsageError: There is no cluster for them, or nothing says how many have room.

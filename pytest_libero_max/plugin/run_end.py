@@ -35,7 +35,7 @@ class RunEnd:
         stop: Of the run.
 
     Attributes:
-        lines: Of the summary, in order; what is known before the end comes first.
+        lines: Lines of the summary, in order; those known before the end come first.
         quiet: Lines of the summary of a quiet run.
         notes: Failures beside the pairs, for example of a film.
         report: As written; None before that.

@@ -184,7 +184,7 @@ def _keep(pair: Pair, case: Case, world: World, settings: Settings) -> list[str]
 
 
 def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
-    """Check that the policy still declares what it declared before its first pair.
+    """Check that the policy's spec is that of before its first pair.
 
     Raises:
         AdapterError: Its spec has changed.

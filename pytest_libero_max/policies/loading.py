@@ -58,7 +58,7 @@ def load_policy(
         in an importable module that lasts as long as the module.
 
     Raises:
-        AdapterError: Nothing can be loaded from there, or it is no policy; the message says what is missing.
+        AdapterError: Nothing can be loaded from there, or it is no policy; names the missing part.
         ServerError: The server cannot be reached, or does not speak its protocol.
     """
     if is_address(text):

@@ -1,4 +1,4 @@
-"""A policy around another one: what both have in common, so that a wrapper only writes what it changes."""
+"""A policy around another one: common members, so that a wrapper has only those that it changes."""
 
 from __future__ import annotations
 

@@ -262,7 +262,7 @@ class Result(Block, frozen=True, kw_only=True):
 
 
 class Substrate(Block, frozen=True, kw_only=True):
-    """The substrate of a run, and what its scores may be compared with.
+    """The substrate of a run, and the standing of its scores.
 
     Attributes:
         name: Name of the substrate, for example embedded or libero.

@@ -355,7 +355,7 @@ def _counts(
 
 
 def substrate_of(provenance: Json) -> Substrate:
-    """Return the substrate of a run, and what its scores may be compared with.
+    """Return the substrate of a run, and the standing of its scores.
 
     Args:
         provenance: As the run recorded it. Older runs recorded the name alone.

@@ -1,4 +1,4 @@
-"""What a paired change needs to mean something: Base successes that can be lost, and events that happened."""
+"""Requirements of a meaningful paired change: Base successes that can be lost, and events that happened."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ LEAST_FIRED = 0.5
 
 
 def lacks_of(row: Result) -> list[str]:
-    """Return why the change of a set of pairs says next to nothing of the event; empty where it does.
+    """Return why the change of a set of pairs says almost nothing about the event; empty otherwise.
 
     Args:
         row: Result of the pairs.

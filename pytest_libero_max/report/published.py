@@ -48,7 +48,7 @@ def published_policies() -> tuple[PublishedPolicy, ...]:
 
 
 def published_lines() -> list[str]:
-    """Return the published results as a table for the terminal, under a line that says what they are."""
+    """Return the published results as a table for the terminal, under a line with their origin."""
     lines = [
         *textwrap.wrap(NOTE, 100),
         "",

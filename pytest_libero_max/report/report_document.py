@@ -162,7 +162,7 @@ class Headline(Block, frozen=True, kw_only=True):
 
 
 class Caveat(Block, frozen=True, kw_only=True):
-    """A note on pairs whose scene, prompt or event is not what its name promises.
+    """A note on pairs whose scene, prompt or event differs from its name.
 
     Attributes:
         name: Stable key of the caveat.
@@ -317,8 +317,8 @@ class Report(Block, frozen=True, kw_only=True):
         selection: The part of the case set that was played; None for runs that did not record it.
         headline: Rates over all planned pairs; withheld while one is missing or invalid.
         policy: The policy's spec as played, as in its records; None where no pair was played.
-        substrate: The substrate of the run, and what its scores may be compared with.
-        caveats: Notes on single pairs of this run whose scene, prompt or event is not what its name promises,
+        substrate: The substrate of the run, and the standing of its scores.
+        caveats: Notes on single pairs of this run whose scene, prompt or event differs from its name,
             or whose policy server was interrupted.
         overall: The result over all played pairs.
         noise_floor: Base played twice on some cases: how often the second ended otherwise, and how often it

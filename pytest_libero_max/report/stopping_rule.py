@@ -31,7 +31,7 @@ class StoppingRule(ABC):
         arguments: Text behind the colon in ``--libero-max-stop=NAME:ARGUMENTS``; empty where there is none.
 
     Raises:
-        ValueError: The rule does not take it; says what it takes.
+        ValueError: The rule does not take it; names the accepted form.
     """
 
     def __init__(self, arguments: str) -> None:

@@ -1,1 +1,1 @@
-"""A run on disk: its plan, its records, its lock, where it comes from, and what has to agree."""
+"""A run on disk: its plan, its records, its lock, its provenance, and checks of agreement."""

@@ -16,7 +16,7 @@ _IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in Pair
 """Fields that a record has in common with the pair as it was planned."""
 
 MACHINE = ("gl", "gl_device", "blas")
-"""Fingerprints in which pairs of one measurement may differ: what draws, and the kind of processor."""
+"""Fingerprints in which pairs of one measurement may differ: the renderer, and the kind of processor."""
 
 _PROCESSOR = "blas"
 _OF_CASE = (SCENE, START, PROGRAM)
@@ -82,7 +82,7 @@ class Agreement:
 
 
 class Played(Protocol):
-    """The part of a record that says with what a pair was played."""
+    """The part of a record about the policy and the instruments of a pair."""
 
     @property
     def item_id(self) -> str: ...
@@ -161,7 +161,7 @@ def _other_kind(first: Played, other: Played) -> list[str]:
 
 
 def _require_header(run: Run, record: Played) -> None:
-    """Check that a record was played with what the header of its run names."""
+    """Check that a record agrees with the header of its run."""
     asked, versions = run.provenance["policy"], run.provenance["versions"]
     strength = run.provenance["protocol"].get("strength")
     adaptive = asked.get("adaptive") is not None  # then the record holds H and Q of the wrapper

@@ -100,7 +100,7 @@ def require_free(folder: Path) -> None:
 
 
 def require_ended(folder: Path) -> None:
-    """Check that what lies in a folder is the result of a run that ended.
+    """Check that a folder holds the result of a run that ended.
 
     Raises:
         ReportError: Its run is still in progress, or was stopped before it could end.

@@ -24,7 +24,7 @@ from pytest_libero_max.stats.paired import Pairs
 
 @dataclass(frozen=True, eq=False)
 class RunOutcomes:
-    """A run reduced to what a comparison needs.
+    """A run reduced to the data of a comparison.
 
     Attributes:
         run: The plan and provenance.
@@ -98,7 +98,7 @@ class _Line(Struct):
 
 
 class _Played(NamedTuple):
-    """The fields of a record that say with what it was played."""
+    """The fields of a record about the policy and its instruments."""
 
     item_id: str
     policy: Json

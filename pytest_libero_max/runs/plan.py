@@ -148,7 +148,7 @@ class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fal
 
 
 class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
-    """Options of a run that decide what is measured."""
+    """Options of a run that may change results."""
 
     NOUN: ClassVar[str] = "provenance.protocol"
 

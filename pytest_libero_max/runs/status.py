@@ -227,7 +227,7 @@ class Follower:
             raise ReportError(f"Cannot read the pairs in {self._folder}: {error}.") from error
 
     def _take(self, content: bytes) -> None:
-        """Read the complete lines of what has been added."""
+        """Read the complete lines that have been added."""
         whole = content[: content.rfind(b"\n") + 1]
         for line in whole.splitlines():
             self._lines += 1

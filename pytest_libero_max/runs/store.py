@@ -183,7 +183,7 @@ class PairStore:
         self._write_line(line)
 
     def note(self, progress: Json) -> None:
-        """Note the progress for whoever watches the folder; see :class:`.status.Follower`."""
+        """Note the progress for watchers of the folder; see :class:`.status.Follower`."""
         if self._mark is not None:
             self._mark.note(progress)
 
@@ -233,7 +233,7 @@ class PairStore:
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 
     def _is_gone(self) -> bool:
-        """Return True if somebody has removed the file, which lives on as long as it is open."""
+        """Return True if the file was removed, which stays readable as long as it is open."""
         assert self._file is not None
         return os.fstat(self._file.fileno()).st_nlink == 0
 
@@ -324,7 +324,7 @@ _CURE = (
 
 
 def _read(path: Path) -> StoredRun:
-    """Read all lines that are what a run writes.
+    """Read all valid lines.
 
     Raises:
         ReportError: The file cannot be read, or its first line is damaged.

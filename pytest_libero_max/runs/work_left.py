@@ -11,7 +11,7 @@ from pytest_libero_max.runs.plan import PlannedPair
 
 
 class WorkLeft:
-    """The pairs of a run that are not done, and what they are expected to cost.
+    """The pairs of a run that are not done, and their expected cost.
 
     Args:
         planned: The pairs of the run.

@@ -59,7 +59,7 @@ class Study(ABC):
         """
 
     def check(self, pair: Pair) -> None:  # noqa: B027  # most studies have nothing of their own to check
-        """Check what has to hold of a case once its arms have been played.
+        """Check the conditions of the study on a case whose arms have been played.
 
         Raises:
             ProtocolError: It does not, so that the pair is invalid.

@@ -33,7 +33,7 @@ class Substrate(Protocol):
         """Return the world that plays a case: built on first use, shared by every case of the same scene.
 
         Raises:
-            SubstrateError: The substrate cannot build this case; the message says what it lacks.
+            SubstrateError: The substrate cannot build this case; the message names the missing requirement.
         """
         ...
 
@@ -69,7 +69,7 @@ class Catalogue(Hashable, Protocol):
         ...
 
     def lacks(self, variation: Variation, *, models: bool = True) -> str:
-        """Say what the scene of a variation needs that is not on this machine; empty for nothing.
+        """Return the requirements of a variation's scene that this machine lacks, in words; empty for none.
 
         Args:
             variation: One of :meth:`variations`.

@@ -1,4 +1,4 @@
-"""A source variation as data, what its scene contains, and the hash draws that catalogues are made of."""
+"""A source variation as data, the contents of its scene, and the hash draws of catalogues."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The tasks of LIBERO as data: instructions, places of things, and the goal.
 
-Names, instructions, places and goals are LIBERO's own. A row holds what distinguishes a task from the
+Names, instructions, places and goals are LIBERO's own. A row holds the differences of a task from the
 others of its suite; everything that follows from that is derived here.
 """
 

@@ -80,7 +80,7 @@ class Entity:
 
 
 class PixelFilter(Protocol):
-    """A change of what a camera delivers: a pure, hashable, frozen function of its arguments."""
+    """A change of a camera's images: a pure, hashable, frozen function of its arguments."""
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         """Return the altered image.
@@ -279,7 +279,7 @@ class World(Protocol):
 
 @runtime_checkable
 class OnMujoco(World, Protocol):
-    """A world whose simulator is MuJoCo, with its raw model and state. Whoever reads them depends on it."""
+    """A world whose simulator is MuJoCo, with its raw model and state. Their readers depend on MuJoCo."""
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -296,7 +296,7 @@ class OnMujoco(World, Protocol):
 class AlterableWorld(OnMujoco, Protocol):
     """A world that changes can alter. Nothing else writes to a world from outside.
 
-    What is altered here belongs to :class:`WorldState`, and a reset undoes it.
+    Alterations belong to :class:`WorldState`, and a reset undoes them.
     """
 
     @property

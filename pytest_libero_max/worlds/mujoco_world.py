@@ -105,7 +105,7 @@ class MujocoWorld(ABC):
     Args:
         scene: Stable key of the scene, for example ``embedded/libero_spatial/0``.
         language: The task's instruction.
-        model: The compiled model, already complete; its current values are what a reset restores.
+        model: The compiled model, already complete; a reset restores its current values.
         data: Its data.
         entities: Entities that a case can name. Objects need exactly one free joint on their root body.
         robot: The names of the robot's parts.
@@ -163,7 +163,7 @@ class MujocoWorld(ABC):
     def _control_step(self, action: Array) -> bool:
         """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent.
 
-        ``_control`` says what the action is.
+        ``_control`` is the meaning of the action.
 
         Returns:
             True if it has checked that MuJoCo warns of nothing and no joint is faster than :data:`FASTEST`;

@@ -96,7 +96,7 @@ class GraspablePart:
 
 @runtime_checkable
 class PrivilegedWorld(OnMujoco, Protocol):
-    """A world that also tells what must be done, and whether it has been."""
+    """A world that also offers its goal, and whether the facts of it hold."""
 
     @property
     def goal(self) -> tuple[Fact, ...]:

@@ -4,7 +4,7 @@ Another robot needs another :class:`Robot`, and these, which follow from no name
 
 - a control step: :mod:`.stepping` reproduces robosuite's ``OSC_POSE`` for any arm and gripper that robosuite
   drives with it, and checks the number of joints; gains, limits and indices come from the environment;
-- what is drawn of it on the embedded scenes (:mod:`pytest_libero_max.substrates.embedded.panda`);
+- its visuals on the embedded scenes (:mod:`pytest_libero_max.substrates.embedded.panda`);
 - initial states: the embedded ones start from :attr:`Robot.home_rad`, LIBERO's are files of the Panda;
 - the experts, which grasp with two fingers, and whatever a policy has learnt.
 """

@@ -1,1 +1,1 @@
-"""Probes: what is read of every arm while it is played, without touching it. One file each."""
+"""Probes: read-only measurements of every arm while it is played. One file each."""

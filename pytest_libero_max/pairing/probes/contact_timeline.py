@@ -13,7 +13,7 @@ Contacts = tuple[tuple[int, str], ...]
 class ContactTimeline(Probe[Contacts]):
     """Contacts of the trigger entity over the whole arm, an entry for each change.
 
-    It tells whether the hand ever touched the entity, when it let go, and on what it came to rest.
+    It shows whether the hand ever touched the entity, when it let go, and the support at the end.
     """
 
     name = "contact_timeline"

@@ -35,7 +35,7 @@ class Column:
         name: Lower-case letters, digits and underscores.
         type: Of the value, or of each of many.
         meaning: A noun phrase.
-        unit: For example ``m``; None for what has none.
+        unit: For example ``m``; None for no unit.
         many: True for a list.
         optional: True if it, or one of many, may be None.
     """

@@ -1,4 +1,4 @@
-"""The probes of every pair: what is cheap to read. The columns of those here are fields of the record."""
+"""The probes of every pair, which cost little. The columns of those here are fields of the record."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Approach(Probe[None]):
 
 
 class Clipping(Probe[None]):
-    """Actions beyond what the controller executes."""
+    """Actions beyond the range that the controller executes."""
 
     name = "clipping"
     schema = (

@@ -1,4 +1,4 @@
-"""Crash log of a process that plays pairs: what it was doing when it died, and the end of its stderr."""
+"""Crash log of a process that plays pairs: its last activity, and the end of its stderr."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import CrashError, LiberoMaxError, MemoryLimitError, TimeLimitError
 
 _HEADER = 256
-"""Bytes at the start of the file that say what is being done; the rest is what was written to stderr."""
+"""Bytes at the start of the file for the present activity; the rest is the stderr."""
 
 _MOST_READ = 64 * 1024
 """Bytes of the end of stderr that are read."""
@@ -73,7 +73,7 @@ class CrashLog:
 
     @contextmanager
     def capture_stderr(self) -> Iterator[None]:
-        """Keep what is written to stderr in the block, also by native code, and pass it on after it."""
+        """Keep all output to stderr in the block, also by native code, and pass it on after it."""
         python = sys.stderr
         before = os.dup(2)
         try:
@@ -104,7 +104,7 @@ class Death:
     Attributes:
         error: Error of the pair, if it is not played again.
         phase: Phase of the pair.
-        text: The end of what it wrote to stderr, with the tracebacks of its threads.
+        text: The end of its stderr, with the tracebacks of its threads.
     """
 
     error: LiberoMaxError

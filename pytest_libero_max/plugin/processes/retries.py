@@ -139,7 +139,7 @@ def set_aside_lines(invalid: Sequence[InvalidPair]) -> list[str]:
 
 
 def keep_text(output: Path, item_id: str, number: int, text: str) -> None:
-    """Keep what a process wrote before it died, as far as the disk has room."""
+    """Keep the last output of a dead process, as far as the disk has room."""
     if not text:
         return
     with suppress(OSError):

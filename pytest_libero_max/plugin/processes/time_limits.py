@@ -102,7 +102,7 @@ def _library() -> Any:
 
 
 class Watchdog:
-    """Ends what takes longer than a limit; a :class:`~pytest_libero_max.pairing.wall_clock.Watch`.
+    """Ends an activity that exceeds its limit; a :class:`~pytest_libero_max.pairing.wall_clock.Watch`.
 
     A timer of the kernel sends a signal, whose handler writes the traceback of every thread and ends the
     process. Native code cannot hold it up. A process that plays pairs for a controller ends like this, and
@@ -111,7 +111,7 @@ class Watchdog:
 
     Args:
         limits: Longest time of each activity.
-        log: Crash log that says what the process does; None in the session's own process.
+        log: Crash log for the activity of the process; None in the session's own process.
         stderr: File descriptor for the tracebacks of the session's own process.
     """
 

@@ -131,7 +131,7 @@ class PairActor:
         return line
 
     def _listen(self, stderr: Any) -> None:
-        """Pass on what the process writes to stderr, and keep the end of it."""
+        """Pass on the stderr of the process, and keep the end of it."""
         while chunk := os.read(stderr.fileno(), 4096):
             self._said.append(chunk)
             with suppress(OSError):

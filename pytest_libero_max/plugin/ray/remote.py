@@ -49,7 +49,7 @@ class RemoteSession:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_cmdline_main(self, config: pytest.Config) -> None:
-        """Make the session a worker: what the controller's session does for all of them is not done here."""
+        """Make the session a worker, which leaves the tasks of the controller's session to that."""
         self._config = config
         config.workerinput = self._workerinput  # type: ignore[attr-defined]
         config.workeroutput = {}  # type: ignore[attr-defined]

@@ -137,7 +137,7 @@ class RayRun:
         return f"libero-max: Ray at {self._settings.ray} ({self._cluster.resources()}), actors: {actors}"
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
-        """Play the pairs on the cluster, and then here what else was collected."""
+        """Play the pairs on the cluster, and then all other tests here."""
         failed = session.testsfailed and not self._config.option.continue_on_collection_errors
         pairs = [item for item in session.items if isinstance(item, PairItem)]
         if failed or not pairs or self._cluster is None:
@@ -198,7 +198,7 @@ class RayRun:
             self._pending[actor.handle.start.remote()] = actor
 
     def _plan(self, name: str) -> str:
-        """Return what an actor needs to start a session like this one."""
+        """Return the plan by which an actor starts a session like this one."""
         config, settings = self._config, self._settings
         here = str(config.invocation_params.dir)
         node = SimpleNamespace(workerinput={}, config=config, gateway=SimpleNamespace(id=name))

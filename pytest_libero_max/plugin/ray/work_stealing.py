@@ -50,7 +50,7 @@ class WorkQueue:
         return part
 
     def _stolen(self) -> deque[str]:
-        """Cut off a part for an idle actor: all of the longest where nobody owns it, else its second half."""
+        """Cut off a part for an idle actor: the longest one if it has no owner, else its second half."""
         owner, longest = max(self._parts, key=lambda part: len(part[1]), default=(None, deque[str]()))
         count = len(longest) if owner is None else (len(longest) + 1) // 2
         return deque(reversed([longest.pop() for _ in range(count)]))

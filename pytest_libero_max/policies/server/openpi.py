@@ -1,7 +1,7 @@
 """The server's end of openpi's protocol: the metadata, then one answer for each map.
 
 A request is the profile ``served``: the observation as the world delivers it, the query and the episode, so
-that an answer is what the adapter would have returned in process. An error is sent as text, and closes the
+that an answer is that of the adapter in process. An error is sent as text, and closes the
 connection.
 """
 

@@ -152,7 +152,7 @@ def read_statistics(path: Path, key: str | None = None, rule: Rule = "bounds") -
         rule: Rule of normalisation.
 
     Raises:
-        AdapterError: The file cannot be read, or lacks what is asked for.
+        AdapterError: The file cannot be read, or lacks the entry.
     """
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))

@@ -82,7 +82,7 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
 
     Args:
         runs: Runs by the name they get in the comparison.
-        restrict: Compare what is common where the runs differ, instead of refusing.
+        restrict: Compare the common cases where the runs differ, instead of refusing.
 
     Raises:
         ReportError: Fewer than two runs, runs of different substrates or different cases of one name, no

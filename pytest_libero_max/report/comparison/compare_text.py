@@ -221,7 +221,7 @@ def _profile_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def _flip_lines(comparison: Comparison, changed: int) -> list[str]:
-    """Return the changed cases that are listed, of so many."""
+    """Return the changed cases that are listed, and the number of all."""
     flips = comparison.flips
     if not changed:
         return ["No case changed."]

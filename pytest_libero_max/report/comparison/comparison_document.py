@@ -292,7 +292,7 @@ class Comparison(Block, frozen=True, kw_only=True):
         schema_version: Version of this document's form; it changes when a field is added, removed or given
             another meaning.
         pairs: Cases that are compared, and those that are not.
-        substrate: The substrate of the runs, and what its scores may be compared with.
+        substrate: The substrate of the runs, and the standing of its scores.
         differences: Everything in which the runs differ beside their policies: substrate with semantics,
             instruction source, variations and installations; protocol; cases; versions.
         runs: One entry a run, in the order given.

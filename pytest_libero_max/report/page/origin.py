@@ -45,7 +45,7 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
 
 
 def _duration(stored: StoredRun) -> str:
-    """Return the sum of what the pairs took, which is more than passed where several workers played."""
+    """Return the sum of the pairs' times, which exceeds the duration where several workers played."""
     seconds = sum(
         value
         for record in stored.records

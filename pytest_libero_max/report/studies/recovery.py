@@ -73,7 +73,7 @@ def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Recov
 
     Args:
         runs: Two or three, in any order.
-        restrict: Compare what is common where the runs have different cases, instead of refusing.
+        restrict: Compare the common cases where the runs have different ones, instead of refusing.
 
     Raises:
         ReportError: Two runs have one mode, none is native, the policies differ, a run holds pairs of
@@ -173,7 +173,7 @@ def _corruption(record: PairRecord) -> str:
 
 
 def _mode(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Mode:
-    """Rates of a mode, how often it was active, and what it cost."""
+    """Return the rates of a mode, its activity, and its cost."""
     n = len(columns.category)
     rates = {arm: ratio_of(Ratio(int(columns.success[mode, arm].sum()), n)) for arm in (BASE, DYNAMIC)}
     notes = {arm: _notes(records, arm) for arm in (BASE, DYNAMIC)}

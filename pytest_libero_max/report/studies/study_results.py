@@ -72,7 +72,7 @@ def success_by_arm(records: Sequence[PairRecord]) -> dict[str, Rate]:
 
 
 def executed(records: Sequence[PairRecord]) -> Executed:
-    """Count what was executed, against what the same arms cost in two other ways.
+    """Count the executed steps and queries, and those of the same arms in two other ways.
 
     ``singly``: every arm by itself from the start. ``as_pairs``: every arm with an event in a pair with a
     Base of its own, as runs without a study would play it. Settle steps, and queries that were asked again

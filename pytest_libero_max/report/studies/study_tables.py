@@ -110,7 +110,7 @@ def _way(done: Executed, steps: int, queries: int, words: str) -> str:
 
 
 def study_lines(study: Study) -> list[str]:
-    """Return the study for the terminal: title, the short tables and what is said of the whole."""
+    """Return the study for the terminal: title, short tables and notes on the whole."""
     from textwrap import wrap
 
     lines = ["", f"Study: {study.title}"]

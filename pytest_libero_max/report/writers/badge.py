@@ -13,7 +13,7 @@ _BLUE, _GREY = "14708a", "8794a1"
 
 
 def badge_json(report: Report) -> str:
-    """Return the badge of a run: Base and Dynamic success, and on what they were measured.
+    """Return the badge of a run: Base and Dynamic success, and the cases measured.
 
     A run that is incomplete has none, and its badge says so.
 

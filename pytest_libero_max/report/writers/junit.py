@@ -37,7 +37,7 @@ def properties(record: PairRecord) -> list[tuple[str, str]]:
 
 
 def suite_properties(selection: Selection, case_set: str) -> list[tuple[str, str]]:
-    """Names and values for the properties of the whole suite: what was played of the case set."""
+    """Return names and values for the properties of the whole suite: the played part of the case set."""
     values = {
         "cases": selection.text(case_set),
         "selection_digest": selection.digest,

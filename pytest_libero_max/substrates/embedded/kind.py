@@ -1,4 +1,4 @@
-"""Entry of the embedded substrate: how it is opened, and what it plays."""
+"""Entry of the embedded substrate in the registry."""
 
 from __future__ import annotations
 

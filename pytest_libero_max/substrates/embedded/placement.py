@@ -110,7 +110,7 @@ class _Draw:
 
 
 def _lay_out(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, draw: _Draw) -> None:
-    """Put everything into its place, a hair above what it will rest on."""
+    """Put everything into its place, a hair above its support."""
     import mujoco
 
     mujoco.mj_resetData(model, data)
@@ -155,7 +155,7 @@ def _supports_first(scene: Scene) -> Iterator[Fact]:
 def _spot(
     scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, fact: Fact, draw: _Draw
 ) -> tuple[float, float, float]:
-    """Place for an object: x, y and the height of what is under it."""
+    """Place for an object: x, y and the height of its support."""
     place = fact.place or ""
     if place in scene.task.places:
         arena = ARENAS[scene.task.arena]

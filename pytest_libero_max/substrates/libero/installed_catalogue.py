@@ -100,7 +100,7 @@ class InstalledCatalogue:
         return task_names(self._pro, suite)[:_TASKS]
 
     def lacks(self, variation: Variation, *, models: bool = True) -> str:
-        """Say what the scene of a task needs that is not here; empty for nothing.
+        """Return the requirements of a task's scene that are not here, in words; empty for none.
 
         Args:
             variation: The task.

@@ -1,4 +1,4 @@
-"""Needs of cases that the installations here lack, told from files alone: nothing is built."""
+"""Needs of cases that the installations here lack, found from files alone: nothing is built."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class PlusTask(Task):
 
     @property
     def language(self) -> str:
-        """The authors' prompt: rewritten words, or the whole name with what is varied in it."""
+        """The authors' prompt: rewritten words, or the whole name, which includes the variation."""
         return self.rewritten or sentence(self.name)
 
     @property

@@ -88,7 +88,7 @@ def read_config(path: Path, category: str) -> Config:
     """Sections that a task file of LIBERO-PRO switches on.
 
     Raises:
-        SubstrateError: The file cannot be read, or lacks what its category is made of.
+        SubstrateError: The file cannot be read, or lacks a section of its category.
     """
     try:
         sections = _sections(path)

@@ -181,7 +181,7 @@ class LiberoSubstrate:
             gc.collect()
 
     def fingerprint(self) -> Mapping[str, str]:
-        """Versions of what computes a result, the GL backend, and what the installation is made of."""
+        """Return versions of packages that compute results, the GL backend, digests of the installation."""
         packages = {package: version(package) for package in _RESULT_PACKAGES}
         installations: dict[str, str] = {
             found.flavour: f"{found.version} sources {found.sources} assets {found.contents}"

@@ -1,4 +1,4 @@
-"""A world that costs next to nothing, for tests of changes, policies, runners and adapters.
+"""A world that costs almost nothing, for tests of changes, policies, runners and adapters.
 
 It plays the whole contract of :class:`~pytest_libero_max.worlds.contract.World` on plain MuJoCo: a
 table, a box to move, a plate to move it to, five small things in the way, a cabinet with a drawer, a

@@ -53,7 +53,7 @@ class Device:
 def preferred(devices: Sequence[Device], asked: str | None, visible: str | None) -> list[Device]:
     """Return the devices to try, best first.
 
-    What ``MUJOCO_EGL_DEVICE_ID`` asks for, and nothing else. Otherwise the GPU that CUDA calls 0, which is
+    The device of ``MUJOCO_EGL_DEVICE_ID`` alone, if it is set. Otherwise the GPU that CUDA calls 0, which is
     the first of ``CUDA_VISIBLE_DEVICES``; where that shows none, the processor. Otherwise in EGL's order.
 
     Args:

@@ -85,7 +85,7 @@ def import_robosuite() -> None:
 
 
 def fingerprint() -> dict[str, str]:
-    """Return the backend and what draws with it, for the record: pictures depend on both.
+    """Return the backend and its renderer, for the record: pictures depend on both.
 
     Raises:
         OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.

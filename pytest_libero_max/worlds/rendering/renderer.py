@@ -33,7 +33,7 @@ SHADOW_MAP = 2048
 long in software, so that the light events and most scenes do without."""
 
 SHADOW_REACH = 3.0
-"""Half the width of what a directional light's shadow map covers, in extents of the model: the whole room.
+"""Half the width of the area of a directional light's shadow map, in extents of the model: the whole room.
 A narrower one leaves the map's own texels as shadows on everything."""
 
 
@@ -139,7 +139,7 @@ class Renderer:
 
 
 class _Uploaded:
-    """Buffers to draw into, and the textures and meshes of a model, in the memory of what draws.
+    """Buffers to draw into, and the textures and meshes of a model, in the memory of the renderer.
 
     Attributes:
         context: MuJoCo's handle of them.

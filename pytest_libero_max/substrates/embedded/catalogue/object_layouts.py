@@ -116,7 +116,7 @@ def _free_spot(
 def shifted_objects(task: Task, level: int, sample: int) -> tuple[Json, ...]:
     """Everything that stands free shifted within a disc that grows with the level, the target farthest.
 
-    What stands on something else goes along with it.
+    Objects that stand on others are moved with them.
     """
     plan = floorplan(task.suite, task.index)
     radius = SHIFT_M_PER_LEVEL[task.suite] * level

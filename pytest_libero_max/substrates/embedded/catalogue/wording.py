@@ -118,7 +118,7 @@ def _command(step: Step, seed: Sequence[object]) -> str:
 
 
 def _outcome(step: Step) -> str:
-    """Clause that says what has happened once a step is done."""
+    """Clause for the result of a step."""
     many = step.pronoun == "them"
     if step.verb in ("move", "push"):
         place = step.place.replace("to the front", "at the front", 1)

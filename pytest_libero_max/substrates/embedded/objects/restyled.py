@@ -97,7 +97,7 @@ def _painted_skins(link: Link, colour: Colour) -> tuple[Skin, ...]:
 
 
 def _shade(colour: Colour, brightness: float) -> Colour:
-    """Return a colour as dark as what it replaces, but never so dark that it could not be told."""
+    """Return a colour as dark as the replaced one, but not too dark to be recognised."""
     r, g, b = (part * (0.45 + 0.55 * brightness) for part in colour)
     return r, g, b
 
