@@ -17,6 +17,7 @@ from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.measured import number, outcomes_of, rate_of, ratio_of, result_of
+from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.report_document import (
     Cell,
     ClippedActions,
@@ -151,7 +152,7 @@ def build_report(
         largest_split=_split(largest_split(_variants(groups["variant"]))),
         extremes=_extremes(groups["category"]),
         study=study,
-        sections={},
+        sections=probe_means(played[pair.case_id] for pair in measured),
         statements=dict(STATEMENTS),
         methods=dict(METHODS),
         provenance=provenance,

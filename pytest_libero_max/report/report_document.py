@@ -339,8 +339,8 @@ class Report(Block, frozen=True, kw_only=True):
         extremes: By source, the source categories that stand out, the first by name among equals; sources
             without a played pair are left out.
         study: Results of the study of the run; None for a run of no study.
-        sections: Tables that hooks of the user's own have added: titles with names and values. Not computed
-            from the pairs.
+        sections: Tables, titles with names and values: means of what probes measured, by probe, column and
+            arm, and what hooks of the user's own have added, which is not computed from the pairs.
         statements: Limits of these numbers: sentences by a stable key.
         methods: Methods by which the numbers are computed, a sentence each.
         provenance: Everything that could change a result, as the header of pairs.jsonl has it.

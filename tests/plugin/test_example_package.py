@@ -1,4 +1,4 @@
-"""A package that adds an event, a trigger, a study and a protocol: all that names them knows them."""
+"""A package that adds an event, a change, a trigger, a probe, a study, a stopping rule and a protocol."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ pathlib.Path("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_sh
 
 RUN = ("--libero-max-policy=adapter.py", "--libero-max-manifest=tiny.json", "--libero-max-substrate=tiny")
 
-Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
 
 
 @pytest.fixture
@@ -65,13 +65,21 @@ def test_its_probe_is_read_in_every_arm_and_changes_nothing_else(
     installed.runpytest_subprocess(*how, *probes, "--libero-max-output=probed").assert_outcomes(passed=2)
     lines = (installed.path / "probed" / "pairs.jsonl").read_text().splitlines()
     probed = [json.loads(line) for line in lines[1:]]
+    ways: dict[str, list[float]] = {"base": [], "dynamic": []}
     for one, other in zip(plain, probed, strict=True):
         for name, arm in other["arms"].items():
             seen = arm["probes"]
+            ways[name].append(seen["fastest_move"]["way_m"])
             arm["probes"] = {"stages": seen["stages"]}
             assert 0.0 < seen["fastest_move"]["way_m"] < 0.2
             assert seen["contact_timeline"]["step"][0] == 0
             assert arm == one["arms"][name]
+    _, report = results("probed")
+    means = report["sections"]["Probes: means over pairs"]
+    assert means == {
+        f"fastest_move.way_m, {name}": pytest.approx(sum(seen) / len(seen)) for name, seen in ways.items()
+    }
+    assert "| fastest_move.way_m, base |" in (installed.path / "probed" / "report.md").read_text()
     wrong = installed.runpytest_subprocess(*how, "--libero-max-probe=fastest")
     assert wrong.ret == pytest.ExitCode.USAGE_ERROR
     wrong.stderr.fnmatch_lines(
@@ -151,12 +159,12 @@ def test_its_trigger_probe_and_stopping_rule_are_asked_for_by_name(
             "-k",
             "push",
             "--libero-max-program=program.json",
-            "--libero-max-stop=regressions:1",
+            "--libero-max-stop=outcomes:regression:1",
             *probes,
         )
         done.assert_outcomes(passed=2)
         lines, report = results()
-        assert report["provenance"]["stopping_rule"] == "regressions:1"
+        assert report["provenance"]["stopping_rule"] == "outcomes:regression:1"
         proofs.append([[arm["proof"] for arm in line["arms"].values()] for line in lines])
         for line in lines:
             (firing,) = line["arms"]["dynamic"]["firings"]
@@ -164,6 +172,17 @@ def test_its_trigger_probe_and_stopping_rule_are_asked_for_by_name(
     assert proofs[0] == proofs[1]  # a probe alters nothing
     for line in lines:
         assert all(arm["probes"]["fastest_move"]["way_m"] > 0 for arm in line["arms"].values())
+
+
+def test_its_stopping_rule_ends_a_run(installed: pytest.Pytester, results: Results) -> None:
+    done = installed.runpytest_subprocess(*RUN, "--libero-max-stop=outcomes:persistent_failure:1")
+    done.assert_outcomes(passed=1)
+    done.stdout.fnmatch_lines(["*ended by its stopping rule, which left out 3 of 4 pairs*"])
+    (_, stop), report = results()
+    assert stop["reason"] == report["pairs"]["stopped"]["reason"] == "1 pairs end as persistent_failure"
+    wrong = installed.runpytest_subprocess(*RUN, "--libero-max-stop=outcomes:regression")
+    assert wrong.ret == pytest.ExitCode.USAGE_ERROR
+    wrong.stderr.fnmatch_lines(["*give an outcome and a number, for example outcomes:regression:3*"])
 
 
 STRATEGY = """

@@ -58,7 +58,8 @@ The rules of a [diagnosis](../../report/README.md#causes) read them.
 
 ## Those that are asked for
 
-`--libero-max-probe=NAME` reads one more in every arm. Its columns are in the record's `probes`, by its name.
+`--libero-max-probe=NAME` reads one more in every arm. Its columns are in the record's `probes`, by its name;
+the means of its numbers are in the reports, by arm.
 For each that is asked after every step the world's digest is compared, 0.02 ms on the embedded substrate.
 
 {_table(others)}

@@ -126,17 +126,18 @@ class HandBelow(Trigger):
         return moment.step > 0 and float(moment.world.end_effector()[2]) < self.height_m
 
 
-class Regressions(StoppingRule):
-    """Stops a run at the N-th regression: ``regressions:N``."""
+class OutcomeCount(StoppingRule):
+    """Stops a run at the N-th pair of an outcome: ``outcomes:OUTCOME:N``."""
 
     def __init__(self, arguments: str) -> None:
-        if not arguments.isdigit():
-            raise ValueError("give a number of regressions, for example regressions:3")
-        self.left = int(arguments)
+        self.outcome, _, number = arguments.partition(":")
+        if not number.isdigit():
+            raise ValueError("give an outcome and a number, for example outcomes:regression:3")
+        self.number = self.left = int(number)
 
     def after(self, pair: PairRecord | PairError) -> str | None:
-        self.left -= isinstance(pair, PairRecord) and pair.outcome == "regression"
-        return None if self.left > 0 else "there are enough regressions"
+        self.left -= isinstance(pair, PairRecord) and pair.outcome == self.outcome
+        return None if self.left > 0 else f"{self.number} pairs end as {self.outcome}"
 
 
 HandState = tuple[float, tuple[float, ...]]
