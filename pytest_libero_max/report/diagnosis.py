@@ -119,6 +119,8 @@ class _Row:
     fell_m: float | None
     holding: bool
     away_m: float | None
+    away_old_m: float | None
+    strayed_m: float | None
     shift_m: float | None
     tilt_deg: float | None
     travel_m: float | None
@@ -245,7 +247,10 @@ class _Seen:
     def held_up(self) -> str:
         """A clause about a hand that was held up, or nothing."""
         number = int(self.stages["blocked_steps"])
-        by = " and ".join(f"the {_words(name, '')}" for name in self.stages["blocked_by"]) or "nothing"
+        by = (
+            " and ".join(f"the {_words(name, '')}" for name in self.stages["blocked_by"])
+            or "nothing that it touched"
+        )
         return f"; it was held up for {number} steps by {by}" if number >= _BLOCKED_STEPS else ""
 
     def after_event(self, text: str) -> str:
@@ -343,22 +348,27 @@ def _missed_moved_target(seen: _Seen) -> str | None:
 
 
 def _missed_moved_goal(seen: _Seen) -> str | None:
-    """The event moved the destination; the object was let go where that had been."""
+    """The event moved the destination; the object was let go, or held to the end, where that had been."""
     row, event = seen.row, seen.event
-    if (
-        event is None
-        or seen.mover is None
-        or not row.lost_open
-        or row.lost_m is None
-        or row.lost_old_m is None
-    ):
+    if event is None or seen.mover is None:
         return None
-    if row.lost_old_m >= row.lost_m:
-        return None
-    return (
+    begin = (
         f"{seen.goal.capitalize()} moved {_cm(seen.moved[seen.mover])} at step {event.step}; {seen.thing} "
-        f"was let go at step {row.lost_step}, {_cm(row.lost_m)} from it, where it had been before."
     )
+    if row.holding and _nearer(row.away_old_m, row.away_m):
+        return (
+            f"{begin}was still held at the end, {_cm(row.away_m)} from it and {_cm(row.away_old_m)} from "
+            f"where it had been before{seen.held_up}."
+        )
+    if row.lost_open and _nearer(row.lost_old_m, row.lost_m):
+        return (
+            f"{begin}was let go at step {row.lost_step}, {_cm(row.lost_m)} from it, where it had been before."
+        )
+    return None
+
+
+def _nearer(one: float | None, other: float | None) -> bool:
+    return one is not None and other is not None and one < other
 
 
 def _blocked_by_obstacle(seen: _Seen) -> str | None:
@@ -436,14 +446,21 @@ def _hit_obstacle(seen: _Seen) -> str | None:
 
 
 def _moved_goal(seen: _Seen) -> str | None:
-    """The robot pushed the destination 5 cm or more, or knocked it over."""
-    place, stages = seen.row.place or "", seen.stages
+    """The robot moved the destination 5 cm or more, or knocked it over."""
+    row, stages, place = seen.row, seen.stages, seen.row.place or ""
     for name, step, way in zip(*(stages[key] for key in ("moved", "moved_step", "moved_m")), strict=True):
         toppled = name in stages["toppled"]
         if (place == name or place.startswith(f"{name}_")) and (toppled or way >= _PUSHED_M):
             over = " and knocked over" if toppled else ""
             return seen.after_event(f"{seen.goal} was pushed {_cm(way)}{over}, from step {step} on.")
-    return None
+    if not row.lost_open or row.lost_m is None or row.away_m is None or row.strayed_m is None:
+        return None
+    if row.lost_m > _PUSHED_M or row.strayed_m > _MOVED_M or row.away_m - row.lost_m < _PUSHED_M:
+        return None
+    return seen.after_event(
+        f"{seen.thing} was let go at step {row.lost_step}, {_cm(row.lost_m)} from its place at {seen.goal}, "
+        f"which moved afterwards and ended {_cm(row.away_m)} from it."
+    )
 
 
 def _undone(seen: _Seen) -> str | None:
@@ -482,13 +499,9 @@ def _grasp_slipped(seen: _Seen) -> str | None:
     return None
 
 
-def _let_go(seen: _Seen, far: bool) -> str | None:
+def _let_go(seen: _Seen) -> str:
     row = seen.row
-    if not seen.lifted or row.lost_m is None:
-        return None
     fell = row.fell_m or 0.0
-    if far != (row.lost_m >= _FAR_FROM_GOAL_M or (fell >= _FALL_M and (row.away_m or 0.0) >= _FALL_M)):
-        return None
     down = f", {_cm(fell)} above where it ended" if fell >= _FALL_M else ""
     return seen.after_event(
         f"{seen.thing} was let go at step {row.lost_step}, {_cm(row.lost_m)} from {seen.goal}{down}; it "
@@ -497,13 +510,21 @@ def _let_go(seen: _Seen, far: bool) -> str | None:
 
 
 def _dropped(seen: _Seen) -> str | None:
-    """The fingers opened 15 cm or more from the destination, or 5 cm above where the object ended."""
-    return _let_go(seen, far=True)
+    """The fingers opened 5 cm or more above where the object ended, 5 cm or more from the destination."""
+    row = seen.row
+    falls = (row.fell_m or 0.0) >= _FALL_M and (row.away_m or 0.0) >= _FALL_M
+    return _let_go(seen) if seen.lifted and row.lost_m is not None and falls else None
+
+
+def _placed_elsewhere(seen: _Seen) -> str | None:
+    """The fingers put the object down 15 cm or more from the destination."""
+    far = seen.row.lost_m is not None and seen.row.lost_m >= _FAR_FROM_GOAL_M
+    return _let_go(seen) if seen.lifted and far else None
 
 
 def _placed_beside_goal(seen: _Seen) -> str | None:
     """The fingers opened near the destination, and the fact of the goal does not hold."""
-    return _let_go(seen, far=False)
+    return _let_go(seen) if seen.lifted and seen.row.lost_m is not None else None
 
 
 def _toppled_target(seen: _Seen) -> str | None:
@@ -611,6 +632,7 @@ _RULES: tuple[tuple[str, Callable[[_Seen], str | None]], ...] = tuple(
         _pushed_target,
         _grasp_slipped,
         _dropped,
+        _placed_elsewhere,
         _placed_beside_goal,
         _part_moved_too_little,
         _part_not_moved,

@@ -99,8 +99,11 @@ def dark(policy: Broken) -> bool:
     return not np.array_equal(policy.world.model.light_diffuse, policy.light)
 
 
-def beside(world: Any) -> Callable[[str], Any]:
-    return lambda name: world.position(name) + np.array([0.0, 0.08 if name == "plate_1" else 0.0, 0.0])
+def plate_is(off_m: float) -> Callable[[Any], Callable[[str], Any]]:
+    def tell(world: Any) -> Callable[[str], Any]:
+        return lambda name: world.position(name) + np.array([0.0, off_m if name == "plate_1" else 0.0, 0.0])
+
+    return tell
 
 
 def another(world: Any) -> Any:
@@ -169,7 +172,9 @@ IN_BASE: dict[str, tuple[str, Any, tuple[str, int]]] = {
     "noop": ("not_attempted", "noop", SPATIAL),
     "random": ("never_reached", "random", SPATIAL),
     "stops_early": ("froze", Broken(stops_early), SPATIAL),
-    "puts_it_beside": ("placed_beside_goal", Deceived(position=beside), SPATIAL),
+    "puts_it_beside": ("placed_beside_goal", Deceived(position=plate_is(0.08)), SPATIAL),
+    "puts_it_elsewhere": ("placed_elsewhere", Deceived(position=plate_is(-0.28)), SPATIAL),
+    "puts_it_on_a_closed_drawer": ("moved_goal", "stale_expert", ("libero_goal", 3)),
     "takes_another": ("wrong_object", Deceived(goal=another), SPATIAL),
     "grasps_beside": ("grasp_missed", Broken(plain, beside_m=0.07), OBJECT),
     "pulls_beside": ("part_not_moved", Broken(plain, beside_m=0.06), ("libero_goal", 0)),

@@ -86,7 +86,7 @@ class Track:
     lost_open: bool | None = None
     lost_m: float | None = None
     lost_old_m: float | None = None
-    lost_height_m: float = 0.0
+    lost_at: Point = ()
     travel: float = 0.0
 
 
@@ -144,6 +144,8 @@ _OF_GOAL = (
     _of_goal("fell_m", "float", "its height then above its height at the end", "m"),
     _of_goal("holding", "bool", "True if the fingers hold it at the end", optional=False),
     _of_goal("away_m", "float", "horizontal distance from its destination at the end", "m"),
+    _of_goal("away_old_m", "float", "that from where the destination was before a change", "m"),
+    _of_goal("strayed_m", "float", "horizontal distance from where it was let go, at the end", "m"),
     _of_goal(
         "shift_m", "float", "distance from where it rested at the start or after a change, at the end", "m"
     ),
@@ -380,7 +382,7 @@ def _lost(track: Track, view: View) -> Track:
         lost_open=any(step.action[-1] <= 0 for step in view.trajectory.executed[-_OPENING_STEPS:]),
         lost_m=_away_m(track, view.world, track.at),
         lost_old_m=None if old is None else math.hypot(track.at[0] - old[0], track.at[1] - old[1]),
-        lost_height_m=track.at[2],
+        lost_at=track.at,
     )
 
 
@@ -525,13 +527,17 @@ def _row(track: Track, state: State, view: View) -> dict[str, Any]:
     fact = track.fact
     satisfied = solved or (fact is not None and cast(PrivilegedWorld, world).holds(fact))
     first = track.satisfied_step
-    away = tilt = fell = shift = None
+    away = away_old = tilt = fell = shift = strayed = None
     if not track.part:
         at, up = _rest(world, track.entity)
         away = _away_m(track, world, at)
+        if track.old_place is not None:
+            away_old = math.hypot(at[0] - track.old_place[0], at[1] - track.old_place[1])
         start = next((up for name, _, up in state.objects if name == track.entity), None)
         tilt = None if start is None else round(_tilt_deg(up, start), 1)
-        fell = None if track.lost_step is None else _metres(track.lost_height_m - at[2])
+        if track.lost_step is not None:
+            fell = _metres(track.lost_at[2] - at[2])
+            strayed = _metres(math.hypot(at[0] - track.lost_at[0], at[1] - track.lost_at[1]))
         shift = _metres(distance_m(np.array(at), np.array(track.rest)))
     hinged = fact is not None and track.part and _is_hinged(cast(PrivilegedWorld, world), fact)
     return {
@@ -551,6 +557,8 @@ def _row(track: Track, state: State, view: View) -> dict[str, Any]:
         "fell_m": fell,
         "holding": track.held and track.lifted,
         "away_m": _metres(away),
+        "away_old_m": _metres(away_old),
+        "strayed_m": strayed,
         "shift_m": shift,
         "tilt_deg": tilt,
         "travel_m": _metres(track.travel) if track.part and not hinged else None,
