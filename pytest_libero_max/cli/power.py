@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.errors import OptionError
+
 if TYPE_CHECKING:
+    from pytest_libero_max.report.writers.power_text import Expectation
+
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
     """Add ``power`` to the parser."""
     power = commands.add_parser(
-        "power", help="Changes that each track can resolve, and number of pairs that a change needs"
+        "power", help="Changes that each track resolves, pairs that a change needs, how often a gate passes"
     )
     known = power.add_mutually_exclusive_group(required=True)
     known.add_argument(
@@ -33,6 +38,23 @@ def add_command(commands: Commands) -> None:
         metavar="CHANGE",
         help="A paired change to resolve, for example -0.05, or 0.05 for a gain",
     )
+    power.add_argument(
+        "--gate",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="Probability that this gate passes, by the true loss; for one against another run, --base is "
+        "the Dynamic success of that run, which need not exist; may be repeated",
+    )
+    size = power.add_mutually_exclusive_group()
+    size.add_argument("--track", metavar="NAME", help="Track that the gate is decided on (default: smoke)")
+    size.add_argument("--pairs", type=int, metavar="N", help="Number of pairs that it is decided on")
+    power.add_argument(
+        "--loss",
+        type=float,
+        metavar="RATE",
+        help="Share of pairs that the effect to be found loses, with those lost by chance (default: several)",
+    )
     power.set_defaults(run=_power)
 
 
@@ -47,4 +69,28 @@ def _power(options: argparse.Namespace) -> None:
             Expectation("overall", options.base, options.gain),
             Expectation("one event", options.base, options.gain),
         )
+    if options.gate:
+        print("\n\n".join("\n".join(lines) for lines in _gate_plans(options, expected[0])))
+        return
+    _refuse_without_gate(options)
     print("\n".join(power_lines(expected, options.change)))
+
+
+def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[list[str]]:
+    from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.report.gates import parse_gates
+    from pytest_libero_max.report.writers.gate_plan_text import gate_plan_lines
+    from pytest_libero_max.runs.plan import PlannedPair
+
+    pairs = options.pairs
+    if pairs is not None and pairs < 1:
+        raise OptionError.seen("pairs", pairs, ", but a gate needs at least one pair.")
+    planned = pairs or tuple(map(PlannedPair.of, load_track(options.track or "smoke")))
+    for gate in parse_gates(options.gate):
+        yield gate_plan_lines(gate, planned, expected.base, expected.gain, options.loss)
+
+
+def _refuse_without_gate(options: argparse.Namespace) -> None:
+    for name in ("track", "pairs", "loss"):
+        if getattr(options, name) is not None:
+            raise OptionError(f"--{name} plans a gate, but there is no --gate. Add one, or leave it out.")

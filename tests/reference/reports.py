@@ -54,8 +54,8 @@ These can be decided in an incomplete run. `invalid` and `missing` are of the wh
 
 ### Against another run
 
-For example `regressions_vs(reports/v1) <= 3`. The other run is the first of the comparison, the present run
-the second.
+For example `dynamic_sr_vs(reports/v1).lower >= -5%`, or the condition `equivalent_vs(reports/v1, 5%)`. The
+other run is the first of the comparison, the present run the second.
 
 {_versus(comparison)}
 

@@ -45,22 +45,24 @@ class Expectation:
 
 
 def expectations_of(report: Report) -> tuple[Expectation, ...]:
-    """Return expectations from an earlier run, overall and for each event it played.
+    """Return what an earlier run lets one expect, overall and for each event that it played.
 
-    The fewer of its gains and regressions are taken as chance.
+    Of its gains and regressions the fewer are what chance does. Their share of all pairs is not taken as
+    exact: it is the upper end of a one-sided 95% interval (Clopper and Pearson), the same for every event.
 
     Raises:
         OptionError: A number cannot be.
     """
-    blocks = {"overall": report.overall, **report.by["event"]}
+    from scipy import stats
+
+    overall = report.overall
+    flips = min(overall.outcomes.change_associated_success, overall.outcomes.regression)
+    most = float(stats.beta.ppf(0.95, flips + 1, overall.played - flips)) if flips < overall.played else 1.0
+    blocks = {"overall": overall, **report.by["event"]}
     return tuple(
-        Expectation(
-            name,
-            block.base_success.value or 0.0,
-            min(block.outcomes.change_associated_success, block.outcomes.regression) / block.played,
-        )
+        Expectation(name, rate, min(most, 1 - rate))
         for name, block in blocks.items()
-        if block.played
+        if block.played and (rate := block.base_success.value) is not None
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.writers.power_text import Expectation, expectations_of, power_lines
-from tests.report.made_up import PROVENANCE, plain, plan, records_of
+from tests.report.made_up import PROVENANCE, plain, plan, record_of, records_of
 
 POWER = """\
 Smallest loss (percentage points) that the exact McNemar test resolves at level 0.05,
@@ -39,7 +39,11 @@ def test_an_earlier_run_gives_the_expectations() -> None:
     assert expected[0].base == plain(report)["overall"]["base_success"]["value"]
     outcomes = plain(report)["overall"]["outcomes"]
     fewer = min(outcomes["change_associated_success"], outcomes["regression"])
-    assert expected[0].gain == fewer / len(pairs)
+    assert fewer / len(pairs) < expected[0].gain < fewer / len(pairs) + 0.08
+    perfect = build_report([record_of(pair, True, True) for pair in pairs[::2]], [], pairs[::2], PROVENANCE)
+    assert expectations_of(perfect)[0].gain == 0.0  # no pair fails in Base
+    failing = build_report([record_of(pair, False, False) for pair in pairs], [], pairs, PROVENANCE)
+    assert expectations_of(failing)[0].gain == pytest.approx(1 - 0.05 ** (1 / len(pairs)))
     assert expectations_of(build_report([], [], pairs, PROVENANCE)) == ()
 
 

@@ -1,0 +1,139 @@
+"""Gates before anything is played: probabilities that one passes, by the true loss of the policy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.stats.gate_power import (
+    Chances,
+    Counts,
+    chance_by_task,
+    chance_of_count,
+    chance_of_losses,
+)
+from pytest_libero_max.stats.intervals import CONFIDENCE, wilson
+from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.paired_difference import exact
+
+SIZES = (8, 16, 32, 64, 100, 200, 400, 800, 1600, 3200, 8000)
+"""Numbers of pairs that are tried for those at which a gate is of use."""
+
+FALSE_ALARM = 0.05
+"""Largest probability that a gate of use fails a policy without an effect."""
+
+MISS = 0.2
+"""Largest probability that a gate of use passes a policy with the effect that it is to find."""
+
+_COUNTS = {"regressions": "loss", "regressions_vs": "loss", "gains": "gain", "gains_vs": "gain"}
+_DIFFERENCES = ("delta", "dynamic_sr_vs")
+
+PLANNED = (
+    *_DIFFERENCES,
+    "delta.clustered",
+    EQUIVALENT,
+    *_COUNTS,
+    "base_sr",
+    "dynamic_sr",
+    "trigger_coverage",
+)
+"""Quantities of gates that can be planned."""
+
+
+def chance_of_passing(gate: Gate, pairs: int, chances: Chances, planned: Sequence[PlannedPair] = ()) -> float:
+    """Return the probability that a gate passes.
+
+    Args:
+        gate: The gate, with a limit.
+        pairs: Number of pairs that it is decided on.
+        chances: Probabilities of the outcomes of a pair.
+        planned: These pairs, for a quantity by task.
+
+    Raises:
+        OptionError: The gate cannot be planned.
+    """
+    if gate.name not in PLANNED or gate.operator in ("==", "!="):
+        raise OptionError.seen(
+            "gate",
+            gate.text,
+            f" cannot be planned. What can: limits (>=, >, <=, <) for {', '.join(PLANNED)}.",
+        )
+    if gate.name == EQUIVALENT:
+        margin = float(gate.threshold)
+        lower, upper = (_end(pairs, end, EQUIVALENCE_CONFIDENCE) for end in ("lower", "upper"))
+        return chance_of_losses(
+            pairs,
+            chances,
+            begins=lambda gains, losses: upper(gains, losses) < margin,
+            ends=lambda gains, losses: lower(gains, losses) <= -margin,
+        )
+    if gate.name in _DIFFERENCES:
+        value = _end(pairs, gate.end, CONFIDENCE)
+
+        def met(gains: Counts, losses: Counts) -> NDArray[np.bool_]:
+            found = value(gains, losses).tolist()
+            return np.array([meets(gate, one) for one in found], dtype=np.bool_)
+
+        if gate.operator in ("<=", "<"):
+            return chance_of_losses(pairs, chances, begins=met)
+        return chance_of_losses(pairs, chances, ends=lambda gains, losses: ~met(gains, losses))
+    if gate.name == "delta.clustered":
+        return _chance_by_task(gate, chances, planned)
+    if gate.name in _COUNTS:
+        return chance_of_count(pairs, getattr(chances, _COUNTS[gate.name]), lambda count: meets(gate, count))
+    rate = chances.base if gate.name == "base_sr" else chances.base - chances.loss + chances.gain
+    return chance_of_count(pairs, rate, lambda count: _rate_meets(gate, count, pairs))
+
+
+def _chance_by_task(gate: Gate, chances: Chances, planned: Sequence[PlannedPair]) -> float:
+    if not planned:
+        raise OptionError.seen("gate", gate.text, " is by task: give --track, whose tasks are known.")
+    if gate.end is None:
+        raise OptionError.seen("gate", gate.text, " has no end. Write delta, or delta.clustered.lower.")
+    tasks, sources = [pair.task for pair in planned], [pair.source for pair in planned]
+    at = ("lower", "upper").index(gate.end)
+    return chance_by_task(tasks, sources, chances, lambda *ends: meets(gate, ends[at]))
+
+
+def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> list[int]:
+    """Return the numbers of pairs, of :data:`SIZES`, at which a gate tells a loss from none.
+
+    There a policy without an effect fails with at most :data:`FALSE_ALARM`, and one that loses so much passes
+    with at most :data:`MISS`.
+
+    Args:
+        gate: The gate; not one by task.
+        base: Base success rate.
+        chance: Share of pairs lost, and gained, by chance alone.
+        loss: Share of pairs lost by the effect and by chance.
+    """
+    alike, hurt = Chances(base, chance, chance), Chances(base, loss, chance)
+    return [
+        pairs
+        for pairs in SIZES
+        if chance_of_passing(gate, pairs, hurt) <= MISS
+        and chance_of_passing(gate, pairs, alike) >= 1 - FALSE_ALARM
+    ]
+
+
+def _end(pairs: int, end: str | None, confidence: float) -> Callable[[Counts, Counts], NDArray[np.float64]]:
+    """Return a function of gains and losses: their difference, or an end of its interval."""
+
+    def value(gains: Counts, losses: Counts) -> NDArray[np.float64]:
+        if end is None:
+            return (gains - losses) / pairs
+        return np.round(exact(losses, gains, np.full_like(gains, pairs), confidence)[end == "upper"], 9)
+
+    return value
+
+
+def _rate_meets(gate: Gate, count: int, pairs: int) -> bool:
+    ratio = Ratio(count, pairs)
+    interval = wilson(ratio)
+    assert interval is not None
+    return meets(gate, count / pairs if gate.end is None else getattr(interval, gate.end))

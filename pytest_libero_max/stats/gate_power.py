@@ -1,0 +1,134 @@
+"""Probability that a condition on the outcomes holds, before any pair is played.
+
+Pairs are independent and alike: each is kept, lost, gained or failed with given probabilities. The exact
+distribution of the counts is summed over, and the intervals are those of reports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.stats.clusters import task_interval
+from pytest_libero_max.stats.paired_difference import paired_difference
+
+Counts = NDArray[np.int64]
+Begins = Callable[[Counts, Counts], NDArray[np.bool_]]
+"""Tells for arrays of gains and losses whether something holds; more losses can only begin it."""
+
+DRAWS = 400
+"""Simulated runs where tasks are resampled: a probability of 95% is then known to 2 points."""
+
+_REST = 1e-7
+"""Probability that may be left out of a sum at each end."""
+
+
+@dataclass(frozen=True)
+class Chances:
+    """Probabilities of the outcomes of a pair.
+
+    Attributes:
+        base: Success in Base; against another run, Dynamic success of that run.
+        loss: Base succeeds and Dynamic fails; against another run, that run succeeds and this one fails.
+        gain: Base fails and Dynamic succeeds; against another run, that run fails and this one succeeds.
+
+    Raises:
+        OptionError: A pair cannot have them.
+    """
+
+    base: float
+    loss: float
+    gain: float
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.loss <= self.base <= 1 and 0 <= self.gain <= 1 - self.base + 1e-12):
+            raise OptionError(
+                f"base={self.base:g}, loss={self.loss:g} and gain={self.gain:g}, but only what succeeds in "
+                "Base can be lost (loss <= base), and only what fails can be gained (gain <= 1 - base)."
+            )
+
+
+def chance_of_losses(
+    pairs: int, chances: Chances, begins: Begins | None = None, ends: Begins | None = None
+) -> float:
+    """Return the probability that gains and losses lie where one thing has begun and another has not.
+
+    For each number of gains the losses at which they begin are found by bisection.
+
+    Args:
+        pairs: Number of pairs.
+        chances: Probabilities of a loss and a gain.
+        begins: Holds for enough losses; None where none are too few.
+        ends: Holds for too many losses; None where none are.
+    """
+    gains, mass = _range(pairs, chances.gain)
+    trials = pairs - gains
+    share = min(1.0, chances.loss / (1 - chances.gain)) if chances.gain < 1 else 0.0
+    low, high = (
+        alone if edge is None else stats.binom.cdf(_first(gains, trials, edge) - 1, trials, share)
+        for edge, alone in ((begins, 0.0), (ends, 1.0))
+    )
+    return float(np.clip((mass * np.maximum(high - low, 0.0)).sum(), 0.0, 1.0))
+
+
+def chance_of_count(pairs: int, rate: float, holds: Callable[[int], bool]) -> float:
+    """Return the probability of a condition on the number of pairs that have something.
+
+    Args:
+        pairs: Number of pairs.
+        rate: Probability that a pair has it.
+        holds: Called with a count.
+    """
+    counts, mass = _range(pairs, rate)
+    return float(mass[[holds(count) for count in counts.tolist()]].sum())
+
+
+def chance_by_task(
+    tasks: Sequence[str],
+    sources: Sequence[str],
+    chances: Chances,
+    holds: Callable[[float, float], bool],
+    draws: int = DRAWS,
+) -> float:
+    """Return the share of simulated runs whose interval by task meets a condition.
+
+    Args:
+        tasks: Task of each pair. Losses and gains fall on the pairs of all tasks alike.
+        sources: Source of each pair.
+        chances: Probabilities of a loss and a gain.
+        holds: Called with both ends of the interval; a run without an interval does not meet it.
+        draws: Number of runs. They are drawn with a fixed seed.
+    """
+    random, n = np.random.default_rng(2026), len(tasks)
+    labels, strata = (np.unique(np.asarray(names), return_inverse=True)[1] for names in (tasks, sources))
+    met = 0
+    for _ in range(draws):
+        draw = random.random(n)
+        differences = (draw > 1 - chances.gain).astype(np.int64) - (draw < chances.loss)
+        losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
+        found = task_interval(differences, labels, strata, paired_difference(losses, gains, n)).interval
+        met += found is not None and holds(found.lower, found.upper)
+    return met / draws
+
+
+def _first(gains: Counts, trials: Counts, begins: Begins) -> Counts:
+    """Return the least losses at which something holds, or one more than there can be."""
+    low, high = np.full_like(gains, -1), trials + 1
+    while (open_ := high - low > 1).any():
+        middle = np.where(open_, (low + high) // 2, np.clip(low, 0, trials))
+        held = begins(gains, middle)
+        high = np.where(open_ & held, middle, high)
+        low = np.where(open_ & ~held, middle, low)
+    return high
+
+
+def _range(pairs: int, rate: float) -> tuple[Counts, NDArray[np.float64]]:
+    """Return the counts with a probability to speak of, and their probabilities."""
+    first, last = stats.binom.ppf(_REST, pairs, rate), stats.binom.isf(_REST, pairs, rate)
+    counts = np.arange(max(0, int(first)), min(pairs, int(last)) + 1)
+    return counts, stats.binom.pmf(counts, pairs, rate)
