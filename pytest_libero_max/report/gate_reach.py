@@ -25,6 +25,8 @@ from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.stats.paired_difference import paired_difference
 
 _CURE = "Gate more pairs, a wider limit, or the estimate; libero-max power --gate says what can be met."
+_MANY = 10_000
+"""More stale actions than an episode has steps."""
 
 
 def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
@@ -91,7 +93,8 @@ def _met(gate: Gate, pairs: Pairs) -> bool:
 def _extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:
     """Outcomes at the ends of what can be: all or few Base successes, all or none kept, a change a task.
 
-    Base succeeds in as many pairs at least as a gate on a change needs.
+    Base succeeds in as many pairs at least as a gate on a change needs. Then, with one outcome: many stale
+    actions, no query after the event, and no event.
     """
     n, tasks = len(planned), [pair.task for pair in planned]
     few = np.arange(n) < np.ceil(FLOOR_BASE_RATE * n)
@@ -107,13 +110,17 @@ def _extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:
         (every, ~first),
         (~first, every),
     ]
-    for base, dynamic in outcomes:
+    stale = np.zeros(n, dtype=np.int64)
+    exposures = [(every, every, stale)] * len(outcomes)
+    outcomes += [(every, every)] * 3
+    exposures += [(every, every, stale + _MANY), (every, none, stale), (none, none, stale - 1)]
+    for (base, dynamic), (triggered, responded, actions) in zip(outcomes, exposures, strict=True):
         yield Pairs.of(
             base=base,
             dynamic=dynamic,
-            triggered=every,
-            responded=every,
-            stale=np.zeros(n, dtype=np.int64),
+            triggered=triggered,
+            responded=responded,
+            stale=actions,
             source=[pair.source for pair in planned],
             task=tasks,
         )

@@ -13,7 +13,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
-from pytest_libero_max.report.gate_reach import require_reachable_vs
+from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import (
     OPERATORS,
     evaluate_gate,
@@ -385,3 +385,17 @@ def test_a_difference_that_no_outcome_reaches_is_refused() -> None:
     for text in ("dynamic_sr_vs(old).lower >= -12%", "equivalent_vs(old, 12%)", "regressions_vs(old) <= 3"):
         require_reachable_vs(parse_gate(text), alike)
     require_reachable_vs(parse_gate("dynamic_sr_vs(old).lower >= -5%"), alike * 25)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "stale_mean > 3",
+        "stale_median >= 20",
+        "trigger_coverage < 1",
+        "response_coverage <= 50%",
+        "stale_mean < 1",
+    ],
+)
+def test_a_gate_on_stale_actions_or_coverage_is_one_that_can_hold(text: str) -> None:
+    require_reachable(parse_gate(text), plan())
