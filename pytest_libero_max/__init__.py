@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         play_prefix,
         return_to,
     )
-    from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+    from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
     from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.report.build import build_report
@@ -152,7 +152,7 @@ _TO_EXTEND = {
     "report.stopping_rule": ("StoppingRule",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
-    "policies.clients.protocols": ("ServerProtocol", "Opening"),
+    "policies.clients.protocol": ("ServerProtocol", "Opening"),
 }
 """Names for packages that add something, by the module that defines them."""
 

@@ -32,6 +32,15 @@ def canonical_digest(value: Any) -> str:
     return hashlib.sha256(canonical_json(value).encode()).hexdigest()
 
 
+def printable(text: str) -> str:
+    """Return a line of text in which every control or format character is spelled, for example ``\\x1b``.
+
+    Names come from files of others. On a terminal an escape sequence in one would move the cursor or hide
+    text, and a line end would begin a line of its own.
+    """
+    return text if text.isprintable() else "".join(map(_spelled, text))
+
+
 def read_content(path: Path) -> bytes:
     """Return the bytes of a file, unpacked where its name ends in ``.gz``.
 
@@ -51,6 +60,10 @@ def read_content(path: Path) -> bytes:
     except (EOFError, zlib.error) as error:
         raise OSError(f"{path}: {error}") from error
     return unpacked.getvalue()
+
+
+def _spelled(letter: str) -> str:
+    return letter if letter.isprintable() else letter.encode("unicode_escape").decode()
 
 
 def refuse_constant(name: str) -> float:

@@ -82,7 +82,6 @@ class ShiftCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> ShiftCamera:
@@ -211,7 +210,6 @@ class OrbitCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> OrbitCamera:
@@ -300,7 +298,6 @@ class PlaceCamera(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the camera where it was before."""
         return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PlaceCamera:

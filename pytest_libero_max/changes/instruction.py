@@ -45,12 +45,10 @@ class SetInstruction(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the words that were given before."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
     def scaled(self, strength: float) -> SetInstruction | Nothing:
-        """Return the instruction at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -95,12 +93,10 @@ class SetTask(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the task that was given before."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
     def scaled(self, strength: float) -> SetTask | Nothing:
-        """Return the task at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 

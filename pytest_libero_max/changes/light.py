@@ -73,7 +73,6 @@ class SetLighting(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lighting(world))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the lamps as they were, without the brightness of the images."""
         check_evidence(self, evidence)
         rows = altered_rows(evidence, {field: field for field in LIGHT_FIELDS})
         return Reversal(self.operation, self.factors, rows=rows, filters=added_filters(evidence))
@@ -152,7 +151,6 @@ class SetLamps(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lamps(world))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the lamps as they were."""
         check_evidence(self, evidence)
         rows = altered_rows(evidence, {field: field for field in _LAMP_FIELDS})
         return Reversal(self.operation, self.factors, rows=rows)

@@ -84,7 +84,6 @@ class SetVisualTheme(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the colours as they were."""
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> SetVisualTheme:
@@ -142,11 +141,9 @@ class SetTexture(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the texture that the material showed before."""
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> SetTexture | Nothing:
-        """Return the texture at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -194,11 +191,9 @@ class CoverEntity(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the entity's own textures and colours."""
         return _material_reversal(self, evidence)
 
     def scaled(self, strength: float) -> CoverEntity | Nothing:
-        """Return the cover at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 

@@ -24,7 +24,6 @@ class Nothing(ManifestFields):
         return Evidence(self.operation, (), {}, {})
 
     def reverted(self, evidence: Evidence) -> Nothing:
-        """Nothing, again."""
         check_evidence(self, evidence)
         return self
 

@@ -214,7 +214,6 @@ class SetSensorCorruption(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
@@ -275,7 +274,6 @@ class CorruptPicture(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
@@ -322,7 +320,6 @@ class SetGlare(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the images without this filter."""
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 

@@ -97,7 +97,6 @@ class MoveObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the entity back at where it was, in its former orientation, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> MoveObject:
@@ -154,11 +153,9 @@ class RemoveObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the object back in the scene where it was, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> RemoveObject | Nothing:
-        """Return the removal at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -216,11 +213,9 @@ class InsertObstacle(Placement):
         return _insert(world, self.operation, [self])
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the object out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertObstacle | Nothing:
-        """Return the insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -267,11 +262,9 @@ class InsertDistractors(ManifestFields):
         return _insert(world, self.operation, self.placements)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the objects out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> InsertDistractors | Nothing:
-        """Return the insertion at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -342,11 +335,9 @@ class PutObject(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"parked": former})
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the object back at where it was, at rest, or out of the scene again."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> PutObject | Nothing:
-        """Return the move at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
@@ -392,7 +383,6 @@ class TurnObject(ManifestFields):
         )
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the entity back at where it was, in its former orientation, at rest."""
         return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> TurnObject:

@@ -64,7 +64,6 @@ class OffsetArm(ManifestFields):
         return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the arm back at the joint positions that it had, at rest; the controller holds it there."""
         check_evidence(self, evidence)
         former = tuple(evidence.before["joint_pos_rad"])
         moved = evidence.before["joint_pos_rad"] != evidence.after["joint_pos_rad"]

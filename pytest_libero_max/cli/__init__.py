@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.errors import LiberoMaxError
 
 COMMANDS = (
@@ -76,7 +77,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         return int(options.run(options) or 0)
     except LiberoMaxError as error:
-        print(f"libero-max: {error}", file=sys.stderr)
+        print("\n".join(map(printable, f"libero-max: {error}".splitlines())), file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         work = getattr(options, "work", None)

@@ -22,8 +22,10 @@ def add_command(commands: Commands) -> None:
     )
     check.add_argument("policy", metavar="POLICY", help="As for pytest --libero-max-policy")
     check.add_argument("--profile", metavar="NAME|PATH", help="As for pytest --libero-max-profile")
-    check.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H")
-    check.add_argument("--query-interval", type=int, metavar="ACTIONS", help="Override Q")
+    check.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H (chunk size)")
+    check.add_argument(
+        "--query-interval", type=int, metavar="ACTIONS", help="Override Q (execution horizon, replan steps)"
+    )
     check.add_argument(
         "--substrate",
         default="embedded",

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say
+
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -46,4 +48,4 @@ def _compare(options: argparse.Namespace) -> None:
         write_text(options.json, report_json(comparison))
     if options.output:
         write_comparison(comparison, options.output, common_cases(runs, options.restrict))
-    print("\n".join(comparison_lines(comparison, options.flips)))
+    say(comparison_lines(comparison, options.flips))

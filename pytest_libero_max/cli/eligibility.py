@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import add_classification, add_substrate, catalogue_of
+from pytest_libero_max.cli.terminal import say
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -24,4 +25,4 @@ def add_command(commands: Commands) -> None:
 def _eligibility(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.configurations import eligibility_lines
 
-    print("\n".join(eligibility_lines(catalogue_of(options))))
+    say(eligibility_lines(catalogue_of(options)))

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def _gate(options: argparse.Namespace) -> int:
     failed = [verdict for verdict in verdicts if not verdict.passed]
     counts = report_of(stored).pairs
     if not ended_as_declared(counts):
-        print(f"{incomplete_text(counts)} Exit status {INCOMPLETE}.")
+        say([f"{incomplete_text(counts)} Exit status {INCOMPLETE}."])
         return INCOMPLETE
     if failed:
         print(f"Exit status {GATE_FAILED}: {len(failed)} of {len(gates)} gates do not hold.")

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def _plan(options: argparse.Namespace) -> None:
         if cases is None:
             raise OptionError.seen("--shards", options.shards, " also needs --track or --manifest.")
         lines += shard_lines(stored, cases, options.shards)
-    print("\n".join(lines))
+    say(lines)
 
 
 def _cases(options: argparse.Namespace) -> Sequence[Case] | None:

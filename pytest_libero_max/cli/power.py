@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -70,10 +71,10 @@ def _power(options: argparse.Namespace) -> None:
             Expectation("one event", options.base, options.gain),
         )
     if options.gate:
-        print("\n\n".join("\n".join(lines) for lines in _gate_plans(options, expected[0])))
+        say(line for plan in _gate_plans(options, expected[0]) for line in plan)
         return
     _refuse_without_gate(options)
-    print("\n".join(power_lines(expected, options.change)))
+    say(power_lines(expected, options.change))
 
 
 def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[list[str]]:
@@ -86,8 +87,9 @@ def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[
     if pairs is not None and pairs < 1:
         raise OptionError.seen("pairs", pairs, ", but a gate needs at least one pair.")
     planned = pairs or tuple(map(PlannedPair.of, load_track(options.track or "smoke")))
-    for gate in parse_gates(options.gate):
-        yield gate_plan_lines(gate, planned, expected.base, expected.gain, options.loss)
+    for number, gate in enumerate(parse_gates(options.gate)):
+        lines = gate_plan_lines(gate, planned, expected.base, expected.gain, options.loss)
+        yield ["", *lines] if number else lines
 
 
 def _refuse_without_gate(options: argparse.Namespace) -> None:

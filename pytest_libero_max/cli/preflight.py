@@ -13,6 +13,7 @@ from pytest_libero_max.cli.arguments import (
     substrate_options,
     tell,
 )
+from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.cli.work import Work
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def _preflight(options: argparse.Namespace) -> None:
     where = options.substrate, substrate_options(options)
     with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:
         found = examiner.examine(cases)
-        print("\n".join(preflight_lines(found)), flush=True)
+        say(preflight_lines(found))
         if options.expert is not None:
             passed = [case for case in cases if found[case.case_id].passed]
-            print("\n".join(["", *certificate_lines(examiner.certify(passed, options.expert))]))
+            say(["", *certificate_lines(examiner.certify(passed, options.expert))])

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say
+
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -37,4 +39,4 @@ def _recovery(options: argparse.Namespace) -> None:
     recovery = recovery_of(options.folders, options.restrict)
     if options.json:
         write_text(options.json, report_json(recovery))
-    print("\n".join(recovery_lines(recovery)))
+    say(recovery_lines(recovery))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import add_substrate, manifest_of, substrate_options
+from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -41,13 +42,13 @@ def _show(options: argparse.Namespace) -> None:
     if options.pictures is not None and options.case is None:
         raise OptionError("--pictures shows the event of one case: give TRACK and CASE as well.")
     if options.cases is None:
-        print("\n".join(overview_lines(FOLDER)))
+        say(overview_lines(FOLDER))
         return
     manifest = manifest_of(options.cases)
     if options.json:
         print(manifest.to_json(), end="")
     elif options.case is None:
-        print("\n".join(manifest_lines(manifest)))
+        say(manifest_lines(manifest))
     else:
         _show_case(options, manifest)
 
@@ -60,7 +61,7 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
 
     case, name = find_case(manifest, options.case), options.cases
     certificates = {} if is_manifest_path(name) else read_certificates(track_path(name).parent)
-    print("\n".join(case_lines(case, certificates)))
+    say(case_lines(case, certificates))
     if options.pictures is None:
         return
     substrate = open_substrate(options.substrate, substrate_options(options))
@@ -68,4 +69,4 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
         paths = write_event_pictures(options.pictures, substrate.world(case), case, options.size)
     finally:
         substrate.close()
-    print("\n".join(f"Written: {path}" for path in paths))
+    say(f"Written: {path}" for path in paths)

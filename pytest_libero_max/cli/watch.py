@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -57,19 +58,19 @@ def _watch(options: argparse.Namespace) -> int:
         live = LiveText(sys.stdout) if understands_sequences(sys.stdout) else None
         pace = Pace(time.monotonic())
         if live is None and any(map(_goes_on, seen)):
-            print("\n".join(_lines(seen)), flush=True)
+            say(_lines(seen))
         try:
             while any(map(_goes_on, seen)):
                 if live is not None:
                     live.draw(_lines(seen))
                 elif pace.due(time.monotonic()):
-                    print(_lines(seen)[-1] if len(seen) > 1 else _line(seen[0]), flush=True)
+                    say([_lines(seen)[-1] if len(seen) > 1 else _line(seen[0])])
                 time.sleep(options.interval)
                 seen = [follower.look() for follower in followers]
         finally:
             if live is not None:
                 live.erase()
-    print("\n".join(_lines(seen)))
+    say(_lines(seen))
     return max(map(_exit_status, seen))
 
 

@@ -72,8 +72,8 @@ class Cadence:
     """Frequency of queries.
 
     Attributes:
-        query_interval: Q, the actions executed before the next query.
-        horizon: H, the most actions a query may return; None for the policy's own.
+        query_interval: Q (execution horizon, replan steps), the actions executed before the next query.
+        horizon: H (chunk size), the most actions a query may return; None for the policy's own.
     """
 
     query_interval: int

@@ -218,9 +218,12 @@ OPTIONS = (
         default=(),
         many=True,
     ),
-    Option("horizon", "ACTIONS", "Override H, the most actions a query returns", read.positive),
+    Option("horizon", "ACTIONS", "Override H (chunk size), the most actions a query returns", read.positive),
     Option(
-        "query-interval", "ACTIONS", "Override Q, the actions executed before the next query", read.positive
+        "query-interval",
+        "ACTIONS",
+        "Override Q (execution horizon, replan steps), the actions executed before the next query",
+        read.positive,
     ),
     Option(
         "restore",

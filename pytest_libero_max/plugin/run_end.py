@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import pytest
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.plugin.collection import only_lists
 from pytest_libero_max.plugin.options import Settings
@@ -190,7 +190,7 @@ class RunEnd:
             terminalreporter.section("libero-max")
         for line in self.lines:
             colour = colour_of(line)
-            terminalreporter.write_line(line, **({colour: True} if colour else {}))
+            terminalreporter.write_line(printable(line), **({colour: True} if colour else {}))
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:
@@ -200,10 +200,13 @@ def _few_lines(notes: Sequence[str]) -> list[str]:
 
 
 def _append_step_summary(markdown: Path, gates: list[str]) -> None:
+    from pytest_libero_max.report.writers.markdown import markdown_text
+
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     if summary:
         with open(summary, "a", encoding="utf-8") as file:
-            file.write(markdown.read_text(encoding="utf-8") + "".join(f"\n- {line}" for line in gates) + "\n")
+            listed = "".join(f"\n- {markdown_text(line)}" for line in gates)
+            file.write(f"{markdown.read_text(encoding='utf-8')}{listed}\n")
 
 
 def _relative(path: Path, start: Path) -> Path:

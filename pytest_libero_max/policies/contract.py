@@ -32,8 +32,9 @@ class PolicySpec:
 
     Attributes:
         name: Shown in reports.
-        horizon: H, the most actions a query may return.
-        query_interval: Q, how many of them are executed before the next query; at most H.
+        horizon: H (chunk size), the most actions a query may return.
+        query_interval: Q (execution horizon, replan steps), the actions executed before the next query; at
+            most H.
         cameras: The images it wants in every observation. None are rendered for an empty tuple.
         image_size: Side of square images, or height and width, pixels.
         privileged: True if it reads the simulator's state through ``episode.world``.

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pytest_libero_max.benchmark.manifests import parse_manifest
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.events.registry import check_cases
+from pytest_libero_max.pairing.prefix import PrefixMode
+from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
@@ -38,60 +47,134 @@ def test_fork_and_replay_measure_the_same_pair_with_images_at_every_query(event:
     assert fork.record.dynamic_digest != fork.record.base_digest
 
 
+NAMED = {"event": "value"}
+"""The entity that the event's own trigger names."""
+
 SWITCH = {
     "operation": "set_task",
     "instruction": "pick up the tomato sauce and place it in the basket",
     "goal": [["in", "tomato_sauce_1", "basket_1_contain_region"]],
 }
-PROGRAM = {
-    "name": "many",
-    "arms": [
-        {
-            "name": "dynamic",
-            "schedule": [
-                {"trigger": "event", "change": "event"},
-                {"trigger": {"type": "steps_after", "steps": 5}, "reverts": 0},
-            ],
-        },
-        {"name": "reset", "schedule": [{"trigger": {"type": "at_start"}, "change": "event"}]},
-        {
-            "name": "later",
-            "schedule": [
-                {"trigger": {"type": "after_grasp", "value": {"event": "value"}}, "change": "event"},
-            ],
-        },
-        {"name": "switched", "schedule": [{"trigger": "event", "change": SWITCH}]},
+REWORD = {"operation": "set_instruction", "instruction": "leave it"}
+
+
+def entry(trigger: Any, change: Any = "event", **more: Any) -> Json:
+    return {"trigger": trigger, "change": change, **more}
+
+
+def after(steps: int, entry: int = -1) -> Json:
+    return {"type": "steps_after", "steps": steps, "entry": entry}
+
+
+DYNAMIC = {
+    "a trigger at the start": [entry({"type": "at_start"})],
+    "a trigger of another distance": [entry({"type": "on_proximity", "value": NAMED, "distance_m": 0.1})],
+    "a trigger after a grasp": [entry({"type": "after_grasp", "value": NAMED})],
+    "a trigger above a receptacle": [entry({"type": "above", "value": "basket_1"})],
+    "a trigger at a share of the budget": [entry({"type": "budget_fraction", "value": 0.1})],
+    "an event that ends after five steps": [
+        entry("event"),
+        {"trigger": after(5), "reverts": 0},
     ],
+    "several entries": [
+        entry("event", strength=0.5),
+        entry(after(2), {"operation": "set_lighting", "scale": 0.5}),
+        {"trigger": after(3, 0), "reverts": 0},
+        entry(after(1), "event"),
+        {"trigger": after(4, 1), "reverts": 1},
+    ],
+    "another instruction": [entry("event", REWORD), {"trigger": after(5), "reverts": 0}],
+    "another goal": [entry("event", SWITCH)],
 }
+STEPS: dict[str, Callable[[int, int], list[int]]] = {
+    "a trigger at the start": lambda event, budget: [0],
+    "a trigger at a share of the budget": lambda event, budget: [math.ceil(0.1 * budget)],
+    "an event that ends after five steps": lambda event, budget: [event, event + 5],
+    "several entries": lambda event, budget: [event, event + 2, event + 3, event + 4, event + 6],
+    "another instruction": lambda event, budget: [event, event + 5],
+    "another goal": lambda event, budget: [event],
+}
+"""Steps at which the entries happen, where they follow from that of the event or the budget."""
 
 
-def test_a_manifest_with_a_program_plays_transient_reset_later_and_switched_arms() -> None:
-    first = next(
-        case
-        for case in load_track("original")
-        if (case.suite, case.event.name) == ("libero_object", "camera_shift")
-    )
-    (case,) = parse_manifest(
-        {
-            "benchmark_id": "many",
-            "benchmark_version": "1.0.0",
-            "protocol": load_track("original").protocol,
-            "manifest_format": 2,
-            "cases": [{**first.record, "program": PROGRAM}],
-        }
-    )
+@pytest.fixture(scope="module")
+def substrate() -> Iterator[EmbeddedSubstrate]:
+    opened = EmbeddedSubstrate()
+    yield opened
+    opened.close()
+
+
+def play(case: Case, substrate: EmbeddedSubstrate, mode: PrefixMode = "fork") -> PairRecord:
+    return measure_pair(case, substrate.world(case), load_policy("expert"), PairSettings(mode)).record
+
+
+@pytest.fixture(scope="module")
+def plain(substrate: EmbeddedSubstrate) -> PairRecord:
+    """The case of the manifests here without a program."""
+    return play(the_case(), substrate)
+
+
+def the_case() -> Case:
+    """A camera's shift in LIBERO-Object."""
+    cases = load_track("original").cases
+    return next(case for case in cases if (case.suite, case.event.name) == ("libero_object", "camera_shift"))
+
+
+def loaded(folder: Path, arms: list[Json]) -> Case:
+    """The case with a program, as a manifest in a file spells it."""
+    manifest = {
+        "benchmark_id": "programs",
+        "benchmark_version": "1.0.0",
+        "protocol": load_track("original").protocol,
+        "manifest_format": 2,
+        "cases": [{**the_case().record, "program": {"name": "tried", "arms": arms}}],
+    }
+    path = folder / "manifest.json"
+    path.write_text(json.dumps(manifest))
+    (case,) = load_manifest(path)
     check_cases([case])
-    substrate = EmbeddedSubstrate()
-    world = substrate.world(case)
-    pair = measure_pair(case, world, load_policy("expert"))
-    substrate.close()
-    arms = pair.record.arms
-    assert list(arms) == ["base", "dynamic", "reset", "later", "switched"]
-    event, back = arms["dynamic"].firings
-    assert back.step == event.step + 5
+    return case
+
+
+@pytest.mark.parametrize("what", DYNAMIC)
+def test_a_manifest_plays_every_trigger_reversal_instruction_and_goal(
+    tmp_path: Path, substrate: EmbeddedSubstrate, plain: PairRecord, what: str
+) -> None:
+    case = loaded(tmp_path, [{"name": "dynamic", "schedule": DYNAMIC[what]}])
+    event = plain.trigger
+    assert event is not None
+    record = play(case, substrate)
+    dynamic = record.arms["dynamic"]
+    steps = [firing.step for firing in dynamic.firings]
+    assert len(steps) == len(DYNAMIC[what])
+    if what in STEPS:
+        assert steps == STEPS[what](event.step, case.budget)
+    else:  # nearer to the target, or later in the task
+        assert steps[0] > event.step
+    assert record.arms["base"] == plain.arms["base"]
+    assert dynamic.proof != record.arms["base"].proof
+    if what == "another goal":
+        assert dynamic.firings[0].evidence["after"]["goal"] == SWITCH["goal"]
+        assert not dynamic.success or dynamic.steps != record.base_steps
+    if what == "several entries":
+        assert play(case, substrate, "replay").identity() == record.identity()
+
+
+def test_a_manifest_plays_more_arms_of_other_cadences_and_repetitions(
+    tmp_path: Path, substrate: EmbeddedSubstrate, plain: PairRecord
+) -> None:
+    reset = entry({"type": "at_start"})
+    case = loaded(
+        tmp_path,
+        [
+            {"name": "reset", "schedule": [reset]},
+            {"name": "reset_again", "schedule": [reset], "repetition": 1},
+            {"name": "base_q4", "cadence": {"query_interval": 4, "horizon": 8}},
+        ],
+    )
+    arms = play(case, substrate).arms
+    assert list(arms) == ["base", "dynamic", "reset", "reset_again", "base_q4"]
     assert arms["reset"].firings[0].step == 0
-    assert arms["later"].firings[0].step > back.step  # the grasp is after the approach
-    assert arms["later"].firings[0].evidence["before"] == event.evidence["before"]
-    assert arms["base"].success
-    assert not arms["switched"].success or arms["switched"].steps != arms["base"].steps
-    assert arms["switched"].firings[0].evidence["after"]["goal"] == SWITCH["goal"]
+    assert (arms["reset_again"].proof, arms["reset_again"].shares) == (arms["reset"].proof, None)
+    assert arms["base_q4"].queries == -(-arms["base_q4"].steps // 4)  # type: ignore[operator]  # it is played
+    assert {name: arms[name] for name in plain.arms} == plain.arms

@@ -130,4 +130,4 @@ def test_a_manifest_like_a_released_one_is_told_from_it_in_header_and_reports(
     folder = pytester.path / "libero-max-results"
     assert results()[1]["provenance"]["case_set"]["released_as"] == text
     assert text in (folder / "report.md").read_text()
-    assert text.replace("'", "&#x27;") in (folder / "report.html").read_text()
+    assert text.replace("'", "&#39;") in (folder / "report.html").read_text()

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 import os
 import random
+import re
 from collections.abc import Sequence
 from itertools import product
 from typing import Any
@@ -69,6 +73,13 @@ def plan(per_cell: int = 1, sources: tuple[str, ...] = ("plus", "pro")) -> list[
 def plain(document: Block) -> Json:
     """A report or comparison as ``json.loads`` reads it from its file."""
     values: Json = msgspec.to_builtins(document)
+    return values
+
+
+def page_cases(page: str) -> Json:
+    """The data of the table of cases in a page, as its script reads them."""
+    (data,) = re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)
+    values: Json = json.loads(gzip.decompress(base64.b64decode(data, validate=True)))
     return values
 
 

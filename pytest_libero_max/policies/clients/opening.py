@@ -7,7 +7,8 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import PATIENCE_S, TIMEOUT_S, Address
-from pytest_libero_max.policies.clients.protocols import PROTOCOLS, Opening
+from pytest_libero_max.policies.clients.protocol import Opening
+from pytest_libero_max.policies.clients.registry import PROTOCOLS
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.served import ServedPolicy

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, ServerError
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, array_from, pack, shortened, unpack
-from pytest_libero_max.policies.clients.vla_eval import PROTOCOL_VERSION
+from pytest_libero_max.policies.clients.protocols.vla_eval import PROTOCOL_VERSION
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query, query_seed
 from pytest_libero_max.policies.server.host import Host, InferenceRequest
 from pytest_libero_max.policies.server.memories import Place

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.report.comparison.compare import CommonCases
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
 from pytest_libero_max.report.comparison.compare_html import comparison_html
@@ -41,7 +42,10 @@ def write_comparison(comparison: Comparison, folder: Path, common: CommonCases |
 
 def comparison_markdown(comparison: Comparison) -> str:
     """Return a comparison as Markdown, with the figures beside it."""
-    parts = [f"# {comparison_title(comparison)}", "```text\n" + "\n".join(result_lines(comparison)) + "\n```"]
+    results, fence = "\n".join(map(printable, result_lines(comparison))), "```"
+    while fence in results:
+        fence += "`"
+    parts = [f"# {comparison_title(comparison)}", f"{fence}text\n{results}\n{fence}"]
     parts += [f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in CAPTIONS.items()]
     parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in comparison.statements.values())]
     return "\n\n".join(parts) + "\n"

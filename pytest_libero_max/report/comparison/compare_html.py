@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from html import escape
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -13,15 +12,11 @@ from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
 from pytest_libero_max.report.comparison.compare_text import comparison_title, result_lines, with_short_names
 from pytest_libero_max.report.comparison.comparison_document import ComparedRun, Comparison
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
-from pytest_libero_max.report.page.case_table import CASES_SECTION
 from pytest_libero_max.report.page.comparison_cases import beside, comparison_cases
-from pytest_libero_max.report.page.events import events_section
-from pytest_libero_max.report.page.markup import figure, listed, note, table
-from pytest_libero_max.report.page.page_frame import document
+from pytest_libero_max.report.page.events import events_of
+from pytest_libero_max.report.page.page_frame import page
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.runs.store import pairs_file
-
-_HEAD = ("Run", "Rank", "Base success", "Dynamic success", "Paired change", "Base successes lost")
 
 
 def comparison_html(
@@ -34,12 +29,7 @@ def comparison_html(
         common: The cases that were compared, of runs named by their paths; None leaves their table out.
         folder: Folder of the page; by default the working directory.
     """
-    title = comparison_title(comparison)
     shown = with_short_names(replace(comparison, flips=[]))
-    body = [f"<h1>{escape(title)}</h1>"]
-    body += [note(comparison.substrate.note)] if comparison.substrate.note else []
-    body += [note(text, "alarm") for text in _warnings(shown)]
-    body.append(table(_HEAD, map(_run_row, sorted(shown.runs, key=_rank))))
     cases = None
     if common is not None:
         names = [run.name for run in comparison.runs]
@@ -49,12 +39,19 @@ def comparison_html(
             {run.name: run.replay for run in comparison.runs},
             beside({name: pairs_file(Path(name)).parent for name in names}, folder or Path()),
         )
-        body.append(CASES_SECTION)
-    body += ["<h2>Figures</h2>", *(figure(svg, CAPTIONS[stem]) for stem, svg in drawn(comparison).items())]
-    body += ["<h2>Contrasts</h2>", f"<pre>{escape(chr(10).join(result_lines(comparison)))}</pre>"]
-    body += events_section(common.planned) if common is not None else []
-    body += [f"<h2>{LIMITS_TITLE}</h2>", listed(comparison.statements.values())]
-    return document(title, body, cases)
+    return page(
+        "comparison.html",
+        comparison_title(comparison),
+        cases,
+        substrate_note=comparison.substrate.note,
+        warnings=[*_warnings(shown)],
+        runs=[_run_row(run) for run in sorted(shown.runs, key=_rank)],
+        figures=[(svg, CAPTIONS[stem]) for stem, svg in drawn(comparison).items()],
+        results="\n".join(result_lines(comparison)),
+        events=[] if common is None else events_of(common.planned),
+        limits_title=LIMITS_TITLE,
+        statements=comparison.statements.values(),
+    )
 
 
 def _run_row(run: ComparedRun) -> tuple[str, ...]:

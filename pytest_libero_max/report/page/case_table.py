@@ -13,7 +13,6 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
-from pytest_libero_max.report.page.packing import labelled, packed
 from pytest_libero_max.runs.media import PICTURES_NAME, caption_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
@@ -33,12 +32,6 @@ OUTCOME_TITLES = {
 
 _FILMED = ("yes", "no")
 
-CASES_SECTION = (
-    "<div data-with-script><h2>Cases</h2><div id='cases'></div></div>"
-    "<noscript><p>With scripts, a table of all cases stands here.</p></noscript>"
-)
-"""Place of the table of cases."""
-
 
 def run_cases(
     stored: StoredRun,
@@ -57,7 +50,7 @@ def run_cases(
     Returns:
         ``items``: the item ids in their order; everything else is in the same order, or by the place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
-        :func:`number_column`. ``details``: the tables of each case, packed. ``films`` and ``pictures``:
+        :func:`number_column`. ``details``: the tables of each case. ``films`` and ``pictures``:
         captions and addresses. ``commands``: captions with the texts before and after the item id.
     """
     records = {record.item_id: record for record in stored.records}
@@ -92,8 +85,8 @@ def run_cases(
         "items": [pair.item_id for pair in planned],
         "columns": columns,
         "case_ids": [pair.case_id for pair in planned],
-        "instructions": _names([record.instruction if record else "" for record in found]),
-        "details": packed([_details(pair, records, errors) for pair in planned]),
+        "instructions": [record.instruction if record else "" for record in found],
+        "details": [_details(pair, records, errors) for pair in planned],
         "films": media_by_place(planned, films),
         "pictures": media_by_place(planned, pictures),
         "commands": [*_commands(stored, traced)],
@@ -172,14 +165,24 @@ def label_column(
         key: Its name in the address of a view.
         title: Its heading.
         names: One a case.
-        order: See :func:`~pytest_libero_max.report.page.packing.labelled`.
+        order: The first of the distinct names in their order; the others follow by the alphabet.
         titles: Titles of the names, where they differ from the names.
         secondary: True if narrow screens leave it out; the item id says it as well.
     """
-    column = {"key": key, "title": title, **labelled(names, order), "shown": True, "filter": "choice"}
-    if titles is not None:
-        column["titles"] = [titles[label] for label in column["labels"]]
-    return {**column, "secondary": secondary}
+    there = set(names)
+    labels = [name for name in order if name in there]
+    labels += sorted(there - set(labels))
+    places = {label: place for place, label in enumerate(labels)}
+    column = {
+        "key": key,
+        "title": title,
+        "labels": labels,
+        "at": [places[name] for name in names],
+        "shown": True,
+        "filter": "choice",
+        "secondary": secondary,
+    }
+    return column if titles is None else {**column, "titles": [titles[label] for label in labels]}
 
 
 def number_column(key: str, title: str, values: Sequence[Any], **more: bool) -> Json:
@@ -204,8 +207,3 @@ def _details(pair: PlannedPair, records: Mapping[str, PairRecord], errors: Mappi
     if pair.item_id in records:
         return details_of(pair, records[pair.item_id])
     return error_details(pair, errors[pair.item_id]) if pair.item_id in errors else plan_details(pair)
-
-
-def _names(names: Sequence[str]) -> Json:
-    column = labelled(names)
-    return {"names": column["labels"], "at": column["at"]}

@@ -13,7 +13,6 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
 from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, label_column, label_columns
-from pytest_libero_max.report.page.packing import packed
 from pytest_libero_max.runs.media import films_in
 
 _CHANGED = ("yes", "no")
@@ -64,7 +63,7 @@ def comparison_cases(
         "items": [pair.item_id for pair in planned],
         "columns": columns,
         "case_ids": [pair.case_id for pair in planned],
-        "details": packed(details),
+        "details": details,
         "films": {place: found for place, found in films.items() if found},
         "commands": [
             [f"Play it again as in {names[run]}:", shlex.join(command), ""]

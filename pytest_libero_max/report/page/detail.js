@@ -1,23 +1,10 @@
 // What is shown of one case: its films, pictures of its event, its numbers, and commands to copy.
 
-// The values of a case. They are stored as a shape, which many cases share, and its leaves in one list;
-// texts are places in a list of texts.
-function unpacked(packed, row) {
-  const leaves = packed.rows[row];
-  let next = 1;
-  const fill = (shape) => {
-    if (shape === 0) return leaves[next++];
-    if (shape === "") return packed.texts[leaves[next++]];
-    if (Array.isArray(shape)) return shape.map(fill);
-    return Object.fromEntries(Object.entries(shape).map(([key, part]) => [key, fill(part)]));
-  };
-  return fill(packed.shapes[leaves[0]]);
-}
-
 function words(value) {
   if (value === null || value === undefined) return "–";
   if (value === true) return "yes";
   if (value === false) return "no";
+  if (typeof value === "number") return String(Number.isInteger(value) ? value : Number(value.toPrecision(4)));
   if (Array.isArray(value)) return value.length ? value.map(words).join(", ") : "none";
   if (typeof value === "object") return Object.entries(value).map(([key, part]) => `${key} ${words(part)}`).join(", ");
   return String(value);
@@ -96,7 +83,7 @@ function eventPicture(name) {
 
 function detail(data, table, row) {
   const item = data.items[row];
-  const values = unpacked(data.details, row);
+  const values = data.details[row];
   const films = data.films[row] ?? [];
   const pictures = data.pictures?.[row] ?? [];
   const columns = data.columns.filter((column) => column.labels && !column.outcome);

@@ -1,4 +1,4 @@
-"""The events of a run as a page shows them: pictures and parameters."""
+"""Events of a run as a page shows them: pictures and parameters."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import base64
 import inspect
 import json
 from collections.abc import Iterable, Sequence
-from html import escape
 from importlib import resources
-from typing import Any
+from typing import Any, NamedTuple
+from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
@@ -18,67 +18,61 @@ from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.page.evidence import flat
 from pytest_libero_max.runs.plan import PlannedPair
 
-PICTURES = "pictures"
-"""Folder of the pictures beside this file, one a variant of an event."""
-
-PICTURE_SIZE = (512, 128)
-"""Width and height of a picture, which is four side by side."""
-
-NOTE = (
-    "The pictures are of other cases, on embedded scenes: the agent's view before and after the event, and "
-    "the wrist camera's before and after."
-)
-
 _VARIES = object()
 
 
-def events_section(planned: Iterable[PlannedPair], records: Iterable[PairRecord] = ()) -> list[str]:
-    """Return the events with pictures and parameters as markup, in the benchmark's order.
+class ShownEvent(NamedTuple):
+    """A variant of an event as a page shows it.
+
+    Attributes:
+        name: Event and variant.
+        title: Heading.
+        view: View of the table of cases that has its cases alone.
+        picture: Base64 of a WebP of 512x128 pixels; empty for an event of another package.
+        sentence: What the event does; empty where its kind is not installed.
+        facts: Names and values: severity, family and the parameters that all its cases share.
+    """
+
+    name: str
+    title: str
+    view: str
+    picture: str
+    sentence: str
+    facts: list[tuple[str, str]]
+
+
+def events_of(planned: Iterable[PlannedPair], records: Iterable[PairRecord] = ()) -> list[ShownEvent]:
+    """Return the events with pictures and parameters, in the benchmark's order.
 
     Args:
         planned: Pairs whose events are shown.
-        records: Pairs whose parameters are said.
+        records: Pairs whose parameters are shown.
     """
     pairs = {pair.event_variant: pair for pair in planned}
     found: dict[str, list[PairRecord]] = {name: [] for name in pairs}
     for record in records:
         found[f"{record.event}-v{record.variant}"].append(record)
     names = sorted(pairs, key=lambda name: group_order("variant", name))
-    cards = [_card(pairs[name], found[name]) for name in names]
-    if not cards:
-        return []
-    return [
-        "<h2 id='events'>Events</h2>",
-        f"<p>{escape(NOTE)} A parameter that differs between the cases of a variant is with each case.</p>",
-        f"<div class='events'>{''.join(cards)}</div>",
-    ]
+    return [_shown(name, pairs[name], found[name]) for name in names]
 
 
-def _card(pair: PlannedPair, records: Sequence[PairRecord]) -> str:
-    name = pair.event_variant
+def _shown(name: str, pair: PlannedPair, records: Sequence[PairRecord]) -> ShownEvent:
     facts = {"Severity": pair.severity, "Family": pair.family, **_common_parameters(records)}
-    listed = "".join(
-        f"<dt>{escape(key)}</dt><dd>{escape(_spelled(value))}</dd>" for key, value in facts.items()
-    )
-    view = f"event={pair.event}&amp;variant={pair.variant}"
-    return (
-        f"<article class='event' id='event-{escape(name, quote=True)}'>"
-        f"<h3 data-view='{view}'>{escape(pair.event)}, variant {pair.variant}</h3>"
-        f"{_picture(name)}<p>{escape(_sentence(pair.event))}</p>"
-        f"<details><summary>Parameters</summary><dl>{listed}</dl></details></article>"
+    return ShownEvent(
+        name=name,
+        title=f"{pair.event}, variant {pair.variant}",
+        view=urlencode({"event": pair.event, "variant": pair.variant}),
+        picture=_picture(name),
+        sentence=_sentence(pair.event),
+        facts=[(key, _spelled(value)) for key, value in facts.items()],
     )
 
 
 def _picture(name: str) -> str:
-    file = resources.files("pytest_libero_max.report.page").joinpath(PICTURES, f"{name}.webp")
-    if not file.is_file():
-        return ""  # an event of another package
-    width, height = PICTURE_SIZE
-    content = base64.b64encode(file.read_bytes()).decode()
-    return (
-        f"<img src='data:image/webp;base64,{content}' width='{width}' height='{height}' "
-        f"alt='{escape(name, quote=True)}: agent view before and after, wrist camera before and after'>"
-    )
+    if name.rpartition("-v")[0] not in EVENTS:
+        return ""
+    file = resources.files(__package__).joinpath("pictures", f"{name}.webp")
+    return base64.b64encode(file.read_bytes()).decode() if file.is_file() else ""
 
 
 def _sentence(event: str) -> str:

@@ -211,11 +211,25 @@ function linkViews() {
   }
 }
 
-document.documentElement.classList.add("scripted"); // shows what needs the script, hides what it replaces
-try {
-  linkViews();
-  new Explorer(JSON.parse(document.getElementById("cases-data").textContent), document.getElementById("cases"));
-} catch (error) {
-  document.documentElement.classList.remove("scripted");
-  throw error;
+// The data of the table, which the page holds as gzip in base64.
+function readCases() {
+  const text = document.getElementById("cases-data").textContent;
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
 }
+
+async function start() {
+  const data = await readCases();
+  const shown = document.documentElement.classList;
+  shown.add("scripted"); // shows what needs the script, hides what it replaces
+  try {
+    linkViews();
+    new Explorer(data, document.getElementById("cases"));
+  } catch (error) {
+    shown.remove("scripted");
+    throw error;
+  }
+  if (location.hash && !location.hash.startsWith(PREFIX)) document.getElementById(location.hash.slice(1))?.scrollIntoView();
+}
+
+start();

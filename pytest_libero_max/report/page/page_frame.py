@@ -1,67 +1,87 @@
-"""The frame of a page, with its style, script and data inside, so that it is one file."""
+"""Pages made from templates, which escape the text put into them; style, script and data are inside."""
 
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 import json
-from collections.abc import Sequence
 from functools import cache
-from html import escape
 from importlib import resources
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
 
 from pytest_libero_max.benchmark.documents import Json
 
 _SCRIPTS = ("table.js", "detail.js", "explorer.js")
-_HERE = "pytest_libero_max.report.page"
 
 
-def document(title: str, body: Sequence[str], cases: Json | None = None) -> str:
-    """Return a whole page.
+class Viewed(NamedTuple):
+    """A name that leads to a view of the table of cases.
+
+    Attributes:
+        text: The name.
+        view: Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere.
+    """
+
+    text: str
+    view: str
+
+
+def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
+    """Render a page that needs no network.
 
     Args:
-        title: Plain text.
-        body: Markup.
+        template: File in ``templates``.
+        title: Title and first heading.
         cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
             page without it, which has no script.
+        values: Values that the template asks for, by name. Text is escaped.
     """
-    head = [
-        "<meta charset='utf-8'>",
-        "<meta name='viewport' content='width=device-width,initial-scale=1'>",
-        f'<meta http-equiv="Content-Security-Policy" content="{_policy(cases is not None)}">',
-        f"<title>{escape(title)}</title><style>{_file('style.css')}</style>",
-    ]
-    end = "" if cases is None else f"{_data(cases)}<script>{_script()}</script>\n"
     return (
-        "<!doctype html>\n<html lang='en'><head>"
-        + "".join(head)
-        + "</head>\n<body>\n"
-        + "\n".join(body)
-        + f"\n{end}</body></html>\n"
+        _environment()
+        .get_template(template)
+        .render(
+            title=title,
+            cases=None if cases is None else compressed(cases),
+            security_policy=_security_policy(cases is not None),
+            style=Markup(_file("style.css")),
+            script=_script(),
+            **values,
+        )
     )
 
 
-def embedded_json(values: Json) -> str:
-    """Return compact JSON in which nothing can end the ``<script>`` element around it."""
+def compressed(values: Json) -> str:
+    """Return JSON as gzip in base64, which ``explorer.js`` reads."""
     text = json.dumps(values, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _data(cases: Json) -> str:
-    return f"<script type='application/json' id='cases-data'>{embedded_json(cases)}</script>\n"
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
 @cache
-def _script() -> str:
+def _environment() -> Environment:
+    return Environment(
+        autoescape=True,
+        loader=FunctionLoader(lambda name: _file(f"templates/{name}")),
+        lstrip_blocks=True,
+        trim_blocks=True,
+        undefined=StrictUndefined,
+    )
+
+
+@cache
+def _script() -> Markup:
     """Return the files as one function, so that no name of theirs is a name of the page."""
-    return '"use strict";(() => {\n' + "\n".join(map(_file, _SCRIPTS)) + "})();"
+    return Markup('"use strict";(() => {\n' + "\n".join(map(_file, _SCRIPTS)) + "})();")
 
 
-def _policy(scripted: bool) -> str:
+def _security_policy(scripted: bool) -> Markup:
     """Return the content security policy: a page may show files beside it and run its own script alone."""
     digest = base64.b64encode(hashlib.sha256(_script().encode()).digest()).decode()
     script = f"'sha256-{digest}'" if scripted else "'none'"
-    return (
+    return Markup(
         f"default-src 'none'; script-src {script}; style-src 'unsafe-inline'; "
         "img-src 'self' file: data:; media-src 'self' file:; base-uri 'none'; form-action 'none'"
     )
@@ -69,4 +89,4 @@ def _policy(scripted: bool) -> str:
 
 @cache
 def _file(name: str) -> str:
-    return resources.files(_HERE).joinpath(name).read_text(encoding="utf-8")
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

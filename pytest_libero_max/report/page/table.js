@@ -27,7 +27,7 @@ class Table {
     const labels = data.columns.filter((column) => column.labels);
     const { case_ids: ids, instructions } = data;
     this.haystack = this.items.map((item, row) =>
-      [item, ids[row], instructions?.names[instructions.at[row]], ...labels.map((column) => this.text(column, row))]
+      [item, ids[row], instructions?.[row], ...labels.map((column) => this.text(column, row))]
         .join(" ")
         .toLowerCase(),
     );

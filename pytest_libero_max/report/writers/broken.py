@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from textwrap import wrap
 from typing import Literal, NamedTuple
 
+from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED
 from pytest_libero_max.report.report_document import ChangedPair, Report
@@ -126,22 +127,6 @@ def broken_line(report: Report) -> str:
     return f"{TITLE}: {lost} lost{f' ({words})' if words else ''}, {gained} gained"
 
 
-def broken_rows(report: Report, outcome: Outcome, films: Mapping[str, str]) -> list[tuple[str, ...]]:
-    """Return the rows of a Markdown table: letter, pair, event, cause, what happened, film."""
-    return [
-        (
-            LETTERS[outcome],
-            f"`{pair.item_id}`",
-            group.event,
-            f"{group.cause} ({len(group.pairs)})",
-            pair.sentence,
-            f"[film]({films[pair.item_id]})" if pair.item_id in films else "",
-        )
-        for group in groups_of(report.changed_pairs, outcome)
-        for pair in group.named
-    ]
-
-
 def colour_of(line: str) -> Literal["red", "green"] | None:
     """Return the colour of a line: red for what was lost or failed, green for what was gained."""
     if line.startswith(("R   ", "gate FAIL")):
@@ -152,7 +137,7 @@ def colour_of(line: str) -> Literal["red", "green"] | None:
 def coloured(lines: Sequence[str], colours: bool) -> str:
     """Return lines as one text, with ANSI colours where these are wanted."""
     codes = {"red": "31", "green": "32"}
-    marked = [(line, colour_of(line)) for line in lines]
+    marked = [(printable(line), colour_of(line)) for line in lines]
     return "\n".join(
         f"\x1b[{codes[colour]}m{line}\x1b[0m" if colours and colour else line for line, colour in marked
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from urllib.parse import quote
 
+from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.report import highlights
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
@@ -40,22 +42,25 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
         films: Path of the film of each pair that has one, relative to the file, by item id.
     """
     provenance, pairs = report.provenance, report.pairs
-    lines = [f"# {title_text(report)}", ""]
+    lines = [f"# {markdown_text(title_text(report))}", ""]
     if not pairs.complete:
-        lines += [f"**{incomplete_text(pairs)}** All rates below are over the played pairs.", ""]
+        lines += [
+            f"**{markdown_text(incomplete_text(pairs))}** All rates below are over the played pairs.",
+            "",
+        ]
     partial = unsupported_text(pairs)
     if partial is not None:
-        lines += [f"**{partial}**", ""]
+        lines += [f"**{markdown_text(partial)}**", ""]
     repaired = repaired_text(pairs)
     if repaired is not None:
-        lines += [repaired, ""]
+        lines += [markdown_text(repaired), ""]
     if report.substrate.note:
-        lines += [report.substrate.note, ""]
+        lines += [markdown_text(report.substrate.note), ""]
     warning = warning_of(report.overall)
     if warning is not None:
-        lines += [f"**{warning}**", ""]
+        lines += [f"**{markdown_text(warning)}**", ""]
     if report.caveats:
-        lines += [*(f"- {caveat_text(caveat)}" for caveat in report.caveats), ""]
+        lines += [*(f"- {markdown_text(caveat_text(caveat))}" for caveat in report.caveats), ""]
     clipping = clipping_text(report)
     if clipping is not None:
         lines += [clipping, ""]
@@ -77,11 +82,11 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
     ]
     lines += [] if report.study is None else _study(report.study)
     for title, values in report.sections.items():
-        lines += [f"## {title}", "", *_table(("Name", "Value"), values.items()), ""]
+        lines += [f"## {markdown_text(title)}", "", *_table(("Name", "Value"), values.items()), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",
-        *(f"- {text}" for text in report.statements.values()),
+        *(f"- {markdown_text(text)}" for text in report.statements.values()),
     ]
     lines += ["", "## Provenance", ""]
     versions = [(name, version or "not installed") for name, version in provenance["versions"].items()]
@@ -92,6 +97,18 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
         digests.append(("selected cases", report.selection.digest))
     lines += _table(("Part", "Version"), [*versions, *digests])
     return "\n".join(lines) + "\n"
+
+
+class _Written(str):
+    """Text that is Markdown already."""
+
+
+def markdown_text(text: object) -> str:
+    """Return text as one line that holds no markup of HTML and no link."""
+    if isinstance(text, _Written):
+        return text
+    words = printable(str(text)).replace("&", "&amp;").replace("<", "&lt;")
+    return words.replace("](", "]\\(")
 
 
 def _quantities(report: Report) -> list[tuple[str, str]]:
@@ -108,8 +125,19 @@ def _quantities(report: Report) -> list[tuple[str, str]]:
 def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
     """Return the pairs whose outcome changed, a part of them by name."""
     lines = []
-    for outcome in broken.LETTERS:
-        rows = broken.broken_rows(report, outcome, films)
+    for outcome, letter in broken.LETTERS.items():
+        rows = [
+            (
+                letter,
+                _Written(f"`{printable(pair.item_id).replace('`', chr(39))}`"),
+                group.event,
+                f"{group.cause} ({len(group.pairs)})",
+                pair.sentence,
+                _Written(f"[film]({quote(films[pair.item_id])})") if pair.item_id in films else "",
+            )
+            for group in broken.groups_of(report.changed_pairs, outcome)
+            for pair in group.named
+        ]
         if rows:
             lines += ["", f"## {broken.title_of(report, outcome)}", ""]
             head = ("", "Pair", "Event", "Cause (pairs)", "What happened", "Film")
@@ -120,11 +148,11 @@ def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
 
 
 def _study(study: Study) -> list[str]:
-    lines = [f"## Study: {study.title}", ""]
-    lines += [line for note in study_notes(study) for line in (note, "")]
+    lines = [f"## Study: {markdown_text(study.title)}", ""]
+    lines += [line for note in study_notes(study) for line in (markdown_text(note), "")]
     for table in study_tables(study):
-        lines += [f"### {table.title}", "", *_table(table.head, table.rows), ""]
-        lines += [table.note, ""] if table.note else []
+        lines += [f"### {markdown_text(table.title)}", "", *_table(table.head, table.rows), ""]
+        lines += [markdown_text(table.note), ""] if table.note else []
     return lines
 
 
@@ -139,5 +167,5 @@ def _groups(table: Table, title: str, groups: Mapping[str, Result]) -> list[str]
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    body = [" | ".join(str(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
+    body = [" | ".join(markdown_text(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
     return [f"| {body[0]} |", "|" + " --- |" * len(head), *(f"| {row} |" for row in body[1:])]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
+from pytest_libero_max.benchmark.documents import printable
+
 INK, MUTED, GRID = "#1f2933", "#66727f", "#d8dee4"
 ON_LIGHT = "#1a2129"
 """Ink on a shape that is light in dark pages as well, which give :data:`INK` another colour."""
@@ -17,7 +19,7 @@ def document(width: float, height: float, title: str, shapes: list[str]) -> str:
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {_n(width)} {_n(height)}' "
         f"width='{_n(width)}' height='{_n(height)}' role='img'>"
-        f"<title>{escape(title)}</title>" + "".join(shapes) + "</svg>"
+        f"<title>{escape(printable(title))}</title>" + "".join(shapes) + "</svg>"
     )
 
 
@@ -25,7 +27,7 @@ def text(x: float, y: float, words: str, anchor: str = "start", size: float = 12
     """Words whose baseline is at ``y``."""
     return (
         f"<text x='{_n(x)}' y='{_n(y)}' text-anchor='{anchor}' font-size='{_n(size)}' fill='{color}' {FONT}>"
-        f"{escape(words)}</text>"
+        f"{escape(printable(words))}</text>"
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import asdict
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.columns import COLUMNS, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
@@ -16,6 +16,13 @@ from pytest_libero_max.report.report_document import Macro, Report
 from pytest_libero_max.report.writers.summary import title_text
 
 ALL_PAIRS = "overall"
+
+_LATEX = {letter: f"\\{letter}" for letter in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
+"""Letters that mean something to LaTeX, as it prints them."""
 
 
 def csv_text(report: Report) -> str:
@@ -86,4 +93,4 @@ def latex_text(report: Report, dimension: str = "event") -> str:
 
 
 def _escaped(text: str) -> str:
-    return "".join(f"\\{letter}" if letter in "&%$#_{}" else letter for letter in text)
+    return "".join(_LATEX.get(letter, letter) for letter in printable(text))

@@ -63,11 +63,11 @@ class Label:
         self._width, self._height = width, height
 
     def band(self, top: float, bottom: float, colour: Rgb) -> Label:
-        """Return a horizontal stripe."""
+        """Draw a horizontal stripe."""
         return self.block(0.0, top, 1.0, bottom, colour)
 
     def block(self, left: float, top: float, right: float, bottom: float, colour: Rgb) -> Label:
-        """Return a rectangle."""
+        """Draw a rectangle."""
         return self._fill(
             (left, top, right, bottom),
             lambda x, y: (x >= left) & (x < right) & (y >= top) & (y < bottom),
@@ -75,7 +75,7 @@ class Label:
         )
 
     def disc(self, x: float, y: float, radius: float, colour: Rgb, squeeze: float = 1.0) -> Label:
-        """Return a disc; ``radius`` in parts of the width, ``squeeze`` is height over width in pixels."""
+        """Draw a disc; ``radius`` in parts of the width, ``squeeze`` is height over width in pixels."""
         high = radius * squeeze * self._width / self._height
         bounds = (x - radius, y - high, x + radius, y + high)
         return self._fill(
@@ -83,7 +83,7 @@ class Label:
         )
 
     def polygon(self, points: Sequence[tuple[float, float]], colour: Rgb) -> Label:
-        """Return a filled polygon, by the even-odd rule."""
+        """Draw a filled polygon, by the even-odd rule."""
         xs, ys = [x for x, _ in points], [y for _, y in points]
 
         def inside(px: Array, py: Array) -> Mask:
@@ -97,7 +97,7 @@ class Label:
         return self._fill((min(xs), min(ys), max(xs), max(ys)), inside, colour)
 
     def word(self, text: str, x: float, y: float, width: float, height: float, colour: Rgb) -> Label:
-        """Capital letters centred at (x, y) that fill ``width`` by ``height``."""
+        """Draw capital letters centred at (x, y) that fill ``width`` by ``height``."""
         bits = _bits(text)
         rows, columns = bits.shape
         left, top = x - width / 2, y - height / 2

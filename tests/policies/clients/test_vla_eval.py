@@ -10,10 +10,10 @@ import pytest
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import transport
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack
-from pytest_libero_max.policies.clients.http_act import _reply
 from pytest_libero_max.policies.clients.opening import load_served, parse_address
+from pytest_libero_max.policies.clients.protocols.http import _reply
+from pytest_libero_max.policies.clients.protocols.vla_eval import VlaEvalLink, returns_poses, wanted
 from pytest_libero_max.policies.clients.served import ServedPolicy
-from pytest_libero_max.policies.clients.vla_eval import VlaEvalLink, returns_poses, wanted
 from pytest_libero_max.policies.server.vla_eval import quaternion
 from tests.policies.clients import fakes
 from tests.policies.clients.test_profiles_on_the_wire import AXIS_ANGLE, SHORT, is_state

@@ -11,7 +11,7 @@ from PIL import Image
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack, unpack
-from pytest_libero_max.policies.clients.vla_eval import returns_poses, wanted
+from pytest_libero_max.policies.clients.protocols.vla_eval import returns_poses, wanted
 from pytest_libero_max.policies.contract import PolicySpec, query_seed
 from pytest_libero_max.policies.server.host import Host
 from pytest_libero_max.policies.server.vla_eval import WITH_IMAGES, Session, quaternion

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-import json
 import re
-from html import escape
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from markupsafe import escape
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
@@ -18,11 +17,10 @@ from pytest_libero_max.report.comparison.compare_figures import (
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown, write_comparison
 from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.page.packing import unpacked
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import PROVENANCE, plain, plan, record_of
+from tests.report.made_up import PROVENANCE, page_cases, plain, plan, record_of
 
 PAIRS = plan()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -118,7 +116,7 @@ def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every
         (path / "films" / f"{item}--base dynamic.mp4").touch()
     (tmp_path / "run1" / "report.html").touch()
     page = comparison_html(compare_runs(runs), common_cases(runs), tmp_path / "page")
-    data = json.loads(re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)[0])
+    data = page_cases(page)
     assert data["items"] == sorted(pair.item_id for pair in PAIRS)
     columns = {column["title"]: column for column in data["columns"]}
     outcomes = {
@@ -139,11 +137,11 @@ def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every
     ]
     assert data["pages"] == [["run1", "../run1/report.html"]]
     assert data["start"] == {"changed": "yes"}
-    assert unpacked(data["details"])[int(place)]["Runs"]["run0"]["outcome"] == "regression"
+    assert data["details"][int(place)]["Runs"]["run0"]["outcome"] == "regression"
 
 
 def test_a_comparison_in_which_nothing_changed_shows_all_cases() -> None:
     stored = next(iter(_runs(1).values()))
     runs = {"a": stored, "b": stored}
     page = comparison_html(compare_runs(runs), common_cases(runs))
-    assert json.loads(re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)[0])["start"] == {}
+    assert page_cases(page)["start"] == {}

@@ -64,6 +64,8 @@ class Shown:
         self.page.on("console", lambda message: self.complaints.append(message.text))
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.goto(f"{path.as_uri()}{fragment}")
+        if script:  # the table is drawn once its data are unpacked
+            self.page.locator("[role=status]").wait_for()
 
     def cases(self) -> list[str]:
         """The names of the cases in the table, from top to bottom."""

@@ -18,7 +18,7 @@ import numpy as np
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack, shortened, unpack
-from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.clients.websocket import Socket
 from pytest_libero_max.policies.contract import PolicySpec, Query

@@ -22,7 +22,7 @@ from pytest_libero_max.policies.clients.codecs import (
     shortened,
     to_json,
 )
-from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.transport import Unreachable
 
 CODECS: Mapping[str, Callable[[Any], Any]] = {
@@ -104,13 +104,6 @@ class HttpProtocol(ServerProtocol):
     def link(self, opening: Opening) -> HttpLink:
         path = opening.profile.get("policy", "path", "/act")
         return HttpLink(opening.address, path, opening.choice("codec", CODECS))
-
-
-class HttpsProtocol(HttpProtocol):
-    """JSON over HTTP with TLS."""
-
-    scheme = "https"
-    port = 443
 
 
 def _reply(content: bytes) -> Any:

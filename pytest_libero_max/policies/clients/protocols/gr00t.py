@@ -21,7 +21,7 @@ from pytest_libero_max.policies.clients.codecs import (
     shortened,
     unpack,
 )
-from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.transport import Unreachable
 
 DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}

@@ -18,7 +18,7 @@ from pytest_libero_max.policies.clients.declared import (
     as_declared,
     as_prepared,
 )
-from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.clients.transport import Link
 from pytest_libero_max.policies.clients.websocket import Socket

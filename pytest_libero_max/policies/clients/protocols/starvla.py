@@ -9,8 +9,8 @@ from typing import Any
 
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.codecs import shortened
-from pytest_libero_max.policies.clients.openpi import OpenpiLink
-from pytest_libero_max.policies.clients.protocols import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.protocols.openpi import OpenpiLink
 
 
 class StarvlaLink(OpenpiLink):

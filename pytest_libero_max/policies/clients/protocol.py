@@ -1,21 +1,13 @@
-"""The protocols in which policy servers are asked, by the scheme of their addresses.
-
-A protocol is one module with a :class:`ServerProtocol`. Another package offers its own, under its scheme, in
-the entry-point group ``pytest_libero_max.protocols``; a profile names it in ``policy.protocol``.
-"""
+"""Contract of a protocol in which policy servers are asked."""
 
 from __future__ import annotations
 
-import importlib
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.registry import Registry
 
 if TYPE_CHECKING:
     from pytest_libero_max.policies.clients.address import Address
@@ -94,54 +86,3 @@ class ServerProtocol(ABC):
         from pytest_libero_max.policies.clients.served import ServedPolicy
 
         return ServedPolicy
-
-
-_SCHEME = re.compile(r"[a-z][a-z0-9+.-]*")
-
-_OWN = {
-    "openpi": "openpi:OpenpiProtocol",
-    "vla-eval": "vla_eval:VlaEvalProtocol",
-    "http": "http_act:HttpProtocol",
-    "https": "http_act:HttpsProtocol",
-    "starvla": "starvla:StarvlaProtocol",
-    "gr00t": "gr00t:Gr00tProtocol",
-}
-
-
-def _own() -> Mapping[str, Callable[[], ServerProtocol]]:
-    return {scheme: partial(_load, scheme) for scheme in _OWN}
-
-
-def _load(scheme: str) -> ServerProtocol:
-    module, _, name = _OWN[scheme].partition(":")
-    found = getattr(importlib.import_module(f"pytest_libero_max.policies.clients.{module}"), name)
-    return _accept(scheme, found)
-
-
-def _accept(scheme: str, found: object) -> ServerProtocol:
-    """Return the protocol that was registered under a scheme, from its class or an instance of it.
-
-    Raises:
-        ValueError: It is none, or one of its attributes breaks a rule.
-    """
-    if isinstance(found, type) and issubclass(found, ServerProtocol):
-        found = found()
-    if not isinstance(found, ServerProtocol):
-        raise ValueError(
-            f"{found!r} is not a subclass of pytest_libero_max.policies.clients.protocols.ServerProtocol"
-        )
-    if getattr(found, "scheme", None) != scheme or not _SCHEME.fullmatch(scheme):
-        raise ValueError(
-            f"scheme={getattr(found, 'scheme', None)!r}, but it is registered as {scheme!r}; both must be "
-            "the same scheme of an address, in lower case"
-        )
-    port = getattr(found, "port", None)
-    if type(port) is not int or not 0 < port < 2**16:
-        raise ValueError(f"port={port!r}, but must be a TCP port")
-    return found
-
-
-PROTOCOLS: Registry[ServerProtocol] = Registry(
-    "protocol", "pytest_libero_max.protocols", _own, _accept, AdapterError
-)
-"""Every protocol by the scheme of its addresses."""

@@ -1,0 +1,1 @@
+"""The protocols that are spoken, a module for each scheme of an address."""

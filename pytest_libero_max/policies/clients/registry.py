@@ -1,0 +1,64 @@
+"""The protocols in which policy servers are asked, by the scheme of their addresses.
+
+A protocol is one module of the folder ``protocols``, called like its scheme (with ``_`` for ``-``), with one
+:class:`.protocol.ServerProtocol`. Another package offers its own, under its scheme, in the entry-point group
+``pytest_libero_max.protocols``; a profile names it in ``policy.protocol``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.clients.protocol import ServerProtocol
+from pytest_libero_max.registry import Registry, modules_in
+
+_MODULES = "pytest_libero_max.policies.clients.protocols"
+_SCHEME = re.compile(r"[a-z][a-z0-9+.-]*")
+
+
+def _own() -> Mapping[str, Callable[[], ServerProtocol]]:
+    schemes = (module.replace("_", "-") for module in modules_in(_MODULES))
+    return {scheme: partial(_load, scheme) for scheme in schemes}
+
+
+def _load(scheme: str) -> ServerProtocol:
+    module = importlib.import_module(f"{_MODULES}.{scheme.replace('-', '_')}")
+    (found,) = (
+        value
+        for value in vars(module).values()
+        if isinstance(value, type)
+        and issubclass(value, ServerProtocol)
+        and value.__module__ == module.__name__
+    )
+    return _accept(scheme, found)
+
+
+def _accept(scheme: str, found: object) -> ServerProtocol:
+    """Return the protocol that was registered under a scheme, from its class or an instance of it.
+
+    Raises:
+        ValueError: It is none, or one of its attributes breaks a rule.
+    """
+    if isinstance(found, type) and issubclass(found, ServerProtocol):
+        found = found()
+    if not isinstance(found, ServerProtocol):
+        raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.ServerProtocol")
+    if getattr(found, "scheme", None) != scheme or not _SCHEME.fullmatch(scheme):
+        raise ValueError(
+            f"scheme={getattr(found, 'scheme', None)!r}, but it is registered as {scheme!r}; both must be "
+            "the same scheme of an address, in lower case"
+        )
+    port = getattr(found, "port", None)
+    if type(port) is not int or not 0 < port < 2**16:
+        raise ValueError(f"port={port!r}, but must be a TCP port")
+    return found
+
+
+PROTOCOLS: Registry[ServerProtocol] = Registry(
+    "protocol", "pytest_libero_max.protocols", _own, _accept, AdapterError
+)
+"""Every protocol by the scheme of its addresses."""

@@ -1,0 +1,141 @@
+"""Names with markup and escape sequences, in a run that another wrote: no writer passes them on."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from msgspec import structs
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
+from pytest_libero_max.report.comparison.compare_files import comparison_markdown
+from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.writers.figures import FIGURES
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.report_files import run_page
+from pytest_libero_max.report.writers.tables import latex_text
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.store import PairStore, StoredRun
+from tests.report.made_up import PROVENANCE, error_of, page_cases, plan, record_of
+
+HTML = "'\"><img src=x onerror=alert(1)></script><script>alert(2)</script>"
+LINK = "![x](//evil.example/x.png) [x](javascript:alert(3))"
+TERMINAL = "\x1b[2J\x1b]0;gone\x07\x9b31m\u202eneve\r\n::error::forged\n```\n# forged"
+LATEX = r"\input{/etc/passwd}%^~"
+HOSTILE = HTML + LINK + TERMINAL + LATEX
+
+
+def _run() -> StoredRun:
+    """A run in which every name that a reader does not check is hostile."""
+    planned = []
+    for number, pair in enumerate(plan(sources=("plus",))):
+        name = f"{HOSTILE}{number}"
+        hostile = structs.replace(
+            pair, case_id=name, item_id=name, source_category=HOSTILE, severity=HOSTILE, task=HOSTILE
+        )
+        planned.append(hostile if number % 2 else structs.replace(hostile, event=HOSTILE, family=HOSTILE))
+    policy = {**record_of(planned[0], True, True).policy, "name": HOSTILE, "suites": ["libero_spatial"]}
+    records = [
+        record_of(pair, True, number % 3 > 0, policy=policy, instruction=HOSTILE)
+        for number, pair in enumerate(planned[2:])
+    ]
+    errors = [structs.replace(error_of(planned[0]), kind=HOSTILE, message=HOSTILE)]
+    provenance = {
+        **PROVENANCE,
+        "versions": {**PROVENANCE["versions"], HOSTILE: HOSTILE},
+        "case_set": {"name": HOSTILE, "digest": "0" * 64, "released_as": HOSTILE},
+        "policy": {**PROVENANCE["policy"], "reference": HOSTILE},
+        "command": ["pytest", HOSTILE],
+    }
+    stopped = Stopped(reason=HOSTILE, of=len(planned))
+    return StoredRun(Run(tuple(planned), provenance), tuple(records), tuple(errors), False, stopped=stopped)
+
+
+RUN = _run()
+REPORT = structs.replace(
+    build_report(RUN.records, RUN.errors, RUN.run.planned, RUN.run.provenance, RUN.stopped),
+    sections={HOSTILE: {HOSTILE: HOSTILE}},
+)
+OTHER = StoredRun(RUN.run, tuple(structs.replace(record) for record in RUN.records), RUN.errors, False)
+RUNS = {f"a{HOSTILE}": RUN, f"b{HOSTILE}": OTHER}
+
+
+class _Tags(HTMLParser):
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.scripts = 0
+        self.unexpected: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.scripts += tag == "script"
+        for name, value in attrs:
+            if name.startswith("on") or (name in ("src", "href") and "alert" in (value or "")):
+                self.unexpected.append(f"{tag} {name}")
+
+
+@pytest.mark.parametrize("kind", ["run", "comparison"])
+def test_a_page_shows_names_as_text(kind: str) -> None:
+    common = common_cases(RUNS, restrict=True)
+    page = (
+        run_page(REPORT, RUN, Path("nowhere"))
+        if kind == "run"
+        else comparison_html(compare_runs(RUNS, restrict=True), common)
+    )
+    tags = _Tags(page)
+    assert (tags.scripts, tags.unexpected) == (2, [])
+    assert "<img src=x" not in page
+    assert HOSTILE in " ".join(page_cases(page)["items"])
+
+
+@pytest.mark.parametrize("text", [markdown(REPORT), comparison_markdown(compare_runs(RUNS, restrict=True))])
+def test_markdown_holds_no_markup_of_names(text: str) -> None:
+    outside = re.sub(r"^````text\n.*?^````\n", "", text, flags=re.S | re.M)
+    outside = re.sub(r"`[^`\n]*`", "", outside)  # code, which is shown as it is
+    assert "<" not in outside
+    assert "](" not in re.sub(r"!\[[^]]*\]\([a-z-]+\.svg\)", "", outside)
+    assert "\n# forged" not in outside
+    assert [line for line in text.splitlines() if not line.isprintable()] == []
+
+
+def test_figures_and_latex_show_names_as_text() -> None:
+    for draw in FIGURES.values():
+        ElementTree.fromstring(draw(REPORT))
+    table = latex_text(REPORT)
+    assert r"\input" not in table
+    assert [line for line in table.splitlines() if not line.isprintable()] == []
+    assert all(line.startswith("%") for line in table.splitlines()[:2])
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("report",),
+        ("compare", "--restrict"),
+        ("gate", "--gate=delta >= -100%"),
+        ("power", "--run"),
+        ("watch",),
+    ],
+)
+def test_a_terminal_is_not_steered_by_names(
+    command: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [tmp_path / "one", tmp_path / "other"][: 2 if command[0] == "compare" else 1]
+    for folder in folders:
+        store = PairStore(folder, RUN.run)
+        for record in RUN.records:
+            store.append(record)
+        for error in RUN.errors:
+            store.append(error)
+        store.close(RUN.stopped)
+    main([*command, *map(str, folders)])
+    said = capsys.readouterr()
+    assert said.out + said.err
+    assert [line for line in (said.out + said.err).split("\n") if not line.isprintable()] == []
+    assert "\n::error" not in said.out + said.err
