@@ -10,12 +10,16 @@ import json
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest_libero_max
 
 PACKAGE = Path(pytest_libero_max.__file__).parent
 
 COMMAND = "python -m tests.reference"
+
+WIDTH = 130
+"""Characters of a line of a schema."""
 
 PAGES: Mapping[str, str] = {
     "API.md": "api",
@@ -55,7 +59,21 @@ def schema_text(path: str) -> str:
         path: A key of :data:`SCHEMAS`.
     """
     module, function = SCHEMAS[path]
-    return json.dumps(getattr(import_module(f"{__name__}.{module}"), function)(), indent=1) + "\n"
+    return _json_lines(getattr(import_module(f"{__name__}.{module}"), function)()) + "\n"
+
+
+def _json_lines(value: Any, indent: str = "") -> str:
+    """JSON with every object and list that fits in a line on one line."""
+    whole = json.dumps(value)
+    if not isinstance(value, dict | list) or not value or len(indent) + len(whole) <= WIDTH:
+        return whole
+    inner = indent + " "
+    if isinstance(value, dict):
+        parts = [f"{json.dumps(key)}: {_json_lines(part, inner)}" for key, part in value.items()]
+    else:
+        parts = [_json_lines(part, inner) for part in value]
+    opening, closing = "{}" if isinstance(value, dict) else "[]"
+    return f"{opening}\n{inner}" + f",\n{inner}".join(parts) + f"\n{indent}{closing}"
 
 
 def file_text(path: str) -> str:
