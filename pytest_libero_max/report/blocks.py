@@ -67,13 +67,12 @@ class Interval(Block, frozen=True, kw_only=True):
     upper: WideDifference | None
 
 
-class TaskInterval(Block, frozen=True, kw_only=True):
+class IntervalByTask(Block, frozen=True, kw_only=True):
     """A 95% interval for statements about other tasks: tasks are resampled with all their pairs.
 
     Attributes:
         tasks: Tasks that the pairs are of.
-        changed_tasks: Tasks in which a pair changed.
-        value: The estimate over all pairs.
+        changed_tasks: Tasks in which a pair changed; between runs, with a case that tells them apart.
         lower: Lower end; None where too few tasks changed to decide.
         upper: Upper end; None where too few tasks changed to decide.
     """
@@ -82,6 +81,15 @@ class TaskInterval(Block, frozen=True, kw_only=True):
     changed_tasks: Count
     lower: WideDifference | None
     upper: WideDifference | None
+
+
+class TaskInterval(IntervalByTask, frozen=True, kw_only=True):
+    """A 95% interval for statements about other tasks, with the estimate.
+
+    Attributes:
+        value: The estimate over all pairs.
+    """
+
     value: WideDifference | None
 
 
@@ -128,25 +136,18 @@ class MeanDifference(Block, frozen=True, kw_only=True):
     upper: Difference | None
 
 
-class Change(Block, frozen=True, kw_only=True):
+class Change(MeanDifference, frozen=True, kw_only=True):
     """A paired change with its intervals.
 
     Attributes:
         count: Gains minus regressions.
         of: Played pairs.
         value: Paired change, the mean of Dynamic less Base: count / of, -1 to 1; negative for a loss.
-        lower: Lower end of the melded exact 95% interval, which takes all pairs as independent.
-        upper: Upper end of the melded exact 95% interval.
         by_task: 95% interval for statements about other tasks: tasks are resampled with all their pairs.
         bootstrap: The paper's percentile bootstrap, for comparison with it; too narrow with few changed
             pairs.
     """
 
-    count: int
-    of: Count
-    value: Difference | None
-    lower: Difference | None
-    upper: Difference | None
     by_task: TaskInterval
     bootstrap: Bootstraps
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
+import msgspec
+
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
@@ -335,7 +337,7 @@ def _counts(
     complete = bool(planned) and len(played) == len(planned) and not missing_shards
     stop = None
     if stopped is not None and not complete:
-        stop = Stop(reason=stopped.reason, of=stopped.of, rule=stopped.rule, at=stopped.at)
+        stop = msgspec.convert(stopped, Stop, from_attributes=True)
     return PairCounts(
         planned=len(planned),
         played=len(played),
@@ -344,8 +346,7 @@ def _counts(
         complete=complete,
         missing_shards=[*missing_shards],
         invalid_pairs=[
-            InvalidPair(case_id=e.case_id, item_id=e.item_id, phase=e.phase, kind=e.kind, message=e.message)
-            for _, e in sorted(failed.items())
+            msgspec.convert(error, InvalidPair, from_attributes=True) for _, error in sorted(failed.items())
         ],
         missing_pairs=[MissingPair(case_id=pair.case_id, item_id=pair.item_id) for pair in missing],
         repaired_pairs=sorted(repaired),

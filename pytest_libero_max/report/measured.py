@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
+import msgspec
+from msgspec.structs import asdict
+
 from pytest_libero_max.report import blocks
-from pytest_libero_max.report.blocks import Bootstrap, Bootstraps, Change, McNemar, Rate, Result, StaleActions
+from pytest_libero_max.report.blocks import (
+    Bootstrap,
+    Bootstraps,
+    Change,
+    McNemar,
+    MeanDifference,
+    Rate,
+    Result,
+    StaleActions,
+)
 from pytest_libero_max.stats.breakdown import at_floor
 from pytest_libero_max.stats.clusters import TaskInterval
 from pytest_libero_max.stats.exposure import Exposure
@@ -59,24 +71,26 @@ def rate_of(ratio: Ratio, interval: Interval | None) -> Rate:
     return Rate(count=ratio.count, of=ratio.of, value=number(ratio.value), lower=lower, upper=upper)
 
 
+def mean_difference_of(difference: Ratio, interval: Interval | None) -> MeanDifference:
+    """Return a mean of paired differences of success with its interval."""
+    lower, upper = ends(interval)
+    return MeanDifference(
+        count=difference.count, of=difference.of, value=number(difference.value), lower=lower, upper=upper
+    )
+
+
 def change_of(result: PairedResult) -> Change:
     """Return the paired change: exact interval, the one clustered by task, and the paper's two bootstraps."""
-    change, whole, by_source = result.outcomes.change, result.bootstrap, result.bootstrap_by_source
-    value = number(change.value)
-    lower, upper = ends(result.change)
-    low, high = ends(whole)
+    whole, change = result.bootstrap, mean_difference_of(result.outcomes.change, result.change)
+    lower, upper = ends(whole)
     return Change(
-        count=change.count,
-        of=change.of,
-        value=value,
-        lower=lower,
-        upper=upper,
-        by_task=_by_task(result.change_by_task, value),
+        **asdict(change),
+        by_task=_by_task(result.change_by_task, change.value),
         bootstrap=Bootstraps(
-            lower=low,
-            upper=high,
+            lower=lower,
+            upper=upper,
             degenerate=whole.degenerate if whole else None,
-            by_source=_bootstrap(by_source),
+            by_source=_bootstrap(result.bootstrap_by_source),
         ),
     )
 
@@ -94,12 +108,7 @@ def interval_of(interval: Interval | MeanChange | None) -> blocks.Interval:
 
 def outcomes_of(outcomes: Outcomes) -> blocks.Outcomes:
     """Return the four counts under the names of the pair record."""
-    return blocks.Outcomes(
-        preserved_success=outcomes.preserved_success,
-        change_associated_success=outcomes.change_associated_success,
-        regression=outcomes.regression,
-        persistent_failure=outcomes.persistent_failure,
-    )
+    return msgspec.convert(outcomes, blocks.Outcomes, from_attributes=True)
 
 
 def stale_of(exposure: Exposure) -> StaleActions:

@@ -41,24 +41,6 @@ class Stop(Block, frozen=True, kw_only=True):
     at: Count | None
 
 
-class InvalidPair(Block, frozen=True, kw_only=True):
-    """A pair that could not be measured.
-
-    Attributes:
-        case_id: Id of the case in its manifest.
-        item_id: Name of the test item; select it with -k.
-        phase: Part in which it failed: setup, base, dynamic, crash, or the name of another arm.
-        kind: Type of the error.
-        message: Message of the error.
-    """
-
-    case_id: Text
-    item_id: Text
-    phase: str
-    kind: str
-    message: str
-
-
 class MissingPair(Block, frozen=True, kw_only=True):
     """A planned pair with neither a record nor an error.
 
@@ -69,6 +51,20 @@ class MissingPair(Block, frozen=True, kw_only=True):
 
     case_id: Text
     item_id: Text
+
+
+class InvalidPair(MissingPair, frozen=True, kw_only=True):
+    """A pair that could not be measured.
+
+    Attributes:
+        phase: Part in which it failed: setup, base, dynamic, crash, or the name of another arm.
+        kind: Type of the error.
+        message: Message of the error.
+    """
+
+    phase: str
+    kind: str
+    message: str
 
 
 class PairCounts(Block, frozen=True, kw_only=True):

@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from pytest_libero_max.events.schedules import BASE, SHAM
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report import report_document
-from pytest_libero_max.report.blocks import MeanDifference
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
-from pytest_libero_max.report.measured import ends, number, rate_of, ratio_of
+from pytest_libero_max.report.measured import mean_difference_of, rate_of, ratio_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.intervals import wilson
 from pytest_libero_max.stats.outcome_table import Ratio, tabulate
@@ -30,20 +29,14 @@ def sham_of(records: Iterable[PairRecord]) -> report_document.Sham | None:
     by_sham, by_event, beyond = tabulate(base, sham), tabulate(base, dynamic), tabulate(sham, dynamic)
     lost, event_lost = by_sham.conditional_regression, by_event.conditional_regression
     gained = Ratio(by_sham.change_associated_success, by_sham.total - by_sham.base.count)
-    lower, upper = ends(paired_difference(beyond.regression, beyond.change_associated_success, beyond.total))
+    exact = paired_difference(beyond.regression, beyond.change_associated_success, beyond.total)
     return report_document.Sham(
         pairs=len(played),
         identical=ratio_of(Ratio(alike, len(played))),
         lost=rate_of(lost, wilson(lost)),
         gained=rate_of(gained, wilson(gained)),
         event_lost=rate_of(event_lost, wilson(event_lost)),
-        beyond=MeanDifference(
-            count=beyond.change.count,
-            of=beyond.change.of,
-            value=number(beyond.change.value),
-            lower=lower,
-            upper=upper,
-        ),
+        beyond=mean_difference_of(beyond.change, exact),
     )
 
 

@@ -12,6 +12,7 @@ from pytest_libero_max.report.blocks import (
     Count,
     Difference,
     Interval,
+    IntervalByTask,
     Log10,
     Outcomes,
     Positive,
@@ -94,22 +95,6 @@ class ComparedRun(Block, frozen=True, kw_only=True):
     largest_loss: Text
 
 
-class ContrastByTask(Block, frozen=True, kw_only=True):
-    """The 95% interval that takes the cases of a task as one draw.
-
-    Attributes:
-        tasks: Tasks of the cases.
-        changed_tasks: Tasks with a case that tells the runs apart.
-        lower: Lower end; None with too few tasks.
-        upper: Upper end; None with too few tasks.
-    """
-
-    tasks: Count
-    changed_tasks: Count
-    lower: WideDifference | None
-    upper: WideDifference | None
-
-
 class SuccessDifference(Block, frozen=True, kw_only=True):
     """Success of the second run less that of the first.
 
@@ -128,7 +113,7 @@ class SuccessDifference(Block, frozen=True, kw_only=True):
     upper: Difference | None
     simultaneous: Interval
     bootstrap: Interval
-    by_task: ContrastByTask | None = None
+    by_task: IntervalByTask | None = None
 
 
 class SuccessContrast(Block, frozen=True, kw_only=True):
@@ -172,7 +157,7 @@ class ChangeDifference(Block, frozen=True, kw_only=True):
     lower: WideDifference | None
     upper: WideDifference | None
     simultaneous: Interval
-    by_task: ContrastByTask | None = None
+    by_task: IntervalByTask | None = None
 
 
 class ChangeContrast(Block, frozen=True, kw_only=True):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from pytest_libero_max.report.blocks import IntervalByTask
 from pytest_libero_max.report.comparison.comparison_document import (
     ChangeContrast,
     ChangeDifference,
-    ContrastByTask,
     GroupContrast,
     GroupDifference,
     SuccessContrast,
@@ -78,8 +78,8 @@ def group_contrast_of(contrast: stats.GroupContrast) -> GroupContrast:
     )
 
 
-def _by_task(interval: TaskInterval | None) -> ContrastByTask | None:
+def _by_task(interval: TaskInterval | None) -> IntervalByTask | None:
     if interval is None:
         return None
     lower, upper = ends(interval.interval)
-    return ContrastByTask(tasks=interval.tasks, changed_tasks=interval.changed, lower=lower, upper=upper)
+    return IntervalByTask(tasks=interval.tasks, changed_tasks=interval.changed, lower=lower, upper=upper)

@@ -29,7 +29,7 @@ class ShownEvent(NamedTuple):
         title: Heading.
         view: View of the table of cases that has its cases alone.
         picture: Base64 of a WebP of 512x128 pixels; empty for an event of another package.
-        sentence: What the event does; empty where its kind is not installed.
+        sentence: Description of the event; empty where its kind is not installed.
         facts: Names and values: severity, family and the parameters that all its cases share.
     """
 

@@ -60,11 +60,6 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield from flat(part, f"{name}.{key}" if name else str(key))
 
 
-def parameters(change: Json) -> Json:
-    """Return the parameters of a change, by name."""
-    return dict(flat(change))
-
-
 def _case(pair: PlannedPair) -> Json:
     """Return the details that no column has."""
     return {"Task": pair.task}
@@ -117,7 +112,7 @@ def _evidence(evidence: Json) -> Iterator[tuple[str, Json]]:
         )
     rest = {key: value for key, value in evidence.items() if key not in ("before", "after", "operation")}
     if rest:
-        yield "Evidence", parameters(rest)
+        yield "Evidence", dict(flat(rest))
 
 
 def _named(name: str, value: Any) -> Json:

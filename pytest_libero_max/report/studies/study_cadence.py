@@ -6,18 +6,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import asdict
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.measured import ends, number, outcomes_of, rate_of, stale_of
+from pytest_libero_max.report.measured import (
+    ends,
+    interval_of,
+    mean_difference_of,
+    number,
+    outcomes_of,
+    rate_of,
+    stale_of,
+)
 from pytest_libero_max.report.studies.study_document import (
     BestSetting,
     Cadence,
     CadenceSetting,
     SettingChange,
     SettingDifference,
-    SourceInterval,
 )
 from pytest_libero_max.stats.best import Best, FromBest, best_of
 from pytest_libero_max.stats.exposure import expose
@@ -96,8 +104,8 @@ def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
     triggered = Ratio(sum(bool(arm.firings) for arm in arms), len(arms))
     responded = Ratio(sum(arm.response_step is not None for arm in arms), len(arms))
     stale = [arm.stale_actions or 0 for arm in arms if arm.response_step is not None]
-    bootstrap = ends(mean_change(dynamic.astype(np.int64) - base, [record.source for record in records]))
-    exact = ends(paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total))
+    bootstrap = mean_change(dynamic.astype(np.int64) - base, [record.source for record in records])
+    exact = paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total)
     return CadenceSetting(
         label=setting.label,
         horizon=setting.horizon,
@@ -106,12 +114,7 @@ def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
         base_success=rate_of(outcomes.base, wilson(outcomes.base)),
         dynamic_success=rate_of(outcomes.dynamic, wilson(outcomes.dynamic)),
         paired_change=SettingChange(
-            count=outcomes.change.count,
-            of=outcomes.change.of,
-            value=number(outcomes.change.value),
-            lower=exact[0],
-            upper=exact[1],
-            bootstrap_by_source=SourceInterval(lower=bootstrap[0], upper=bootstrap[1]),
+            **asdict(mean_difference_of(outcomes.change, exact)), bootstrap_by_source=interval_of(bootstrap)
         ),
         outcomes=outcomes_of(outcomes),
         conditional_regression=rate_of(
@@ -129,14 +132,9 @@ def _successes(records: Sequence[PairRecord], arm: str) -> BoolArray:
 
 def _best(successes: dict[str, BoolArray]) -> BestSetting:
     best: Best = best_of(successes)
-    rate = rate_of(best.rate, best.interval)
     return BestSetting(
         setting=best.name,
-        count=rate.count,
-        of=rate.of,
-        value=rate.value,
-        lower=rate.lower,
-        upper=rate.upper,
+        **asdict(rate_of(best.rate, best.interval)),
         not_worse=[name for name, difference in best.differences.items() if difference.may_equal],
         differences={name: _difference(difference) for name, difference in best.differences.items()},
     )

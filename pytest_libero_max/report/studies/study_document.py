@@ -7,6 +7,7 @@ from pytest_libero_max.report.blocks import (
     Count,
     Difference,
     Interval,
+    MeanDifference,
     Outcomes,
     Positive,
     Rate,
@@ -208,36 +209,15 @@ class Camera(Block, frozen=True, kw_only=True):
     approach: dict[str, Approach]
 
 
-class SourceInterval(Block, frozen=True, kw_only=True):
-    """The paper's interval.
-
-    Attributes:
-        lower: Lower end of the paper's interval, with the number of cases of each source kept.
-        upper: Upper end of the same.
-    """
-
-    lower: Difference | None
-    upper: Difference | None
-
-
-class SettingChange(Block, frozen=True, kw_only=True):
+class SettingChange(MeanDifference, frozen=True, kw_only=True):
     """Dynamic less Base at a setting, the mean over the cases.
 
     Attributes:
         count: Gains minus regressions.
-        of: Cases: the denominator.
-        value: Paired change.
-        lower: Lower end of the melded exact 95% interval.
-        upper: Upper end of the same.
-        bootstrap_by_source: The paper's interval.
+        bootstrap_by_source: The paper's interval, with the number of cases of each source kept.
     """
 
-    count: int
-    of: Count
-    value: Difference | None
-    lower: Difference | None
-    upper: Difference | None
-    bootstrap_by_source: SourceInterval
+    bootstrap_by_source: Interval
 
 
 class CadenceSetting(Block, frozen=True, kw_only=True):
