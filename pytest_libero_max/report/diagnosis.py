@@ -27,10 +27,10 @@ _STILL_STEPS = 20
 _ARRIVED_M = 0.01  # by which distances at which a hand stops differ in one place
 _REACTION_STEPS = 10
 _NEAR_M = 0.12
-_REACHED_MORE_M = 0.04  # how much farther than in a Base that succeeded the hand may be
+_REACHED_MORE_M = 0.02  # how much farther than in a Base that succeeded the hand may be
 _MOVED_M = 0.02
 _SAME_PLACE_M = 0.015  # by which distances at which a hand closes differ in one place
-_BESIDE_M = 0.03  # how much farther from an object a hand may close beside it
+_BESIDE_M = 0.06  # how much farther from an object a hand may close beside it
 _FAR_FROM_GOAL_M = 0.15
 _FALL_M = 0.05
 _PUSHED_M = 0.05
@@ -552,6 +552,16 @@ def _grasp_missed(seen: _Seen) -> str | None:
     )
 
 
+def _stuck(seen: _Seen) -> str | None:
+    """The hand was told to move for 2 s or more and did not, before it had lifted the object."""
+    if seen.lifted or not seen.held_up:
+        return None
+    return seen.after_event(
+        f"the hand came within {_cm(seen.row.closest_m)} of {seen.thing}{seen.held_up}, from step "
+        f"{seen.stages['blocked_step']} on."
+    )
+
+
 def _never_closed(seen: _Seen) -> str | None:
     """The hand reached the object and did not close."""
     row = seen.row
@@ -559,7 +569,7 @@ def _never_closed(seen: _Seen) -> str | None:
         return None
     return seen.after_event(
         f"the hand came within {_cm(row.closest_m)} of {seen.thing} at step {row.closest_step} and did not "
-        f"close{seen.held_up}."
+        "close."
     )
 
 
@@ -587,7 +597,8 @@ def _timed_out(seen: _Seen) -> str | None:
     """The time was up while the hand was on its way."""
     row = seen.row
     free = row.touch_step is None and int(seen.stages["blocked_steps"]) < _BLOCKED_STEPS
-    nearing = seen.base is not None and (row.closest_step or 0) >= seen.steps - _REACTION_STEPS
+    late = seen.base is not None and (row.closest_step or 0) >= seen.steps - _REACTION_STEPS
+    nearing = late and not seen.reached
     if not free or not (nearing or (seen.done and seen.still < _STILL_STEPS)):
         return None
     done = f", with {seen.done} of {seen.facts} facts of the goal done" if seen.facts > 1 else ""
@@ -638,6 +649,7 @@ _RULES: tuple[tuple[str, Callable[[_Seen], str | None]], ...] = tuple(
         _part_not_moved,
         _timed_out,
         _grasp_missed,
+        _stuck,
         _never_closed,
         _froze,
         _never_reached,
