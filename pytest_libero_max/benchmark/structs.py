@@ -12,13 +12,13 @@ from datetime import date, datetime, time, timedelta
 from decimal import Decimal
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 from uuid import UUID
 
 import msgspec
 from msgspec import Meta, Struct
 
-from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.errors import LiberoMaxError, ReportError, did_you_mean
 
 LARGEST = 2**63 - 1
 """Largest count or seed, so that all of them fit into NumPy's integers."""
@@ -105,6 +105,73 @@ def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
     except (msgspec.ValidationError, RecursionError) as error:
         _explain(values, kind)
         raise ReportError(f"The {kind.NOUN} cannot be read: {error}.") from None
+
+
+def checked(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> Any:
+    """Return a plain value as a type: lists as tuples, numbers as floats, objects as structs.
+
+    Args:
+        value: The value.
+        kind: The type; a field of a dataclass or struct is named by its place in a message.
+        where: Name of the value in a message.
+        error: Class of the error.
+
+    Raises:
+        LiberoMaxError: Of that class: the value, or one inside it, breaks the rule of its type. It names it.
+    """
+    try:
+        return msgspec.convert(value, kind)
+    except (msgspec.ValidationError, RecursionError):
+        return _checked_inside(value, kind, where, error)
+
+
+def _checked_inside(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> Any:
+    """Refuse what is wrong inside a value; a number of NumPy's is none of msgspec's, but right."""
+    plain = plain_type(kind)
+    if isinstance(value, float) and type(value) is not float and plain is float:
+        return checked(float(value), kind, where, error)
+    if isinstance(plain, type) and issubclass(plain, Struct):
+        return _checked_struct(value, plain, where, error)
+    parts = get_args(plain)
+    if get_origin(plain) is tuple and isinstance(value, list | tuple):
+        if Ellipsis in parts:
+            parts = parts[:1] * len(value)
+        if len(parts) == len(value):
+            found = [
+                checked(item, part, f"{where}[{i}]", error)
+                for i, (item, part) in enumerate(zip(value, parts, strict=True))
+            ]
+            if fits(found, kind):
+                return tuple(found)
+    if get_origin(plain) is Literal and isinstance(value, str) and value:
+        raise error.seen(where, value, f". {did_you_mean(value, parts)}")
+    raise error.seen(where, value, f", but must be {words(kind)}.")
+
+
+def _checked_struct(value: Any, kind: type[Struct], where: str, error: type[LiberoMaxError]) -> Any:
+    if not isinstance(value, dict):
+        raise error(f"{where} must be a JSON object, not {type(value).__name__}.")
+    known = {field.name: field for field in msgspec.structs.fields(kind)}
+    missing = sorted(name for name, field in known.items() if field.required and name not in value)
+    if missing:
+        raise error(f"{where} lacks {', '.join(missing)}.")
+    for key in value:
+        if key not in known and kind.__struct_config__.forbid_unknown_fields:
+            raise error(f"{where} has the unknown field {key!r}. {did_you_mean(str(key), known)}")
+    hints = get_type_hints(kind, include_extras=True)
+    return kind(
+        **{key: checked(value[key], hints[key], f"{where}.{key}", error) for key in known if key in value}
+    )
+
+
+def plain_type(kind: Any) -> Any:
+    """Return a type without its rule and without the None that it allows."""
+    if get_origin(kind) is Annotated:
+        return plain_type(get_args(kind)[0])
+    if get_origin(kind) in (Union, UnionType):
+        parts = [part for part in get_args(kind) if part is not NoneType]
+        return plain_type(parts[0]) if len(parts) == 1 else kind
+    return kind
 
 
 def to_builtins(value: Struct) -> dict[str, Any]:
@@ -202,5 +269,6 @@ def words(hint: Any) -> str:
     if isinstance(origin, type) and issubclass(origin, Mapping | Document):
         return "an object"
     if isinstance(origin, type) and issubclass(origin, Sequence) and origin is not str:
-        return "a list"
+        sized = origin is tuple and get_args(hint) and Ellipsis not in get_args(hint)
+        return f"a list of {len(get_args(hint))} items" if sized else "a list"
     return {bool: "true or false", int: "an integer", float: "a number", str: "text"}.get(origin, "a value")

@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from pytest_libero_max.benchmark.structs import Text
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, Vector3, items, number, place, strength_of, text
+from pytest_libero_max.changes.fields import (
+    Cosine,
+    Degrees,
+    ManifestFields,
+    Place,
+    Share,
+    Vector3,
+    between,
+    strength_of,
+)
 from pytest_libero_max.changes.reversal import Reversal, altered_rows
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds import rotations
@@ -39,22 +49,11 @@ class ShiftCamera(ManifestFields):
 
     operation: ClassVar[str] = "shift_camera"
 
-    camera: str
-    delta_position_m: Vector3
-    yaw_degrees: float
-    delta_fovy_degrees: float
-    calibration: str | None = None
-
-    def __post_init__(self) -> None:
-        self._set("camera", text("shift_camera.camera", self.camera))
-        self._set("delta_position_m", place("shift_camera.delta_position_m", self.delta_position_m))
-        self._set("yaw_degrees", number("shift_camera.yaw_degrees", self.yaw_degrees, -360.0, 360.0))
-        self._set(
-            "delta_fovy_degrees",
-            number("shift_camera.delta_fovy_degrees", self.delta_fovy_degrees, -180.0, 180.0),
-        )
-        if self.calibration is not None:
-            text("shift_camera.calibration", self.calibration)
+    camera: Text
+    delta_position_m: Place
+    yaw_degrees: Annotated[float, between(-360.0, 360.0)]
+    delta_fovy_degrees: Degrees
+    calibration: Text | None = None
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -168,21 +167,13 @@ class OrbitCamera(ManifestFields):
 
     operation: ClassVar[str] = "orbit_camera"
 
-    camera: str
-    pivot_m: Vector3
-    elevation_degrees: float = 0.0
-    azimuth_degrees: float = 0.0
-    distance_scale: float = 1.0
-    yaw_degrees: float = 0.0
-    pitch_degrees: float = 0.0
-
-    def __post_init__(self) -> None:
-        where = self.operation
-        text(f"{where}.camera", self.camera)
-        self._set("pivot_m", place(f"{where}.pivot_m", self.pivot_m))
-        for name in ("elevation_degrees", "azimuth_degrees", "yaw_degrees", "pitch_degrees"):
-            self._set(name, number(f"{where}.{name}", getattr(self, name), -180.0, 180.0))
-        self._set("distance_scale", number(f"{where}.distance_scale", self.distance_scale, 0.05, 20.0))
+    camera: Text
+    pivot_m: Place
+    elevation_degrees: Degrees = 0.0
+    azimuth_degrees: Degrees = 0.0
+    distance_scale: Annotated[float, between(0.05, 20.0)] = 1.0
+    yaw_degrees: Degrees = 0.0
+    pitch_degrees: Degrees = 0.0
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -241,22 +232,19 @@ class PlaceCamera(ManifestFields):
 
     operation: ClassVar[str] = "place_camera"
 
-    camera: str
-    position_m: Vector3
-    quaternion_wxyz: rotations.Quaternion
-    blend: float | None = None
+    camera: Text
+    position_m: Place
+    quaternion_wxyz: tuple[Cosine, Cosine, Cosine, Cosine]
+    blend: Share | None = None
 
     def __post_init__(self) -> None:
-        where = self.operation
-        text(f"{where}.camera", self.camera)
-        self._set("position_m", place(f"{where}.position_m", self.position_m))
-        given = items(f"{where}.quaternion_wxyz", self.quaternion_wxyz, 4)
-        turn = tuple(number(f"{where}.quaternion_wxyz[{i}]", v, -1.0, 1.0) for i, v in enumerate(given))
-        if abs(math.hypot(*turn) - 1.0) > 1e-3:
-            raise ChangeError.seen(f"{where}.quaternion_wxyz", list(turn), ", but must have unit length.")
-        self._set("quaternion_wxyz", turn)
-        if self.blend is not None:
-            self._set("blend", number(f"{where}.blend", self.blend, 0.0, 1.0))
+        super().__post_init__()
+        if abs(math.hypot(*self.quaternion_wxyz) - 1.0) > 1e-3:
+            raise ChangeError.seen(
+                f"{self.operation}.quaternion_wxyz",
+                list(self.quaternion_wxyz),
+                ", but must have unit length.",
+            )
 
     @classmethod
     def looking_at(cls, camera: str, position_m: Vector3, aim_m: Vector3) -> PlaceCamera:

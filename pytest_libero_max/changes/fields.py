@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_type_hints
 
+from msgspec import Meta, Struct, defstruct
+
+from pytest_libero_max.benchmark.structs import Text, checked, rule
 from pytest_libero_max.errors import ChangeError, did_you_mean
 
 if TYPE_CHECKING:
     from typing import Self
-
-Vector3 = tuple[float, float, float]
 
 FARTHEST_M = 10.0
 """Largest coordinate or offset. A scene is 3 m wide; a way to a place 1000 km off fills the memory."""
@@ -26,10 +28,47 @@ MOST_TIMES = 100.0
 """Largest factor of a brightness or colour."""
 
 
+def between(low: float, high: float) -> Meta:
+    """Return the rule of a finite number within [low, high]."""
+    ends = f" of at least {low:g}" if high == math.inf else f" from {low:g} to {high:g}"
+    words = "a finite number" + ("" if low == -math.inf else ends)
+    return rule(words, ge=max(low, -sys.float_info.max), le=min(high, sys.float_info.max))
+
+
+Number = Annotated[float, between(-math.inf, math.inf)]
+Share = Annotated[float, between(0.0, 1.0)]
+Cosine = Annotated[float, between(-1.0, 1.0)]
+Offset = Annotated[float, between(-FARTHEST_M, FARTHEST_M)]
+"""One coordinate of a position or an offset in a scene, m."""
+Seed = Annotated[int, rule("an integer of at least 0", ge=0)]
+Degrees = Annotated[float, between(-180.0, 180.0)]
+Times = Annotated[float, between(0.0, MOST_TIMES)]
+"""Factor of a brightness or a colour."""
+Vector3 = tuple[Number, Number, Number]
+Place = tuple[Offset, Offset, Offset]
+"""A position or an offset in a scene, m."""
+Times3 = tuple[Times, Times, Times]
+"""Factors of red, green and blue."""
+
+
 class ManifestFields:
-    """Mixin of the frozen dataclasses that represent an object of a manifest."""
+    """Mixin of the frozen dataclasses that represent an object of a manifest.
+
+    A value of a field must be of the field's type and keep its rule. It is stored as that type has it: lists
+    as tuples, numbers as floats.
+
+    Raises:
+        ChangeError: A value breaks the rule of its field.
+    """
 
     operation: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        kind = _struct(type(self))  # type: ignore[arg-type]
+        given = {name: getattr(self, name) for name in kind.__struct_fields__}
+        found = checked(given, kind, self.operation, ChangeError)
+        for name in given:
+            self._set(name, getattr(found, name))
 
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any]) -> Self:
@@ -59,7 +98,7 @@ class ManifestFields:
         return {name: _plain(value) for name, value in values.items() if value is not None}
 
     def _set(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)  # the dataclasses are frozen; only __post_init__ calls this
+        object.__setattr__(self, name, value)  # the dataclasses are frozen; only __post_init__ calls it
 
 
 def number(where: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
@@ -68,22 +107,7 @@ def number(where: str, value: Any, low: float = -math.inf, high: float = math.in
     Raises:
         ChangeError: It is not; the message begins with ``where``, the operation and field.
     """
-    numeric = isinstance(value, int | float) and not isinstance(value, bool)
-    # The comparison, unlike math.isfinite, also answers for an integer too long for a float.
-    if not numeric or not abs(value) <= sys.float_info.max or not low <= value <= high:
-        raise ChangeError.seen(where, value, f", but must be a finite number{_bounds(low, high)}.")
-    return float(value)
-
-
-def integer(where: str, value: Any, low: int = 0, high: float = math.inf) -> int:
-    """Return an integer within [low, high].
-
-    Raises:
-        ChangeError: It is not.
-    """
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise ChangeError.seen(where, value, f", but must be an integer{_bounds(low, high)}.")
-    return value
+    return float(checked(value, Annotated[float, between(low, high)], where, ChangeError))
 
 
 def text(where: str, value: Any) -> str:
@@ -92,31 +116,7 @@ def text(where: str, value: Any) -> str:
     Raises:
         ChangeError: It is not.
     """
-    if not isinstance(value, str) or not value:
-        raise ChangeError.seen(where, value, ", but must be a non-empty string.")
-    return value
-
-
-def flag(where: str, value: Any) -> bool:
-    """Return a boolean.
-
-    Raises:
-        ChangeError: It is neither.
-    """
-    if not isinstance(value, bool):
-        raise ChangeError.seen(where, value, ", but must be true or false.")
-    return value
-
-
-def items(where: str, value: Any, length: int) -> Sequence[Any]:
-    """Return a list or tuple of exactly ``length`` items.
-
-    Raises:
-        ChangeError: It is not.
-    """
-    if not isinstance(value, list | tuple) or len(value) != length:
-        raise ChangeError.seen(where, value, f", but must be a list of {length} items.")
-    return value
+    return str(checked(value, Text, where, ChangeError))
 
 
 def vector3(where: str, value: Any, low: float = -math.inf, high: float = math.inf) -> Vector3:
@@ -125,36 +125,9 @@ def vector3(where: str, value: Any, low: float = -math.inf, high: float = math.i
     Raises:
         ChangeError: It is not.
     """
-    x, y, z = (number(f"{where}[{i}]", item, low, high) for i, item in enumerate(items(where, value, 3)))
+    kind = Annotated[float, between(low, high)]
+    x, y, z = checked(value, tuple[kind, kind, kind], where, ChangeError)
     return x, y, z
-
-
-def place(where: str, value: Any) -> Vector3:
-    """Return a position or an offset in a scene, m.
-
-    Raises:
-        ChangeError: It is not one, or farther than :data:`FARTHEST_M`.
-    """
-    return vector3(where, value, -FARTHEST_M, FARTHEST_M)
-
-
-def offset(where: str, value: Any) -> float:
-    """Return one coordinate of a position or an offset, m; see :func:`place`."""
-    return number(where, value, -FARTHEST_M, FARTHEST_M)
-
-
-def factor(where: str, value: Any) -> float:
-    """Return a factor of a brightness or a colour.
-
-    Raises:
-        ChangeError: It is negative, or above :data:`MOST_TIMES`.
-    """
-    return number(where, value, 0.0, MOST_TIMES)
-
-
-def factors3(where: str, value: Any) -> Vector3:
-    """Return factors of red, green and blue."""
-    return vector3(where, value, 0.0, MOST_TIMES)
 
 
 def strength_of(operation: str, strength: float) -> float:
@@ -180,10 +153,11 @@ def all_or_nothing(operation: str, strength: float) -> bool:
     return s == 1.0
 
 
-def _bounds(low: float, high: float) -> str:
-    if math.isfinite(low) and math.isfinite(high):
-        return f" from {low:g} to {high:g}"
-    return f" of at least {low:g}" if math.isfinite(low) else ""
+@cache
+def _struct(kind: type) -> type[Struct]:
+    """Return the fields of a class as a struct, which msgspec checks in one call."""
+    hints = get_type_hints(kind, include_extras=True)
+    return defstruct(kind.__name__, [(field.name, hints[field.name]) for field in fields(kind)])
 
 
 def _plain(value: Any) -> Any:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
+from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, text
+from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, frozen, saved
-from pytest_libero_max.errors import ChangeError
-from pytest_libero_max.worlds.contract import AlterableWorld, Goal
+from pytest_libero_max.worlds.contract import AlterableWorld
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,8 @@ class SetInstruction(ManifestFields):
 
     operation: ClassVar[str] = "set_instruction"
 
-    instruction: str
-    style: str | None = None
-
-    def __post_init__(self) -> None:
-        text("set_instruction.instruction", self.instruction)
-        if self.style is not None:
-            text("set_instruction.style", self.style)
+    instruction: Text
+    style: Text | None = None
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -52,6 +47,10 @@ class SetInstruction(ManifestFields):
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
+_Fact = Annotated[tuple[Text, ...], rule("a predicate and one or two names", min_length=2, max_length=3)]
+_Goal = Annotated[tuple[_Fact, ...], rule("a non-empty list of predicates", min_length=1)]
+
+
 @dataclass(frozen=True)
 class SetTask(ManifestFields):
     """Give another task in the same scene: a goal and its instruction.
@@ -66,22 +65,8 @@ class SetTask(ManifestFields):
 
     operation: ClassVar[str] = "set_task"
 
-    instruction: str
-    goal: Goal
-
-    def __post_init__(self) -> None:
-        text("set_task.instruction", self.instruction)
-        if not isinstance(self.goal, list | tuple) or not self.goal:
-            raise ChangeError.seen(
-                "set_task.goal", self.goal, ", but must be a non-empty list of predicates."
-            )
-        for i, fact in enumerate(self.goal):
-            where = f"set_task.goal[{i}]"
-            if not isinstance(fact, list | tuple) or len(fact) not in (2, 3):
-                raise ChangeError.seen(where, fact, ", but must be a predicate and one or two names.")
-            for j, word in enumerate(fact):
-                text(f"{where}[{j}]", word)
-        self._set("goal", tuple(tuple(fact) for fact in self.goal))
+    instruction: Text
+    goal: _Goal
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
+    Degrees,
     ManifestFields,
-    Vector3,
-    factor,
-    factors3,
-    flag,
-    number,
+    Share,
+    Times,
+    Times3,
+    between,
     strength_of,
 )
 from pytest_libero_max.changes.measuring import filter_records
@@ -34,7 +34,7 @@ class SetLighting(ManifestFields):
     """Multiply the intensity of every lamp, and the brightness of every image from now on.
 
     Attributes:
-        scale: Factor on the ambient, diffuse and specular intensity of every light, at least 0.
+        scale: Times on the ambient, diffuse and specular intensity of every light, at least 0.
         brightness: Factor on the pixels. None means the benchmark's rule: 0.75 where ``scale`` is below
             1, otherwise 1.25. A change that :meth:`scaled` returned states it.
 
@@ -44,13 +44,8 @@ class SetLighting(ManifestFields):
 
     operation: ClassVar[str] = "set_lighting"
 
-    scale: float
-    brightness: float | None = None
-
-    def __post_init__(self) -> None:
-        self._set("scale", factor("set_lighting.scale", self.scale))
-        if self.brightness is not None:
-            self._set("brightness", factor("set_lighting.brightness", self.brightness))
+    scale: Times
+    brightness: Times | None = None
 
     @property
     def pixel_brightness(self) -> float:
@@ -114,30 +109,13 @@ class SetLamps(ManifestFields):
 
     operation: ClassVar[str] = "set_lamps"
 
-    levels: Vector3 | None = None
-    diffuse_factor: Vector3 | None = None
-    specular: float | None = None
-    azimuth_degrees: float | None = None
-    tilt_degrees: float | None = None
+    levels: Times3 | None = None
+    diffuse_factor: Times3 | None = None
+    specular: Annotated[float, between(0.0, 10.0)] | None = None
+    azimuth_degrees: Degrees | None = None
+    tilt_degrees: Annotated[float, between(-90.0, 90.0)] | None = None
     cast_shadows: bool | None = None
-    blend: float | None = None
-
-    def __post_init__(self) -> None:
-        where = self.operation
-        for name in ("levels", "diffuse_factor"):
-            if getattr(self, name) is not None:
-                self._set(name, factors3(f"{where}.{name}", getattr(self, name)))
-        bounds = {
-            "specular": (0.0, 10.0),
-            "azimuth_degrees": (-180.0, 180.0),
-            "tilt_degrees": (-90.0, 90.0),
-            "blend": (0.0, 1.0),
-        }
-        for name, (low, high) in bounds.items():
-            if getattr(self, name) is not None:
-                self._set(name, number(f"{where}.{name}", getattr(self, name), low, high))
-        if self.cast_shadows is not None:
-            flag(f"{where}.cast_shadows", self.cast_shadows)
+    blend: Share | None = None
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
     ManifestFields,
+    Share,
+    Times3,
     Vector3,
     all_or_nothing,
-    factors3,
-    integer,
-    items,
-    number,
     strength_of,
-    text,
 )
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, Row, frozen, saved
@@ -29,6 +27,8 @@ from pytest_libero_max.worlds.contract import AlterableWorld
 COLOUR_FIELDS = ("geom_rgba", "mat_rgba")
 COLOUR_ROLE = 1
 """Column of ``mat_texid`` that holds the colour texture (mjTEXROLE_RGB)."""
+
+_Channel = Annotated[int, rule("an integer from 0 to 2", ge=0, le=2)]
 
 _DRAWN_GROUP = 1
 
@@ -50,20 +50,18 @@ class SetVisualTheme(ManifestFields):
 
     operation: ClassVar[str] = "set_visual_theme"
 
-    rgb_permutation: tuple[int, int, int]
-    rgb_multiplier: Vector3
-    blend: float | None = None
+    rgb_permutation: tuple[_Channel, _Channel, _Channel]
+    rgb_multiplier: Times3
+    blend: Share | None = None
 
     def __post_init__(self) -> None:
-        where = "set_visual_theme.rgb_permutation"
-        given = items(where, self.rgb_permutation, 3)
-        permutation = tuple(integer(f"{where}[{i}]", item, 0, 2) for i, item in enumerate(given))
-        if sorted(permutation) != [0, 1, 2]:
-            raise ChangeError.seen(where, list(permutation), ", but must be a permutation of [0, 1, 2].")
-        self._set("rgb_permutation", permutation)
-        self._set("rgb_multiplier", factors3("set_visual_theme.rgb_multiplier", self.rgb_multiplier))
-        if self.blend is not None:
-            self._set("blend", number("set_visual_theme.blend", self.blend, 0.0, 1.0))
+        super().__post_init__()
+        if sorted(self.rgb_permutation) != [0, 1, 2]:
+            raise ChangeError.seen(
+                f"{self.operation}.rgb_permutation",
+                list(self.rgb_permutation),
+                ", but must be a permutation of [0, 1, 2].",
+            )
 
     @property
     def share(self) -> float:
@@ -121,12 +119,8 @@ class SetTexture(ManifestFields):
 
     operation: ClassVar[str] = "set_texture"
 
-    material: str
-    texture: str
-
-    def __post_init__(self) -> None:
-        text("set_texture.material", self.material)
-        text("set_texture.texture", self.texture)
+    material: Text
+    texture: Text
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -164,17 +158,9 @@ class CoverEntity(ManifestFields):
 
     operation: ClassVar[str] = "cover_entity"
 
-    entity: str
-    rgb: Vector3
-    texture: str | None = None
-
-    def __post_init__(self) -> None:
-        text("cover_entity.entity", self.entity)
-        given = items("cover_entity.rgb", self.rgb, 3)
-        rgb = tuple(number(f"cover_entity.rgb[{i}]", part, 0.0, 1.0) for i, part in enumerate(given))
-        self._set("rgb", rgb)
-        if self.texture is not None:
-            text("cover_entity.texture", self.texture)
+    entity: Text
+    rgb: tuple[Share, Share, Share]
+    texture: Text | None = None
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -11,14 +11,15 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes import image_corruptions
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, integer, number, strength_of, text
+from pytest_libero_max.changes.fields import ManifestFields, Seed, Share, between, strength_of
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.reversal import Reversal, added_filters
 from pytest_libero_max.errors import ChangeError, did_you_mean
@@ -191,15 +192,9 @@ class SetSensorCorruption(ManifestFields):
 
     operation: ClassVar[str] = "set_sensor_corruption"
 
-    noise_std: float
-    occlusion_fraction: float
-    seed: int
-
-    def __post_init__(self) -> None:
-        self._set("noise_std", number("set_sensor_corruption.noise_std", self.noise_std, 0.0, 255.0))
-        where = "set_sensor_corruption.occlusion_fraction"
-        self._set("occlusion_fraction", number(where, self.occlusion_fraction, 0.0, 1.0))
-        self._set("seed", integer("set_sensor_corruption.seed", self.seed))
+    noise_std: Annotated[float, between(0.0, 255.0)]
+    occlusion_fraction: Share
+    seed: Seed
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -242,24 +237,21 @@ class CorruptPicture(ManifestFields):
 
     operation: ClassVar[str] = "corrupt_picture"
 
-    camera: str
-    kind: str
-    level: int
-    seed: int
-    blend: float | None = None
+    camera: Text
+    kind: Text
+    level: Annotated[
+        int, rule(f"an integer from 1 to {image_corruptions.LEVELS}", ge=1, le=image_corruptions.LEVELS)
+    ]
+    seed: Seed
+    blend: Share | None = None
 
     def __post_init__(self) -> None:
-        where = self.operation
-        text(f"{where}.camera", self.camera)
+        super().__post_init__()
         known = image_corruptions.KINDS
-        if text(f"{where}.kind", self.kind) not in known:
+        if self.kind not in known:
             raise ChangeError.seen(
-                f"{where}.kind", self.kind, f" is not a corruption. {did_you_mean(self.kind, known)}"
+                f"{self.operation}.kind", self.kind, f" is not a corruption. {did_you_mean(self.kind, known)}"
             )
-        integer(f"{where}.level", self.level, 1, image_corruptions.LEVELS)
-        integer(f"{where}.seed", self.seed)
-        if self.blend is not None:
-            self._set("blend", number(f"{where}.blend", self.blend, 0.0, 1.0))
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -299,14 +291,10 @@ class SetGlare(ManifestFields):
 
     operation: ClassVar[str] = "set_glare"
 
-    strength: float
-    across: float
-    up: float
-    radius: float
-
-    def __post_init__(self) -> None:
-        for name, low in (("strength", 0.0), ("across", 0.0), ("up", 0.0), ("radius", 0.01)):
-            self._set(name, number(f"set_glare.{name}", getattr(self, name), low, 1.0))
+    strength: Share
+    across: Share
+    up: Share
+    radius: Annotated[float, between(0.01, 1.0)]
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from pytest_libero_max.benchmark.structs import Count, Text
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import (
     FARTHEST_M,
+    Cosine,
+    Degrees,
     ManifestFields,
-    Vector3,
+    Offset,
+    Place,
     all_or_nothing,
-    flag,
-    integer,
-    items,
-    number,
-    offset,
-    place,
+    between,
     strength_of,
-    text,
 )
 from pytest_libero_max.changes.lowering import lower, reach, top
 from pytest_libero_max.changes.measuring import measure_poses
@@ -54,28 +52,12 @@ class MoveObject(ManifestFields):
 
     operation: ClassVar[str] = "move_object"
 
-    object: str
-    delta_position_m: Vector3
-    support_entity: str | None = None
-    distance_m: float | None = None
-    direction_xy: tuple[float, float] | None = None
-    calibration: str | None = None
-
-    def __post_init__(self) -> None:
-        text("move_object.object", self.object)
-        self._set("delta_position_m", place("move_object.delta_position_m", self.delta_position_m))
-        if self.support_entity is not None:
-            text("move_object.support_entity", self.support_entity)
-        if self.distance_m is not None:
-            self._set("distance_m", number("move_object.distance_m", self.distance_m, 0.0, 2 * FARTHEST_M))
-        if self.direction_xy is not None:
-            where = "move_object.direction_xy"
-            given = items(where, self.direction_xy, 2)
-            self._set(
-                "direction_xy", tuple(number(f"{where}[{i}]", v, -1.0, 1.0) for i, v in enumerate(given))
-            )
-        if self.calibration is not None:
-            text("move_object.calibration", self.calibration)
+    object: Text
+    delta_position_m: Place
+    support_entity: Text | None = None
+    distance_m: Annotated[float, between(0.0, 2 * FARTHEST_M)] | None = None
+    direction_xy: tuple[Cosine, Cosine] | None = None
+    calibration: Text | None = None
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -125,12 +107,8 @@ class RemoveObject(ManifestFields):
 
     operation: ClassVar[str] = "remove_object"
 
-    object: str
-    offworld_position_m: Vector3
-
-    def __post_init__(self) -> None:
-        text("remove_object.object", self.object)
-        self._set("offworld_position_m", place("remove_object.offworld_position_m", self.offworld_position_m))
+    object: Text
+    offworld_position_m: Place
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -177,23 +155,12 @@ class Placement(ManifestFields):
 
     operation: ClassVar[str] = "placement"
 
-    object: str
-    relative_to: str
-    offset_m: Vector3
+    object: Text
+    relative_to: Text
+    offset_m: Place
     preserve_initial_z: bool
-    support_entity: str | None = None
-    placement_rule: str | None = None
-
-    def __post_init__(self) -> None:
-        where = self.operation
-        text(f"{where}.object", self.object)
-        text(f"{where}.relative_to", self.relative_to)
-        self._set("offset_m", place(f"{where}.offset_m", self.offset_m))
-        flag(f"{where}.preserve_initial_z", self.preserve_initial_z)
-        if self.support_entity is not None:
-            text(f"{where}.support_entity", self.support_entity)
-        if self.placement_rule is not None:
-            text(f"{where}.placement_rule", self.placement_rule)
+    support_entity: Text | None = None
+    placement_rule: Text | None = None
 
 
 @dataclass(frozen=True)
@@ -236,7 +203,7 @@ class InsertDistractors(ManifestFields):
     operation: ClassVar[str] = "insert_distractors"
 
     placements: tuple[Placement, ...]
-    distractor_count: int
+    distractor_count: Count
 
     def __post_init__(self) -> None:
         where = "insert_distractors"
@@ -247,7 +214,8 @@ class InsertDistractors(ManifestFields):
         names = [placement.object for placement in placements]
         if len(set(names)) < len(names):
             raise ChangeError(f"{where}.placements name {names!r}, but every object may come back only once.")
-        if integer(f"{where}.distractor_count", self.distractor_count) != len(placements):
+        super().__post_init__()
+        if self.distractor_count != len(placements):
             raise ChangeError.seen(
                 f"{where}.distractor_count",
                 self.distractor_count,
@@ -287,21 +255,11 @@ class PutObject(ManifestFields):
 
     operation: ClassVar[str] = "put_object"
 
-    object: str
-    onto: str
-    offset_xy_m: tuple[float, float]
-    relative_to: str | None = None
-    yaw_degrees: float = 0.0
-
-    def __post_init__(self) -> None:
-        where = self.operation
-        text(f"{where}.object", self.object)
-        text(f"{where}.onto", self.onto)
-        given = items(f"{where}.offset_xy_m", self.offset_xy_m, 2)
-        self._set("offset_xy_m", tuple(offset(f"{where}.offset_xy_m[{i}]", v) for i, v in enumerate(given)))
-        if self.relative_to is not None:
-            text(f"{where}.relative_to", self.relative_to)
-        self._set("yaw_degrees", number(f"{where}.yaw_degrees", self.yaw_degrees, -180.0, 180.0))
+    object: Text
+    onto: Text
+    offset_xy_m: tuple[Offset, Offset]
+    relative_to: Text | None = None
+    yaw_degrees: Degrees = 0.0
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -355,12 +313,8 @@ class TurnObject(ManifestFields):
 
     operation: ClassVar[str] = "turn_object"
 
-    object: str
-    yaw_degrees: float
-
-    def __post_init__(self) -> None:
-        text("turn_object.object", self.object)
-        self._set("yaw_degrees", number("turn_object.yaw_degrees", self.yaw_degrees, -180.0, 180.0))
+    object: Text
+    yaw_degrees: Degrees
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
+from pytest_libero_max.benchmark.structs import rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, flag, items, number, strength_of
+from pytest_libero_max.changes.fields import ManifestFields, between, strength_of
 from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld
 from pytest_libero_max.worlds.robot import GRIPPER, PANDA, ROBOT
 
 ARM_DOF = len(PANDA.arm_joints)
+
+_JointOffsets = Annotated[
+    tuple[Annotated[float, between(-3.0, 3.0)], ...],
+    rule(f"a list of {ARM_DOF} items", min_length=ARM_DOF, max_length=ARM_DOF),
+]
 
 _WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
 
@@ -34,16 +40,8 @@ class OffsetArm(ManifestFields):
 
     operation: ClassVar[str] = "offset_arm"
 
-    delta_joint_rad: tuple[float, ...]
+    delta_joint_rad: _JointOffsets
     keep_clear: bool | None = None
-
-    def __post_init__(self) -> None:
-        where = "offset_arm.delta_joint_rad"
-        given = items(where, self.delta_joint_rad, ARM_DOF)
-        delta = tuple(number(f"{where}[{i}]", part, -3.0, 3.0) for i, part in enumerate(given))
-        self._set("delta_joint_rad", delta)
-        if self.keep_clear is not None:
-            flag("offset_arm.keep_clear", self.keep_clear)
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -22,7 +22,7 @@ from pytest_libero_max import (
     StoppingRule,
     Trigger,
 )
-from pytest_libero_max.changes import Factor, ManifestFields, Vector3, strength_of, text, vector3
+from pytest_libero_max.changes import Factor, ManifestFields, Vector3, strength_of
 from pytest_libero_max.errors import ChangeError, ManifestError
 from pytest_libero_max.probes import Column, View
 
@@ -51,10 +51,6 @@ class PushObject(ManifestFields):
 
     object: str
     velocity_m_s: Vector3
-
-    def __post_init__(self) -> None:
-        text("push_object.object", self.object)
-        self._set("velocity_m_s", vector3("push_object.velocity_m_s", self.velocity_m_s))
 
     @property
     def factors(self) -> frozenset[Factor]:
