@@ -5,23 +5,23 @@ A case of the authors is one event at one trigger; a ``program`` says more (:mod
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pytest_libero_max.benchmark.documents import (
-    Json,
-    canonical_digest,
-    require_count,
-    require_keys,
-    require_object,
-    require_text,
-    require_texts,
-    require_word,
-    slug,
-)
+from msgspec import Struct
+
+from pytest_libero_max.benchmark.documents import Json, canonical_digest, slug
 from pytest_libero_max.benchmark.programs import Program, parse_program
+from pytest_libero_max.benchmark.structs import (
+    Count,
+    Difficulty,
+    Length,
+    Variant,
+    Word,
+    checked,
+    rule,
+)
 from pytest_libero_max.errors import ManifestError, did_you_mean
 
 Source = Literal["libero", "plus", "pro"]
@@ -158,50 +158,77 @@ class Case:
         return replace(self, record={**self.record, "program": program.to_dict()}, program=program)
 
 
-TIMING_BUCKETS = ("early", "middle", "late")
-SEVERITIES = ("low", "medium", "high")
-RESPONSES = ("continue", "replan")
-"""Expected responses of a policy in a case that is scored by whether its task is completed."""
+Severity = Literal["low", "medium", "high"]
+SEVERITIES: tuple[str, ...] = get_args(Severity)
 
-_VARIANT_OPTIONAL = (
-    "benchmark",
-    "category",
-    "bddl_file",
-    "init_states_file",
-    "init_reference_bddl_file",
-    "source_revision",
-)
+# A case as a manifest spells it.
 
-_CASE_REQUIRED = {
-    "case_id",
-    "task_suite_name",
-    "task_index",
-    "init_state_index",
-    "policy_seed",
-    "timing_bucket",
-    "scenario",
-}
-_CASE_OPTIONAL = {
-    "task_name",
-    "substrate_category",
-    "substrate_difficulty",
-    "substrate_variant",
-    "dynamic_phase",
-    "program",
-}
-_SCENARIO_REQUIRED = {
-    "scenario_id",
-    "base_task_id",
-    "seed",
-    "change_family",
-    "change_type",
-    "severity",
-    "trigger",
-    "change",
-    "expected_response_mode",
-    "safety_constraints",
-}
-_SCENARIO_OPTIONAL = {"setup", "randomization"}
+
+class _Spelled(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An object of a manifest: exactly these fields."""
+
+
+class _Operation(Struct, frozen=True):
+    operation: Word
+
+
+class _Trigger(Struct, frozen=True):
+    type: Word
+    value: Word
+
+
+class _Proximity(_Spelled, frozen=True):
+    type: Word
+    value: Word
+    distance_m: Length
+
+
+class _Randomization(_Spelled, frozen=True):
+    sampler: Word
+    draw_id: Variant
+    seed: Count
+
+
+class _Scenario(_Spelled, frozen=True):
+    scenario_id: Word
+    base_task_id: Word
+    seed: Count
+    change_family: Word
+    change_type: Word
+    severity: Severity
+    trigger: _Trigger
+    change: _Operation
+    expected_response_mode: Literal["continue", "replan"]
+    """Those of a case that is scored by the completion of its task."""
+    safety_constraints: Annotated[tuple[Word, ...], rule("a list of non-empty strings")]
+    setup: Annotated[tuple[_Operation, ...], rule("a list of changes")] = ()
+    randomization: _Randomization = _Randomization(sampler="", draw_id=0, seed=0)
+
+
+class _SourceVariant(_Spelled, frozen=True):
+    language: Word
+    benchmark: Word = ""
+    category: Word = ""
+    bddl_file: Word = ""
+    init_states_file: Word = ""
+    init_reference_bddl_file: Word = ""
+    source_revision: Word = ""
+
+
+class _Case(_Spelled, frozen=True):
+    case_id: Word
+    task_suite_name: Word
+    task_index: Count
+    init_state_index: Count
+    policy_seed: Count
+    timing_bucket: Literal["early", "middle", "late"]
+    scenario: _Scenario
+    task_name: Word = ""
+    substrate_category: Word | None = None
+    substrate_difficulty: Annotated[Difficulty | None, rule("null or 1 to 5")] = None
+    substrate_variant: _SourceVariant | None = None
+    dynamic_phase: Word = ""
+    program: Any = None
 
 
 def parse_case(record: Any, where: str = "case") -> Case:
@@ -214,112 +241,51 @@ def parse_case(record: Any, where: str = "case") -> Case:
     Raises:
         ManifestError: It breaks the format.
     """
-    case = require_object(record, where)
-    require_keys(case, where, _CASE_REQUIRED, _CASE_OPTIONAL)
-    case_id = require_text(case, "case_id", where)
-    where = f"case {case_id!r}"
-    suite = require_text(case, "task_suite_name", where)
+    named = record.get("case_id") if isinstance(record, dict) else None
+    where = f"case {named!r}" if isinstance(named, str) and named else where
+    spelled: _Case = checked(record, _Case, f"{where}: ", ManifestError)
+    suite = spelled.task_suite_name
     if suite not in SUITE_BUDGETS:
         raise ManifestError(f"{where}: task_suite_name={suite!r}. {did_you_mean(suite, SUITE_BUDGETS)}")
-    require_word(case, "timing_bucket", where, TIMING_BUCKETS)
-    for key in ("task_name", "dynamic_phase"):
-        if key in case:
-            require_text(case, key, where)
-    source, category = _source(case, where)
-    difficulty = case.get("substrate_difficulty")
-    if difficulty is not None and (type(difficulty) is not int or not 1 <= difficulty <= 5):
-        raise ManifestError(f"{where}: substrate_difficulty={difficulty!r}, but must be null or 1 to 5.")
+    source, category = _source(spelled.substrate_category)
     return Case(
-        case_id=case_id,
+        case_id=spelled.case_id,
         suite=suite,
-        task_index=require_count(case, "task_index", where),
-        init_state_index=require_count(case, "init_state_index", where),
-        policy_seed=require_count(case, "policy_seed", where),
-        event=_parse_event(case["scenario"], where),
+        task_index=spelled.task_index,
+        init_state_index=spelled.init_state_index,
+        policy_seed=spelled.policy_seed,
+        event=_event(spelled.scenario, record["scenario"], f"{where}: scenario"),
         source=source,
         source_category=category,
-        difficulty=difficulty,
-        instruction=_instruction(case, where),
-        record=dict(case),
-        program=parse_program(case["program"], f"{where}: program") if "program" in case else None,
+        difficulty=spelled.substrate_difficulty,
+        instruction=None if spelled.substrate_variant is None else spelled.substrate_variant.language,
+        record=dict(record),
+        program=parse_program(record["program"], f"{where}: program") if "program" in record else None,
     )
 
 
-def _instruction(case: Json, where: str) -> str | None:
-    """Return the prompt of a case's ``substrate_variant``; None where it has none."""
-    if case.get("substrate_variant") is None:
-        return None
-    where = f"{where}: substrate_variant"
-    variant = require_object(case["substrate_variant"], where)
-    require_keys(variant, where, {"language"}, _VARIANT_OPTIONAL)
-    for key in variant:
-        require_text(variant, key, where)
-    return require_text(variant, "language", where)
-
-
-def _parse_event(value: Any, where: str) -> Event:
-    scenario = require_object(value, f"{where}: scenario")
-    where = f"{where}: scenario"
-    require_keys(scenario, where, _SCENARIO_REQUIRED, _SCENARIO_OPTIONAL)
-    name = require_text(scenario, "change_type", where)
-    for key in ("scenario_id", "base_task_id"):
-        require_text(scenario, key, where)
-    require_texts(scenario, "safety_constraints", where)
-    draw = _draw(scenario["randomization"], f"{where}.randomization") if "randomization" in scenario else 0
-    setup = scenario.get("setup", [])
-    if not isinstance(setup, list):
-        raise ManifestError(f"{where}.setup must be a list of changes.")
+def _event(spelled: _Scenario, scenario: Json, where: str) -> Event:
+    """Return the event of a scenario; of triggers beside ``on_proximity`` only the form is checked."""
+    trigger = dict(scenario["trigger"])
+    if spelled.trigger.type == PROXIMITY:
+        proximity: _Proximity = checked(trigger, _Proximity, f"{where}.trigger", ManifestError)
+        trigger["distance_m"] = proximity.distance_m
     return Event(
-        name=name,
-        variant=draw,
-        seed=require_count(scenario, "seed", where),
-        severity=require_word(scenario, "severity", where, SEVERITIES),
-        family_code=require_text(scenario, "change_family", where),
-        response=require_word(scenario, "expected_response_mode", where, RESPONSES),
-        change=_change(scenario["change"], f"{where}.change"),
-        setup=tuple(_change(item, f"{where}.setup[{i}]") for i, item in enumerate(setup)),
-        trigger=_parse_trigger(scenario["trigger"], f"{where}.trigger"),
+        name=spelled.change_type,
+        variant=spelled.randomization.draw_id,
+        seed=spelled.seed,
+        severity=spelled.severity,
+        family_code=spelled.change_family,
+        response=spelled.expected_response_mode,
+        change=dict(scenario["change"]),
+        setup=tuple(map(dict, scenario.get("setup", ()))),
+        trigger=trigger,
     )
 
 
-def _draw(value: Any, where: str) -> int:
-    """Return the parameter variant that a scenario's ``randomization`` names."""
-    randomization = require_object(value, where)
-    require_keys(randomization, where, {"sampler", "draw_id", "seed"})
-    require_text(randomization, "sampler", where)
-    require_count(randomization, "seed", where)
-    draw = randomization["draw_id"]
-    if type(draw) is not int or draw not in (0, 1):
-        raise ManifestError.seen(f"{where}.draw_id", draw, ", but an event has the variants 0 and 1.")
-    return draw
-
-
-def _parse_trigger(value: Any, where: str) -> Json:
-    """Return a trigger that names an entity; of types beside ``on_proximity`` only the form is checked."""
-    trigger = require_object(value, where)
-    require_text(trigger, "value", where)
-    if require_text(trigger, "type", where) != PROXIMITY:
-        return dict(trigger)
-    require_keys(trigger, where, {"type", "value"}, {"distance_m"})
-    distance = trigger.get("distance_m")
-    longest = sys.float_info.max
-    if isinstance(distance, bool) or not isinstance(distance, int | float) or not 0 < distance <= longest:
-        raise ManifestError.seen(f"{where}.distance_m", distance, ", but must be a length in metres above 0.")
-    return {**trigger, "distance_m": float(distance)}
-
-
-def _source(case: Json, where: str) -> tuple[Source, str]:
-    category = case.get("substrate_category")
+def _source(category: str | None) -> tuple[Source, str]:
     if category is None:
         return "libero", "Unmodified"
-    if not isinstance(category, str) or not category:
-        raise ManifestError(f"{where}: substrate_category={category!r}, but must be a non-empty string.")
     if category.startswith("LIBERO-PRO/"):
         return "pro", category.removeprefix("LIBERO-PRO/")
     return "plus", category
-
-
-def _change(value: Any, where: str) -> Json:
-    change = require_object(value, where)
-    require_text(change, "operation", where)
-    return dict(change)

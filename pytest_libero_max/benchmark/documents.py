@@ -1,4 +1,4 @@
-"""JSON documents of the benchmark: canonical form, digests, compressed files, and checked fields."""
+"""JSON documents of the benchmark: canonical form, digests, and compressed files."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ import io
 import json
 import os
 import zlib
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-
-from pytest_libero_max.errors import ManifestError, did_you_mean
 
 Json = dict[str, Any]
 
@@ -95,79 +92,3 @@ def cut_torn_line(path: Path) -> bool:
         return False
     os.truncate(path, whole)
     return True
-
-
-def require_object(value: Any, where: str) -> Json:
-    """Return the value as a JSON object.
-
-    Raises:
-        ManifestError: It is not one.
-    """
-    if not isinstance(value, dict):
-        raise ManifestError(f"{where} must be a JSON object, not {type(value).__name__}.")
-    return value
-
-
-def require_keys(
-    value: Json, where: str, required: set[str], optional: Sequence[str] | set[str] = ()
-) -> None:
-    """Check that an object has all required fields and no unknown one.
-
-    Raises:
-        ManifestError: It lacks one, or has an unknown one.
-    """
-    missing = sorted(required - value.keys())
-    if missing:
-        raise ManifestError(f"{where} lacks {', '.join(missing)}.")
-    known = required | set(optional)
-    for key in value:
-        if key not in known:
-            raise ManifestError(f"{where} has the unknown field {key!r}. {did_you_mean(key, known)}")
-
-
-def require_text(value: Json, key: str, where: str) -> str:
-    """Return the field as a non-empty string.
-
-    Raises:
-        ManifestError: It is not one.
-    """
-    text = value.get(key)
-    if not isinstance(text, str) or not text:
-        raise ManifestError.seen(f"{where}.{key}", text, ", but must be a non-empty string.")
-    return text
-
-
-def require_word(value: Json, key: str, where: str, known: Sequence[str]) -> str:
-    """Return the field as one of a few words.
-
-    Raises:
-        ManifestError: It is none of them; suggests the closest.
-    """
-    word = require_text(value, key, where)
-    if word not in known:
-        raise ManifestError.seen(f"{where}.{key}", word, f". {did_you_mean(word, known)}")
-    return word
-
-
-def require_texts(value: Json, key: str, where: str) -> tuple[str, ...]:
-    """Return the field as a list of non-empty strings.
-
-    Raises:
-        ManifestError: It is not one.
-    """
-    items = value.get(key)
-    if not isinstance(items, list) or not all(isinstance(item, str) and item for item in items):
-        raise ManifestError.seen(f"{where}.{key}", items, ", but must be a list of non-empty strings.")
-    return tuple(items)
-
-
-def require_count(value: Json, key: str, where: str) -> int:
-    """Return the field as an integer of at least 0.
-
-    Raises:
-        ManifestError: It is not one.
-    """
-    number = value.get(key)
-    if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-        raise ManifestError.seen(f"{where}.{key}", number, ", but must be an integer of at least 0.")
-    return number

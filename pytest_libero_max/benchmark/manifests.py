@@ -19,19 +19,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
+
 from pytest_libero_max.benchmark.cases import PROXIMITY, Case, parse_case
-from pytest_libero_max.benchmark.documents import (
-    Json,
-    canonical_digest,
-    read_content,
-    refuse_constant,
-    require_count,
-    require_keys,
-    require_object,
-    require_text,
-)
+from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
 from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.benchmark.releases import Recognition, recognise
+from pytest_libero_max.benchmark.structs import Positive, Word, checked, require_fields
 from pytest_libero_max.errors import ManifestError
 
 SCORING_TRACK = "physical_completion"
@@ -139,25 +133,21 @@ def parse_manifest(document: Any) -> Manifest:
     Raises:
         ManifestError: It breaks the format or contradicts itself.
     """
-    top = require_object(document, "manifest")
-    require_keys(
-        top, "manifest", {"benchmark_id", "benchmark_version", "protocol", "cases"}, ("manifest_format",)
-    )
-    if top.get("manifest_format", FORMAT_2) != FORMAT_2:
+    require_fields(document, _Top, "manifest", ManifestError)
+    if document.get("manifest_format", FORMAT_2) != FORMAT_2:
         raise ManifestError.seen(
             "manifest_format",
-            top["manifest_format"],
+            document["manifest_format"],
             f", but this version reads {FORMAT_2}, and files "
             "without the field. Use the version of pytest-libero-max that wrote the file, or a newer one.",
         )
-    protocol = require_object(top["protocol"], "protocol")
-    _check_protocol(protocol)
-    raw = top["cases"]
+    _check_protocol(document["protocol"])
+    raw = document["cases"]
     if not isinstance(raw, list) or not raw:
         raise ManifestError("cases must be a non-empty list.")
     cases = tuple(parse_case(record, f"cases[{i}]") for i, record in enumerate(raw))
     beyond = next((case for case in cases if case.needs_format_2), None)
-    if beyond is not None and "manifest_format" not in top:
+    if beyond is not None and "manifest_format" not in document:
         kind = beyond.event.trigger["type"]
         what = f"scenario.trigger.type={kind!r}" if beyond.program is None else "a program"
         raise ManifestError(
@@ -173,30 +163,38 @@ def parse_manifest(document: Any) -> Manifest:
                 f"{count} cases describe the same configuration {item_id!r}; keep one of them."
             )
     return Manifest(
-        benchmark_id=require_text(top, "benchmark_id", "manifest"),
-        version=require_text(top, "benchmark_version", "manifest"),
-        protocol=dict(protocol),
+        benchmark_id=checked(document["benchmark_id"], Word, "manifest.benchmark_id", ManifestError),
+        version=checked(document["benchmark_version"], Word, "manifest.benchmark_version", ManifestError),
+        protocol=dict(document["protocol"]),
         cases=cases,
     )
 
 
-_PROTOCOL_OPTIONAL = ("substrate", "profile", "source_benchmark_commit", "selection_contract")
+class _Top(Struct, frozen=True, forbid_unknown_fields=True):
+    benchmark_id: Any
+    benchmark_version: Any
+    protocol: Any
+    cases: Any
+    manifest_format: Any = FORMAT_2
 
 
-def _check_protocol(protocol: Json) -> None:
-    require_keys(protocol, "protocol", {"arms", "query_interval", "scoring_track"}, _PROTOCOL_OPTIONAL)
-    if protocol["arms"] != ["control", "intervention"]:
-        raise ManifestError.seen(
-            "protocol.arms", protocol["arms"], ", but must be ['control', 'intervention']."
-        )
-    if require_count(protocol, "query_interval", "protocol") < 1:
-        raise ManifestError("protocol.query_interval=0, but must be at least 1.")
-    if require_text(protocol, "scoring_track", "protocol") != SCORING_TRACK:
+class _Protocol(Struct, frozen=True, forbid_unknown_fields=True):
+    arms: Any
+    query_interval: Positive
+    scoring_track: Word
+    substrate: Word = ""
+    profile: Word = ""
+    source_benchmark_commit: Word = ""
+    selection_contract: Word = ""
+
+
+def _check_protocol(value: Any) -> None:
+    protocol: _Protocol = checked(value, _Protocol, "protocol", ManifestError)
+    if protocol.arms != ["control", "intervention"]:
+        raise ManifestError.seen("protocol.arms", protocol.arms, ", but must be ['control', 'intervention'].")
+    if protocol.scoring_track != SCORING_TRACK:
         raise ManifestError.seen(
             "protocol.scoring_track",
-            protocol["scoring_track"],
+            protocol.scoring_track,
             f", but only {SCORING_TRACK!r} is played: whether the task of the case is completed.",
         )
-    for key in _PROTOCOL_OPTIONAL:
-        if key in protocol:
-            require_text(protocol, key, "protocol")

@@ -21,18 +21,12 @@ import json
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pytest_libero_max.benchmark.documents import (
-    Json,
-    canonical_digest,
-    read_content,
-    refuse_constant,
-    require_count,
-    require_keys,
-    require_object,
-    require_text,
-)
+from msgspec import Struct
+
+from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
+from pytest_libero_max.benchmark.structs import Count, Object, Positive, Word, checked, rule
 from pytest_libero_max.errors import ManifestError, OptionError
 
 BASE = "base"
@@ -76,6 +70,45 @@ class Program:
         return {"name": self.name, "arms": list(self.arms)}
 
 
+_Name = Annotated[
+    str,
+    rule("lower-case letters, digits and underscores, with a letter first", pattern=rf"^{NAME.pattern}\Z"),
+]
+
+
+class _Spelled(Struct, frozen=True, forbid_unknown_fields=True):
+    """An object of a program: exactly these fields."""
+
+
+class _Program(_Spelled, frozen=True):
+    name: _Name
+    arms: Annotated[tuple[Object, ...], rule("a non-empty list of arms", min_length=1)]
+
+
+class _Cadence(_Spelled, frozen=True):
+    query_interval: Count
+    horizon: Positive = 0
+    """0 where it is not given: that of ``query_interval``."""
+
+
+class _Arm(_Spelled, frozen=True):
+    name: _Name
+    schedule: Annotated[tuple[Any, ...], rule("a list of entries")] = ()
+    repetition: Count = 0
+    cadence: _Cadence = _Cadence(1)
+
+
+class _Happening(_Spelled, frozen=True):
+    trigger: Any
+    change: Any
+    strength: Annotated[float, rule("a number above 0, at most 1", gt=0, le=1)] = 1.0
+
+
+class _Reversal(_Spelled, frozen=True):
+    trigger: Any
+    reverts: Count
+
+
 def load_program(path: Path) -> Program:
     """Read a program from a JSON file.
 
@@ -116,44 +149,22 @@ def parse_program(value: Any, where: str = "program") -> Program:
     Raises:
         ManifestError: It breaks the format.
     """
-    program = require_object(value, where)
-    require_keys(program, where, {"name", "arms"})
-    name = require_name(program, where)
-    arms = program["arms"]
-    if not isinstance(arms, list) or not arms:
-        raise ManifestError.seen(f"{where}.arms", arms, ", but must be a non-empty list of arms.")
+    program: _Program = checked(value, _Program, where, ManifestError)
     seen: set[str] = set()
-    for i, arm in enumerate(arms):
+    for i, arm in enumerate(program.arms):
         called = _check_arm(arm, f"{where}.arms[{i}]")
         if called in seen:
             raise ManifestError.seen(
                 f"{where}.arms[{i}].name", called, " of two arms. Give each a name of its own."
             )
         seen.add(called)
-    return Program(name, tuple(dict(arm) for arm in arms))
+    return Program(program.name, program.arms)
 
 
-def require_name(value: Json, where: str) -> str:
-    """Return the field ``name`` as a word of ids.
-
-    Raises:
-        ManifestError: It is not one.
-    """
-    name = value.get("name")
-    if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise ManifestError.seen(
-            f"{where}.name",
-            name,
-            ", but must be lower-case letters, digits and underscores, with a letter first.",
-        )
-    return name
-
-
-def _check_arm(value: Any, where: str) -> str:
+def _check_arm(value: Json, where: str) -> str:
     """Return the name of an arm that is spelled as it must be."""
-    arm = require_object(value, where)
-    require_keys(arm, where, {"name"}, ("schedule", "repetition", "cadence"))
-    name = require_name(arm, where)
+    arm: _Arm = checked(value, _Arm, where, ManifestError)
+    name, schedule = arm.name, arm.schedule
     for taken, option in ((BASE_AGAIN, "noise-floor"), (SHAM, "sham")):
         if name == taken:
             raise ManifestError.seen(
@@ -161,23 +172,22 @@ def _check_arm(value: Any, where: str) -> str:
                 name,
                 f" is the arm that --libero-max-{option} adds. Use that option, or another name.",
             )
-    schedule = arm.get("schedule", [])
-    if not isinstance(schedule, list):
-        raise ManifestError(f"{where}.schedule must be a list of entries, not {type(schedule).__name__}.")
     for i, entry in enumerate(schedule):
         check_entry(entry, f"{where}.schedule[{i}]")
-    if name in (BASE, DYNAMIC) and arm.keys() & {"repetition", "cadence"}:
+    if name in (BASE, DYNAMIC) and value.keys() & {"repetition", "cadence"}:
         raise ManifestError(
             f"{where}: {name!r} has a repetition or a cadence, but Base and Dynamic share their prefix. Give "
             "them to an arm of another name."
         )
     if (name == BASE and schedule) or (name == DYNAMIC and not schedule):
         what = "nothing happens in Base" if name == BASE else "something happens in Dynamic"
-        raise ManifestError.seen(f"{where}.schedule", schedule, f" of arm {name!r}, but {what}.")
-    if "repetition" in arm:
-        require_count(arm, "repetition", where)
-    if "cadence" in arm:
-        _check_cadence(arm["cadence"], f"{where}.cadence")
+        raise ManifestError.seen(f"{where}.schedule", list(schedule), f" of arm {name!r}, but {what}.")
+    horizon = arm.cadence.horizon or arm.cadence.query_interval
+    if not 1 <= arm.cadence.query_interval <= horizon:
+        raise ManifestError(
+            f"{where}.cadence has query_interval={arm.cadence.query_interval} and horizon={horizon}, but "
+            "1 <= Q <= H: a query returns at most H actions, of which Q are executed."
+        )
     return name
 
 
@@ -187,27 +197,11 @@ def check_entry(value: Any, where: str) -> Json:
     Raises:
         ManifestError: It has another form.
     """
-    entry = require_object(value, where)
-    kind = "reverts" if "reverts" in entry else "change"
-    require_keys(entry, where, {"trigger", kind}, ("strength",) if kind == "change" else ())
+    kind = _Reversal if isinstance(value, dict) and "reverts" in value else _Happening
+    entry: Json = value
+    checked(entry, kind, where, ManifestError)
     for key, inner in (("trigger", "type"), ("change", "operation")):
         if key in entry and entry[key] != EVENT:
-            require_text(require_object(entry[key], f"{where}.{key}"), inner, f"{where}.{key}")
-    if kind == "reverts":
-        require_count(entry, "reverts", where)
-    strength = entry.get("strength", 1.0)
-    if isinstance(strength, bool) or not isinstance(strength, int | float) or not 0 < strength <= 1:
-        raise ManifestError.seen(f"{where}.strength", strength, ", but must be a number above 0, at most 1.")
+            found = checked(entry[key], Object, f"{where}.{key}", ManifestError).get(inner)
+            checked(found, Word, f"{where}.{key}.{inner}", ManifestError)
     return entry
-
-
-def _check_cadence(value: Any, where: str) -> None:
-    cadence = require_object(value, where)
-    require_keys(cadence, where, {"query_interval"}, ("horizon",))
-    interval = require_count(cadence, "query_interval", where)
-    horizon = require_count(cadence, "horizon", where) if "horizon" in cadence else interval
-    if not 1 <= interval <= horizon:
-        raise ManifestError(
-            f"{where} has query_interval={interval} and horizon={horizon}, but 1 <= Q <= H: a query returns "
-            "at most H actions, of which Q are executed."
-        )

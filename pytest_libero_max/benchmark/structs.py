@@ -7,7 +7,9 @@ a rule in words, which messages and generated schemas use.
 from __future__ import annotations
 
 import reprlib
+import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields
 from datetime import date, datetime, time, timedelta
 from decimal import Decimal
 from functools import cache
@@ -38,10 +40,12 @@ def rule(words: str, **limits: Any) -> Meta:
 
 
 Text = Annotated[str, rule("text that is not empty", min_length=1)]
+Word = Annotated[str, rule("a non-empty string", min_length=1)]
 AnyText = Annotated[str, rule("text")]
 Flag = Annotated[bool, rule("true or false")]
 Count = Annotated[int, rule("an integer of at least 0", ge=0, le=LARGEST)]
 Positive = Annotated[int, rule("an integer of at least 1", ge=1, le=LARGEST)]
+Length = Annotated[float, rule("a length in metres above 0", gt=0, le=sys.float_info.max)]
 Distance = Annotated[float, rule("a number of at least 0", ge=0, le=LARGEST)]
 Share = Annotated[float, rule("a number from 0 to 1", ge=0, le=1)]
 Sha256 = Annotated[str, rule("64 hexadecimal digits", pattern="^[0-9a-f]{64}$")]
@@ -112,8 +116,8 @@ def checked(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> A
 
     Args:
         value: The value.
-        kind: The type; a field of a dataclass or struct is named by its place in a message.
-        where: Name of the value in a message.
+        kind: The type.
+        where: Name of the value in a message, a place in words where it ends in ``": "``.
         error: Class of the error.
 
     Raises:
@@ -128,6 +132,8 @@ def checked(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> A
 def _checked_inside(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> Any:
     """Refuse what is wrong inside a value; a number of NumPy's is none of msgspec's, but right."""
     plain = plain_type(kind)
+    if plain == dict[str, Any] and not isinstance(value, dict):
+        raise error(f"{where.removesuffix(': ')} must be a JSON object, not {type(value).__name__}.")
     if isinstance(value, float) and type(value) is not float and plain is float:
         return checked(float(value), kind, where, error)
     if isinstance(plain, type) and issubclass(plain, Struct):
@@ -143,25 +149,67 @@ def _checked_inside(value: Any, kind: Any, where: str, error: type[LiberoMaxErro
             ]
             if fits(found, kind):
                 return tuple(found)
-    if get_origin(plain) is Literal and isinstance(value, str) and value:
-        raise error.seen(where, value, f". {did_you_mean(value, parts)}")
+    if get_origin(plain) is Literal:
+        is_text = isinstance(value, str) and value != ""
+        what = f". {did_you_mean(value, parts)}" if is_text else ", but must be a non-empty string."
+        raise error.seen(where, value, what)
     raise error.seen(where, value, f", but must be {words(kind)}.")
 
 
 def _checked_struct(value: Any, kind: type[Struct], where: str, error: type[LiberoMaxError]) -> Any:
+    require_fields(value, kind, where, error)
+    hints = get_type_hints(kind, include_extras=True)
+    at = where if where.endswith(": ") else f"{where}."
+    found = {
+        key: checked(value[key], hints[key], at + key, error)
+        for key in kind.__struct_fields__
+        if key in value
+    }
+    return kind(**found)
+
+
+def require_fields(value: Any, kind: type[Struct], where: str, error: type[LiberoMaxError]) -> None:
+    """Check that a value is an object with the fields of a struct, whatever they hold.
+
+    Raises:
+        LiberoMaxError: Of the class given: it is none, lacks a field, or has an unknown one.
+    """
+    where = where.removesuffix(": ")
     if not isinstance(value, dict):
         raise error(f"{where} must be a JSON object, not {type(value).__name__}.")
-    known = {field.name: field for field in msgspec.structs.fields(kind)}
-    missing = sorted(name for name, field in known.items() if field.required and name not in value)
+    known = _names(kind)
+    missing = sorted(name for name, required in known.items() if required and name not in value)
     if missing:
         raise error(f"{where} lacks {', '.join(missing)}.")
     for key in value:
         if key not in known and kind.__struct_config__.forbid_unknown_fields:
             raise error(f"{where} has the unknown field {key!r}. {did_you_mean(str(key), known)}")
-    hints = get_type_hints(kind, include_extras=True)
-    return kind(
-        **{key: checked(value[key], hints[key], f"{where}.{key}", error) for key in known if key in value}
-    )
+
+
+@cache
+def _names(kind: type[Struct]) -> dict[str, bool]:
+    """Return the fields of a struct, True where they are required."""
+    return {field.name: field.required for field in msgspec.structs.fields(kind)}
+
+
+def struct_of(kind: Any) -> type[Struct]:
+    """Return the fields of a dataclass as a struct, which msgspec checks in one call.
+
+    A field has the name that manifests give it, by the mapping ``spelling`` of the class where it has one.
+    """
+    return _struct_of(kind)
+
+
+@cache
+def _struct_of(kind: Any) -> type[Struct]:
+    hints, spelling = get_type_hints(kind, include_extras=True), getattr(kind, "spelling", {})
+    declared = [
+        (spelling.get(item.name, item.name), hints[item.name])
+        if item.default is MISSING
+        else (spelling.get(item.name, item.name), hints[item.name], item.default)
+        for item in sorted(fields(kind), key=lambda item: item.default is not MISSING)
+    ]
+    return msgspec.defstruct(kind.__name__, declared, forbid_unknown_fields=True)
 
 
 def plain_type(kind: Any) -> Any:

@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_type_hints
+from dataclasses import fields
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from msgspec import Meta, Struct, defstruct
+from msgspec import Meta
 
-from pytest_libero_max.benchmark.structs import Text, checked, rule
-from pytest_libero_max.errors import ChangeError, did_you_mean
+from pytest_libero_max.benchmark.structs import Text, checked, require_fields, rule, struct_of
+from pytest_libero_max.errors import ChangeError
 
 if TYPE_CHECKING:
     from typing import Self
@@ -64,7 +63,7 @@ class ManifestFields:
     operation: ClassVar[str]
 
     def __post_init__(self) -> None:
-        kind = _struct(type(self))  # type: ignore[arg-type]
+        kind = struct_of(type(self))
         given = {name: getattr(self, name) for name in kind.__struct_fields__}
         found = checked(given, kind, self.operation, ChangeError)
         for name in given:
@@ -77,16 +76,8 @@ class ManifestFields:
         Raises:
             ChangeError: A field is missing, unknown, or has a value that breaks its rule.
         """
-        known = {field.name: field.default is MISSING for field in fields(cls)}  # type: ignore[arg-type]
         given = {key: value for key, value in raw.items() if key != "operation"}
-        for key in given:
-            if key not in known:
-                raise ChangeError(
-                    f"{cls.operation} has the unknown field {key!r}. {did_you_mean(str(key), known)}"
-                )
-        missing = [name for name, required in known.items() if required and name not in given]
-        if missing:
-            raise ChangeError(f"{cls.operation} lacks {', '.join(missing)}. Add what is missing.")
+        require_fields(given, struct_of(cls), cls.operation, ChangeError)
         return cls(**given)
 
     def to_dict(self) -> dict[str, Any]:
@@ -151,13 +142,6 @@ def all_or_nothing(operation: str, strength: float) -> bool:
             "strength", strength, f", but {operation} is all or nothing: it happens or not. Use 0 or 1."
         )
     return s == 1.0
-
-
-@cache
-def _struct(kind: type) -> type[Struct]:
-    """Return the fields of a class as a struct, which msgspec checks in one call."""
-    hints = get_type_hints(kind, include_extras=True)
-    return defstruct(kind.__name__, [(field.name, hints[field.name]) for field in fields(kind)])
 
 
 def _plain(value: Any) -> Any:

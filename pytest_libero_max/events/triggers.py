@@ -9,12 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pytest_libero_max.benchmark.cases import PROXIMITY, TRIGGER_DISTANCE_M
-from pytest_libero_max.benchmark.documents import Json, require_keys, require_object
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.structs import (
+    Length,
+    Object,
+    Positive,
+    checked,
+    require_fields,
+    rule,
+    struct_of,
+)
 from pytest_libero_max.errors import ManifestError, did_you_mean
 from pytest_libero_max.registry import Registry
 
@@ -22,6 +31,12 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Array, World
 
 ABOVE_RADIUS_M = 0.08
+
+_Entity = Annotated[str, rule("the name of an entity", min_length=1)]
+_Earlier = Annotated[int, rule("the index of an earlier entry, or -1 for the one just before", ge=-1)]
+_Fraction = Annotated[
+    float, rule("a number between 0 and 1. Use 'at_start' for the start of the episode", gt=0, lt=1)
+]
 
 
 def distance_m(one: Array, other: Array) -> float:
@@ -64,6 +79,9 @@ class Trigger:
     spelling: ClassVar[Mapping[str, str]] = {}
     """Manifest names of the fields that are called differently there."""
 
+    def __post_init__(self) -> None:
+        checked(self._values(), struct_of(type(self)), self.type, ManifestError)
+
     def fires(self, moment: Moment) -> bool:
         """Return True if the entry happens now.
 
@@ -74,8 +92,10 @@ class Trigger:
 
     def to_dict(self) -> Json:
         """Return the trigger as a manifest spells it."""
-        values = {self.spelling.get(item.name, item.name): getattr(self, item.name) for item in fields(self)}
-        return {"type": self.type, **values}
+        return {"type": self.type, **self._values()}
+
+    def _values(self) -> Json:
+        return {self.spelling.get(item.name, item.name): getattr(self, item.name) for item in fields(self)}
 
 
 def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
@@ -88,19 +108,18 @@ def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
     Raises:
         ManifestError: The type or a field is unknown, a field is missing, or a value breaks its rule.
     """
-    values = require_object(raw, where)
+    values: Json = checked(raw, Object, where, ManifestError)
     name = values.get("type")
     if not isinstance(name, str) or name not in TRIGGERS:
         raise ManifestError.seen(
             f"{where}.type", name, f" is not a trigger. {did_you_mean(str(name), TRIGGERS)}"
         )
     kind = TRIGGERS[name]
-    names = {kind.spelling.get(item.name, item.name): item for item in fields(kind)}
-    required = {spelled for spelled, item in names.items() if item.default is MISSING}
-    require_keys(values, where, {"type", *required}, names.keys() - required)
-    given = {item.name: values[spelled] for spelled, item in names.items() if spelled in values}
+    given = {key: value for key, value in values.items() if key != "type"}
+    require_fields(given, struct_of(kind), where, ManifestError)
+    names = {kind.spelling.get(item.name, item.name): item.name for item in fields(kind)}
     try:
-        return kind(**given)
+        return kind(**{names[key]: value for key, value in given.items()})
     except ManifestError as error:
         raise error.within(where) from error
 
@@ -117,12 +136,8 @@ class Proximity(Trigger):
     type = PROXIMITY
     spelling: ClassVar[Mapping[str, str]] = {"entity": "value"}
 
-    entity: str
-    distance_m: float = TRIGGER_DISTANCE_M
-
-    def __post_init__(self) -> None:
-        _require_name(self.type, self.entity)
-        _require_length(self.type, self.distance_m)
+    entity: _Entity
+    distance_m: Length = TRIGGER_DISTANCE_M
 
     def fires(self, moment: Moment) -> bool:
         return moment.step > 0 and self.reached(moment.world)
@@ -153,20 +168,8 @@ class StepsAfter(Trigger):
 
     type = "steps_after"
 
-    steps: int
-    entry: int = -1
-
-    def __post_init__(self) -> None:
-        if type(self.steps) is not int or self.steps < 1:
-            raise ManifestError.seen(
-                "steps_after.steps", self.steps, ", but must be an integer of at least 1."
-            )
-        if type(self.entry) is not int or self.entry < -1:
-            raise ManifestError.seen(
-                "steps_after.entry",
-                self.entry,
-                ", but must be the index of an earlier entry, or -1 for the one just before.",
-            )
+    steps: Positive
+    entry: _Earlier = -1
 
     def fires(self, moment: Moment) -> bool:
         return moment.step >= moment.fired[self.entry] + self.steps
@@ -183,10 +186,7 @@ class AfterGrasp(Trigger):
     type = "after_grasp"
     spelling: ClassVar[Mapping[str, str]] = {"entity": "value"}
 
-    entity: str
-
-    def __post_init__(self) -> None:
-        _require_name(self.type, self.entity)
+    entity: _Entity
 
     def fires(self, moment: Moment) -> bool:
         world = moment.world
@@ -207,12 +207,8 @@ class Above(Trigger):
     type = "above"
     spelling: ClassVar[Mapping[str, str]] = {"receptacle": "value"}
 
-    receptacle: str
-    radius_m: float = ABOVE_RADIUS_M
-
-    def __post_init__(self) -> None:
-        _require_name(self.type, self.receptacle)
-        _require_length(self.type, self.radius_m, "radius_m")
+    receptacle: _Entity
+    radius_m: Length = ABOVE_RADIUS_M
 
     def fires(self, moment: Moment) -> bool:
         if moment.step == 0:
@@ -233,32 +229,10 @@ class BudgetFraction(Trigger):
     type = "budget_fraction"
     spelling: ClassVar[Mapping[str, str]] = {"share": "value"}
 
-    share: float
-
-    def __post_init__(self) -> None:
-        if not _is_number(self.share) or not 0.0 < self.share < 1.0:
-            raise ManifestError.seen(
-                "budget_fraction.value",
-                self.share,
-                f", but must be a number between 0 and 1. Use {AtStart.type!r} for the start of the episode.",
-            )
+    share: _Fraction
 
     def fires(self, moment: Moment) -> bool:
         return moment.step >= self.share * moment.budget
-
-
-def _require_name(kind: str, value: object) -> None:
-    if not isinstance(value, str) or not value:
-        raise ManifestError.seen(f"{kind}.value", value, ", but must be the name of an entity.")
-
-
-def _require_length(kind: str, value: object, name: str = "distance_m") -> None:
-    if not _is_number(value) or not 0.0 < float(value) < math.inf:  # type: ignore[arg-type]  # it is a number
-        raise ManifestError.seen(f"{kind}.{name}", value, ", but must be a length in metres above 0.")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _accept(name: str, found: object) -> type[Trigger]:

@@ -106,7 +106,7 @@ CORRUPT = [
     ("/cases", [3], r"cases\[0\] must be a JSON object, not int"),
     ("/protocol.arms", ["control"], r"protocol.arms=\['control'\], but must be"),
     ("task_suite_name", "libero_spacial", "'libero_spacial'. Did you mean 'libero_spatial'"),
-    ("task_suite_name", ..., r"cases\[0\] lacks task_suite_name"),
+    ("task_suite_name", ..., "case 'libero-.*' lacks task_suite_name"),
     ("task_index", "3", "task_index='3', but must be an integer"),
     ("init_state_index", -1, "init_state_index=-1, but must be an integer of at least 0"),
     ("policy_seed", True, "policy_seed=True, but must be an integer"),
@@ -116,7 +116,7 @@ CORRUPT = [
     ("scenario.change_type", "", "change_type='', but must be a non-empty string"),
     ("scenario.change_family", 3, "change_family=3, but must be a non-empty string"),
     ("scenario.expected_response_mode", None, "expected_response_mode=None, but must be a non-empty string"),
-    ("scenario.randomization.draw_id", 2, "draw_id=2, but an event has the variants 0 and 1"),
+    ("scenario.randomization.draw_id", 2, "draw_id=2, but must be 0 or 1"),
     (
         "scenario.trigger.type",
         "fixed_step",
@@ -124,12 +124,12 @@ CORRUPT = [
     ),
     ("scenario.trigger.distance_m", 0, "distance_m=0, but must be a length in metres above 0"),
     ("scenario.trigger.value", "", "trigger.value='', but must be a non-empty string"),
-    ("scenario.change.operation", ..., "change.operation=None, but must be a non-empty string"),
-    ("scenario.setup", {}, "setup must be a list of changes"),
+    ("scenario.change.operation", ..., "scenario.change lacks operation"),
+    ("scenario.setup", {}, "setup={}, but must be a list of changes"),
     ("scenario.extra", 1, "scenario has the unknown field 'extra'"),
     ("/protocol.extra", 1, "protocol has the unknown field 'extra'"),
     ("/protocol.query_interval", ..., "protocol lacks query_interval"),
-    ("/protocol.query_interval", 0, "query_interval=0, but must be at least 1"),
+    ("/protocol.query_interval", 0, "query_interval=0, but must be an integer of at least 1"),
     ("/protocol.query_interval", 1.5, "query_interval=1.5, but must be an integer"),
     ("/protocol.scoring_track", ..., "protocol lacks scoring_track"),
     ("/protocol.scoring_track", "intent_response", "'intent_response', but only 'physical_completion'"),
@@ -143,7 +143,11 @@ CORRUPT = [
     ("scenario.severity", "severe", "severity='severe'. .*Known: high, low, medium"),
     ("scenario.expected_response_mode", "stop", "expected_response_mode='stop'. .*Known: continue, replan"),
     ("scenario.safety_constraints", "none", "safety_constraints='none', but must be a list of non-empty"),
-    ("scenario.safety_constraints", ["ok", ""], "but must be a list of non-empty strings"),
+    (
+        "scenario.safety_constraints",
+        ["ok", ""],
+        r"safety_constraints\[1\]='', but must be a non-empty string",
+    ),
     ("scenario.scenario_id", "", "scenario_id='', but must be a non-empty string"),
     ("scenario.base_task_id", None, "base_task_id=None, but must be a non-empty string"),
     ("scenario.randomization.extra", 1, "randomization has the unknown field 'extra'"),
@@ -236,7 +240,7 @@ def test_whatever_stands_in_a_manifest_it_is_read_or_refused(path: Route, value:
 
 @pytest.mark.parametrize("draw", [True, 1.0, "1", None, [1]])
 def test_a_variant_is_the_number_zero_or_one(draw: object) -> None:
-    with pytest.raises(ManifestError, match="but an event has the variants 0 and 1"):
+    with pytest.raises(ManifestError, match=r"draw_id=.*, but must be 0 or 1"):
         parse_manifest(altered("scenario.randomization.draw_id", draw))
 
 
