@@ -30,17 +30,11 @@ def memory_bytes() -> int:
 
 def available_bytes() -> int | None:
     """Memory that is free now, or can be freed; None where the kernel does not tell."""
-    return _kib_of(Path("/proc/meminfo"), "MemAvailable")
-
-
-def private_bytes() -> int | None:
-    """Memory of this process that a limit counts; None where the kernel does not tell."""
-    return _kib_of(Path("/proc/self/status"), "VmData")
-
-
-def resident_bytes() -> int | None:
-    """Memory of the machine that this process has; None where the kernel does not tell."""
-    return _kib_of(Path("/proc/self/status"), "VmRSS")
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        return None
+    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")), None)
 
 
 def limit_private_bytes(most: int) -> None:
@@ -81,12 +75,3 @@ def free_disk_bytes(folder: Path) -> int | None:
             return None
         return status.f_bavail * status.f_frsize
     return None
-
-
-def _kib_of(path: Path, name: str) -> int | None:
-    try:
-        lines = path.read_text().splitlines()
-    except OSError:
-        return None
-    found = (line.split() for line in lines if line.startswith(f"{name}:"))
-    return next((int(words[1]) * 1024 for words in found), None)

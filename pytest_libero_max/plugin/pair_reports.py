@@ -61,7 +61,7 @@ def status_of(report: Any) -> tuple[str, str, str] | None:
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is None or is_error(result) or report.when != "call" or not report.passed:
         return None
-    from pytest_libero_max.runs.outcome_letters import status
+    from pytest_libero_max.runs.progress import status
 
     try:
         return status(PairRecord.from_dict(result))

@@ -187,11 +187,6 @@ class _BesideAdapter:
 _BESIDE = _BesideAdapter()
 
 
-def forget_adapter() -> None:
-    """Undo the effects of an adapter file on ``sys.path`` and ``sys.modules``."""
-    _BESIDE.leave()
-
-
 def _module_name(path: Path) -> str:
     """Return the name under which to execute a file: a private one if an import of its own finds another."""
     if path.stem not in sys.modules and path.stem.isidentifier():

@@ -8,7 +8,7 @@ from types import ModuleType
 from pytest_libero_max.plugin import hooks, hookspec, ray
 from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.report import exit_status
-from pytest_libero_max.runs import outcome_letters
+from pytest_libero_max.runs import progress
 from tests.reference.docstrings import constants, description
 from tests.reference.markdown import code, one_line, prose, table
 
@@ -39,9 +39,9 @@ def page() -> str:
     letters = table(
         ("Letter", "Outcome"),
         (
-            *((code(letter), outcome) for outcome, letter in outcome_letters.LETTERS.items()),
-            (code(outcome_letters.UNTRIGGERED), "the event never fired"),
-            (code(outcome_letters.ERROR), "error: the pair could not be measured"),
+            *((code(letter), outcome) for outcome, letter in progress.LETTERS.items()),
+            (code(progress.UNTRIGGERED), "the event never fired"),
+            (code(progress.ERROR), "error: the pair could not be measured"),
         ),
     )
     statuses = table(

@@ -48,7 +48,6 @@ class Request:
 
     Attributes:
         cameras: Cameras whose images it needs.
-        seeded: True if it carries the seed of the query.
 
     Raises:
         AdapterError: A name or step does not exist.
@@ -70,7 +69,6 @@ class Request:
                         f"{self._where}: inputs.{name} joins {part!r}. {did_you_mean(part, self._inputs)}"
                     )
         self.cameras = self.cameras_of(self._layout)
-        self.seeded = "seed" in set(_named(self._layout))
 
     def cameras_of(self, layout: Any) -> tuple[str, ...]:
         """Return the cameras whose images a layout needs."""
