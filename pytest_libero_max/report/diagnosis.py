@@ -27,6 +27,7 @@ _STILL_STEPS = 20
 _ARRIVED_M = 0.01  # by which distances at which a hand stops differ in one place
 _REACTION_STEPS = 10
 _NEAR_M = 0.12
+_AROUND_M = 0.1
 _REACHED_MORE_M = 0.02  # how much farther than in a Base that succeeded the hand may be
 _MOVED_M = 0.02
 _SAME_PLACE_M = 0.015  # by which distances at which a hand closes differ in one place
@@ -553,11 +554,12 @@ def _grasp_missed(seen: _Seen) -> str | None:
 
 
 def _stuck(seen: _Seen) -> str | None:
-    """The hand was told to move for 2 s or more and did not, before it had lifted the object."""
-    if seen.lifted or not seen.held_up:
+    """The hand was told to move for 2 s or more and did not, around the object and before a lift."""
+    row = seen.row
+    if seen.lifted or not seen.held_up or row.closest_m is None or row.closest_m > seen.near_m + _AROUND_M:
         return None
     return seen.after_event(
-        f"the hand came within {_cm(seen.row.closest_m)} of {seen.thing}{seen.held_up}, from step "
+        f"the hand came within {_cm(row.closest_m)} of {seen.thing}{seen.held_up}, from step "
         f"{seen.stages['blocked_step']} on."
     )
 
@@ -610,7 +612,7 @@ def _timed_out(seen: _Seen) -> str | None:
 
 def _froze(seen: _Seen) -> str | None:
     """The hand stopped before it reached the object, with a quarter of the time left."""
-    if seen.reached or 4 * seen.still < seen.record.max_steps:
+    if seen.reached or seen.held_up or 4 * seen.still < seen.record.max_steps:
         return None
     return seen.after_event(
         f"the hand stopped at step {seen.stages['still_step']} and stayed there until step {seen.steps}; it "
@@ -620,9 +622,10 @@ def _froze(seen: _Seen) -> str | None:
 
 def _never_reached(seen: _Seen) -> str:
     """The hand did not come near the object."""
+    row = seen.row
     return seen.after_event(
-        f"the hand came no closer to {seen.thing} than {_cm(seen.row.closest_m)} (step "
-        f"{seen.row.closest_step})."
+        f"the hand came no closer to {seen.thing} than {_cm(row.closest_m)}, at step {row.closest_step}"
+        f"{seen.held_up}."
     )
 
 

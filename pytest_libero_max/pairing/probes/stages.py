@@ -30,6 +30,7 @@ LIFTED_M = 0.01
 MOVED_M = 0.02
 """Distance from which an object counts as moved."""
 
+_CARRIED_M = 0.03  # way after which a held object that was not raised is asked for its contacts
 _HINGE = 3  # mjJNT_HINGE
 _NEAR_M = 0.3  # an object whose origin is farther from the hand than this cannot be between the fingers
 _LOOSE_STEPS = 3  # steps with one finger on it after which an object counts as lost
@@ -131,7 +132,7 @@ _OF_GOAL = (
     _of_goal("close_m", "float", "distance of the hand then", "m"),
     _of_goal("close_old_m", "float", "distance of the hand then to where it was before a change", "m"),
     _of_goal("grasp_step", "int", "first step with both fingers on it", "steps"),
-    _of_goal("lift_step", "int", "first step at which they held it 1 cm above its place", "steps"),
+    _of_goal("lift_step", "int", "first step at which they held it off its support", "steps"),
     _of_goal("lift_m", "float", "greatest height above its place while held", "m", optional=False),
     _of_goal(
         "carried_m", "float", "greatest horizontal distance from its place while held", "m", optional=False
@@ -349,7 +350,9 @@ def _holding(track: Track, world: World, position: Point, step: int) -> Track:
     """Return the track after a step that leaves both fingers on the object."""
     height = position[2] - track.rest[2]
     way = math.hypot(position[0] - track.rest[0], position[1] - track.rest[1])
-    lifted = (track.held and track.lifted) or height > LIFTED_M
+    lifted = (
+        (track.held and track.lifted) or height > LIFTED_M or (way > _CARRIED_M and _is_free(world, track))
+    )
     above = track.above_step
     if above is None and lifted:
         away = _away_m(track, world, position)
@@ -367,6 +370,11 @@ def _holding(track: Track, world: World, position: Point, step: int) -> Track:
         carried_m=max(track.carried_m, way) if lifted else track.carried_m,
         above_step=above,
     )
+
+
+def _is_free(world: World, track: Track) -> bool:
+    """Tell whether an object does not touch what it rested on: it was taken off without being raised."""
+    return world.entities[track.entity].support not in world.contacts(track.entity)
 
 
 def _lost(track: Track, view: View) -> Track:
