@@ -131,7 +131,7 @@ def checked(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> A
 
 def _checked_inside(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> Any:
     """Refuse what is wrong inside a value; a number of NumPy's is none of msgspec's, but right."""
-    plain = plain_type(kind)
+    plain = _plain_type(kind)
     if plain == dict[str, Any] and not isinstance(value, dict):
         raise error(f"{where.removesuffix(': ')} must be a JSON object, not {type(value).__name__}.")
     if isinstance(value, float) and type(value) is not float and plain is float:
@@ -196,6 +196,10 @@ def struct_of(kind: Any) -> type[Struct]:
     """Return the fields of a dataclass as a struct, which msgspec checks in one call.
 
     A field has the name that manifests give it, by the mapping ``spelling`` of the class where it has one.
+
+    Raises:
+        NameError: The type of a field is imported for type checkers alone; import it at run time.
+        TypeError: msgspec cannot check a field's type.
     """
     return _struct_of(kind)
 
@@ -203,22 +207,36 @@ def struct_of(kind: Any) -> type[Struct]:
 @cache
 def _struct_of(kind: Any) -> type[Struct]:
     hints, spelling = get_type_hints(kind, include_extras=True), getattr(kind, "spelling", {})
-    declared = [
-        (spelling.get(item.name, item.name), hints[item.name])
-        if item.default is MISSING
-        else (spelling.get(item.name, item.name), hints[item.name], item.default)
-        for item in sorted(fields(kind), key=lambda item: item.default is not MISSING)
-    ]
-    return msgspec.defstruct(kind.__name__, declared, forbid_unknown_fields=True)
+    declared: list[Any] = []
+    for item in fields(kind):
+        hint = hints[item.name]
+        if _crashes_msgspec(hint):
+            raise TypeError(
+                f"{kind.__name__}.{item.name}: {hint} joins a type that has a rule and a tuple of fixed "
+                "length, at which msgspec crashes. Write Annotated[tuple[X, ...], "
+                "Meta(min_length=2, max_length=2)]."
+            )
+        default = () if item.default is MISSING else (item.default,)
+        declared.append((spelling.get(item.name, item.name), hint, *default))
+    return msgspec.defstruct(kind.__name__, declared, forbid_unknown_fields=True, kw_only=True)
 
 
-def plain_type(kind: Any) -> Any:
+def _crashes_msgspec(hint: Any) -> bool:
+    """Return True if converting to a type ends the process (msgspec 0.22)."""
+    parts = [part for part in get_args(hint) if part is not NoneType]
+    joined = get_origin(hint) in (Union, UnionType) and len(parts) > 1
+    fixed = any(get_origin(part) is tuple and Ellipsis not in get_args(part) for part in parts)
+    ruled = any(get_origin(part) is Annotated for part in parts)
+    return (joined and fixed and ruled) or any(map(_crashes_msgspec, parts))
+
+
+def _plain_type(kind: Any) -> Any:
     """Return a type without its rule and without the None that it allows."""
     if get_origin(kind) is Annotated:
-        return plain_type(get_args(kind)[0])
+        return _plain_type(get_args(kind)[0])
     if get_origin(kind) in (Union, UnionType):
         parts = [part for part in get_args(kind) if part is not NoneType]
-        return plain_type(parts[0]) if len(parts) == 1 else kind
+        return _plain_type(parts[0]) if len(parts) == 1 else kind
     return kind
 
 
