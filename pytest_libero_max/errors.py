@@ -189,6 +189,19 @@ class OtherRunError(ReportError):
     """A result is of another run than the one it would belong to: something differs that changes results."""
 
 
+def class_name(value: object) -> str:
+    """Return the name of an object's class, also of one whose metaclass has a ``__name__`` of its own."""
+    return str(type.__dict__["__name__"].__get__(type(value)))
+
+
+def text_of(error: BaseException) -> str:
+    """Return the text of an exception, also of one that raises when it is asked for."""
+    try:
+        return str(error)
+    except Exception:  # a foreign exception may raise anything
+        return "its text cannot be read, because its __str__ raises"
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a sentence or two with the closest known word and, where they are few, all the others.
 

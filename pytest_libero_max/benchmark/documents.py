@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import os
+import stat
 import zlib
 from pathlib import Path
 from typing import Any
@@ -42,8 +43,9 @@ def read_content(path: Path) -> bytes:
     """Return the bytes of a file, unpacked where its name ends in ``.gz``.
 
     Raises:
-        OSError: It cannot be read, or is damaged.
+        OSError: It cannot be read, is no regular file, or is damaged.
     """
+    require_regular(path)
     content = path.read_bytes()
     if path.suffix != ".gz":
         return content
@@ -61,6 +63,16 @@ def read_content(path: Path) -> bytes:
 
 def _spelled(letter: str) -> str:
     return letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+
+
+def require_regular(path: Path) -> None:
+    """Check that a path is not that of a device or a pipe, which may never end.
+
+    Raises:
+        OSError: It is one, or there is nothing.
+    """
+    if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+        raise OSError(f"{path} is no regular file")
 
 
 def refuse_constant(name: str) -> float:

@@ -76,6 +76,19 @@ class Selection:
         """Shards that a merge lacks. The run of a single shard lacks none."""
         return self.shards.missing if self.shards is not None and self.merged else ()
 
+    def require(self, case_ids: Iterable[str]) -> None:
+        """Check that these are the chosen cases.
+
+        Raises:
+            ReportError: They are others.
+        """
+        ids = sorted(case_ids)
+        if len(ids) != self.chosen or canonical_digest(ids) != self.digest:
+            raise ReportError(
+                f"selection: {self.chosen} of {self.of} cases are chosen, but the run has {len(ids)} planned "
+                "pairs, which are others or another number. The line is damaged."
+            )
+
     def text(self, case_set: str) -> str:
         """Return a text such as ``24 of 800 cases of track lite (selection: -k camera_shift)``.
 

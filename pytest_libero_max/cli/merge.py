@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 def add_command(commands: Commands) -> None:
     """Add ``merge`` to the parser."""
     merge = commands.add_parser(
-        "merge", help="Join the runs of shards into one; exit status 11 where pairs are missing"
+        "merge",
+        help="Join the runs of shards into one, and decide their gates; exit status 10 where one does not "
+        "hold, 11 where pairs are missing",
     )
     merge.add_argument(
         "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of the shards"
@@ -27,18 +29,39 @@ def add_command(commands: Commands) -> None:
         help="Leave out the folders whose run has not ended or not begun, and say which; may be done again "
         "when more have ended",
     )
+    merge.add_argument(
+        "--gate",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="As well as the gates that the shards were given; may be repeated",
+    )
     merge.set_defaults(run=_merge)
 
 
 def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.cli.arguments import print_coloured
-    from pytest_libero_max.report.exit_status import INCOMPLETE
+    from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
+    from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
+    from pytest_libero_max.report.gates import parse_gates
     from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.merge import finished, merge_folders
 
     folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
-    merge_folders(folders, options.output)
+    asked = parse_gates(options.gate)
+    run, here = merge_folders(folders, options.output).run, Path.cwd()
     report, paths = write_reports(options.output)
     print_coloured([*left_out, *summary_lines(report, [str(path) for path in paths])])
-    return 0 if report.pairs.complete else INCOMPLETE
+    gates = (*parse_gates(run.provenance.get("gates") or ()), *asked)
+    if report.pairs.complete:
+        require_usable(gates, run.planned, run.planned, options.output, here)
+    verdicts = decide(gates, options.output, here)
+    failed = sum(not verdict.passed for verdict in verdicts)
+    if verdicts:
+        print_coloured(gate_lines(verdicts))
+    if not report.pairs.complete:
+        return INCOMPLETE
+    if failed:
+        print(f"Exit status {GATE_FAILED}: {failed} of {len(gates)} gates do not hold.")
+    return GATE_FAILED if failed else 0

@@ -127,8 +127,25 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
 
 
 def _cases(config: pytest.Config) -> tuple[Case, ...]:
-    from pytest_libero_max.benchmark.sampling import stratified
     from pytest_libero_max.benchmark.sharding import shard
+
+    settings, cases = settings_of(config), cases_of_all_shards(config)
+    if settings.shard is not None:
+        try:
+            cases = shard(cases, *settings.shard)
+        except LiberoMaxError as error:
+            number, count = settings.shard
+            raise pytest.UsageError(f"--libero-max-shard={number}/{count}: {error}") from None
+    return settings.order.of(cases)
+
+
+def cases_of_all_shards(config: pytest.Config) -> tuple[Case, ...]:
+    """Return the cases of the run and of the other shards, before ``-k`` and ``-m``.
+
+    Raises:
+        pytest.UsageError: The track or manifest is unusable, or nothing that it needs is installed.
+    """
+    from pytest_libero_max.benchmark.sampling import stratified
 
     settings = settings_of(config)
     cases = manifest_of(config).cases
@@ -137,15 +154,7 @@ def _cases(config: pytest.Config) -> tuple[Case, ...]:
             cases = supported_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
         except LiberoMaxError as error:
             raise pytest.UsageError(f"--libero-max-only-installed: {error}") from None
-    if settings.limit is not None:
-        cases = stratified(cases, settings.limit)
-    if settings.shard is not None:
-        try:
-            cases = shard(cases, *settings.shard)
-        except LiberoMaxError as error:
-            number, count = settings.shard
-            raise pytest.UsageError(f"--libero-max-shard={number}/{count}: {error}") from None
-    return settings.order.of(cases)
+    return cases if settings.limit is None else stratified(cases, settings.limit)
 
 
 def asked_for(config: pytest.Config) -> list[str]:
@@ -186,7 +195,17 @@ def aim(config: pytest.Config) -> None:
 
     ``libero-max`` and ``libero-max::...`` stand for the pairs; a policy on the command line without any
     path means nothing but the pairs.
+
+    Raises:
+        pytest.UsageError: The pairs are asked for where a file or folder has their name.
     """
+    named = options.policy_on_command_line(config) or options.policy_in_ini_file(config)
+    meant = any(arg.partition("::")[0] == PSEUDO_PATH for arg in config.args)
+    if named and meant and Path(PSEUDO_PATH).exists():
+        raise pytest.UsageError(
+            f"{PSEUDO_PATH} stands for the pairs, but here is a file or folder of that name. Rename it, or "
+            f"write ./{PSEUDO_PATH} for it."
+        )
     unaimed = config.args_source is not pytest.Config.ArgsSource.ARGS
     if unaimed and options.policy_on_command_line(config):
         config.args = [str(PAIRS_FILE)]

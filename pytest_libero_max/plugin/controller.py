@@ -17,6 +17,8 @@ from pytest_libero_max.errors import (
     LiberoMaxError,
     OtherRunError,
     ReportError,
+    class_name,
+    text_of,
 )
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error
 from pytest_libero_max.plugin.case_support import require_support
@@ -24,6 +26,7 @@ from pytest_libero_max.plugin.collection import (
     asked_for,
     case_of,
     cases_of,
+    cases_of_all_shards,
     check_ids,
     chosen_by_hand,
     manifest_of,
@@ -128,7 +131,7 @@ class RunController:
             from pytest_libero_max.report.gate_results import require_usable
 
             pairs = map(PlannedPair.of, manifest_of(self.config))
-            chosen = [PlannedPair.of(case) for case in self.cases.values()]
+            chosen = [PlannedPair.of(case) for case in cases_of_all_shards(self.config)]
             start = self.config.invocation_params.dir
             require_usable(self.settings.gate, pairs, chosen, self.settings.output, start)
 
@@ -248,6 +251,7 @@ class RunController:
             selection=selection.to_dict(),
             order=str(settings.order),
             stopping_rule=None if settings.stop is None else settings.stop.text,
+            gates=[gate.text for gate in settings.gate] if selection.shards is not None else [],
             protocol=settings.protocol,
             command=["pytest", *map(str, self.config.invocation_params.args)],
             folder=self.config.rootpath,
@@ -306,9 +310,12 @@ class RunController:
         """Pass a stored pair to conftest files; the first exception of one is reported at the end."""
         try:
             self.config.hook.pytest_libero_max_pair_stored(pair=copy.deepcopy(pair), config=self.config)
-        except Exception as error:  # a user's hook may raise anything, and must not cost the run
+        except (KeyboardInterrupt, pytest.exit.Exception):
+            raise
+        except BaseException as error:  # a user's hook may raise anything, and must not cost the run
             if not self._hook_raised:
-                self.end.lines.append(f"pytest_libero_max_pair_stored raised {type(error).__name__}: {error}")
+                text = f"{class_name(error)}: {text_of(error)}"
+                self.end.lines.append(f"pytest_libero_max_pair_stored raised {text}")
             self._hook_raised = True
 
     @pytest.hookimpl(wrapper=True, trylast=True)

@@ -19,7 +19,7 @@ from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
 from pytest_libero_max.plugin.processes.isolation import play_isolated
 from pytest_libero_max.plugin.run_pair import play_here
-from pytest_libero_max.plugin.stash_keys import RESULT
+from pytest_libero_max.plugin.stash_keys import LOADED, RESULT
 from pytest_libero_max.report.writers.junit import properties
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 
 
 @pytest.fixture(scope="session")
-def libero_max_policy(libero_max_settings: Settings) -> Policy:
+def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings) -> Policy:
     """Return the policy under test, loaded once a worker."""
     from pytest_libero_max.policies.adaptive import with_adaptive_queries
     from pytest_libero_max.policies.check import ends_the_session
@@ -57,7 +57,7 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
             query_interval=settings.query_interval,
             profile=settings.profile,
         )
-        return with_adaptive_queries(with_restoration(policy, settings.restore), settings.adaptive)
+        policy = with_adaptive_queries(with_restoration(policy, settings.restore), settings.adaptive)
     except BaseException as error:
         if isinstance(error, Exception) or ends_the_session(error):
             raise
@@ -66,6 +66,8 @@ def libero_max_policy(libero_max_settings: Settings) -> Policy:
             f"policy {settings.policy!r} raised {type(error).__name__} while it was loaded: {error}. Repair "
             "the adapter."
         ) from error
+    pytestconfig.stash[LOADED] = policy
+    return policy
 
 
 @pytest.fixture(scope="session")

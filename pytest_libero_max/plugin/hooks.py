@@ -45,10 +45,12 @@ def pytest_load_initial_conftests(early_config: pytest.Config) -> None:
     collection.aim_testpaths(early_config)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_cmdline_main(config: pytest.Config) -> None:
-    if collection.is_run(config):
-        session_setup.choose_distribution(config)
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> Generator[None, Any, Any]:
+    if hasattr(config, "workerinput") or not collection.is_run(config):
+        return (yield)
+    session_setup.choose_distribution(config)
+    return (yield from session_setup.keep_status(config))
 
 
 @pytest.hookimpl(tryfirst=True)

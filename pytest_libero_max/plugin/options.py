@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
@@ -642,6 +642,27 @@ def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
         return load_program(_path(config, values["program"]))
     except OptionError as error:
         raise pytest.UsageError(f"--libero-max-program: {error}") from None
+
+
+def given(config: pytest.Config, name: str) -> bool:
+    """Return True if an option is given on the command line or in the ini file."""
+    key = f"libero_max_{name}"
+    return bool(config.getoption(key, None) or config.getini(key))
+
+
+def require_known_keys(config: pytest.Config) -> None:
+    """Check the keys of the ini file, and of ``-o``, that look like ours: pytest itself only warns.
+
+    Raises:
+        pytest.UsageError: One is unknown; suggests the closest.
+    """
+    known = {option.key for option in OPTIONS}
+    overridden = (text.partition("=")[0].strip() for text in config.option.override_ini or ())
+    in_file = config._inicfg if hasattr(config, "_inicfg") else config.inicfg  # the latter until pytest 9
+    for key in (*in_file, *overridden):
+        ours = key.lower().replace("-", "_")
+        if ours.startswith("libero_max") and key not in known:
+            raise pytest.UsageError(f"ini option {key}: unknown. {did_you_mean(ours, known)}")
 
 
 def in_order(config: pytest.Config) -> bool:

@@ -11,11 +11,12 @@ import msgspec
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
-from pytest_libero_max.errors import LiberoMaxError, ReportError
+from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, text_of
 from pytest_libero_max.plugin.collection import only_lists
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
 from pytest_libero_max.plugin.run_stop import RunStop
+from pytest_libero_max.plugin.stash_keys import END_STATUS
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.runs.media import films_in
@@ -23,6 +24,7 @@ from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
 
 if TYPE_CHECKING:
+    from pytest_libero_max.report.gates import Gate, GateResult
     from pytest_libero_max.report.report_document import Report
 
 
@@ -48,6 +50,7 @@ class RunEnd:
         self.notes: list[str] = []
         self.report: Report | None = None
         self._stop = stop
+        self._replay: Sequence[str] = ()
 
     def finish(self, session: pytest.Session, store: PairStore | None, *, measured_before: bool) -> None:
         """End the run, write its reports and decide its gates. A failure is reported and hides nothing else.
@@ -59,25 +62,55 @@ class RunEnd:
         """
         if store is None:
             self._fail_gates_without_pairs(session)
+            self.config.stash[END_STATUS] = int(session.exitstatus)
             return
         problems: list[str] = []
-        failed_gates = 0
+        verdicts: tuple[GateResult, ...] = ()
         try:
             store.close(self._stop.stopped)
         except ReportError as error:
             problems.append(str(error))
         try:
-            failed_gates = self._report(problems.append)
+            verdicts = self._decide()
         except Exception as error:  # whatever it is, the pairs are measured
-            text = str(error) if isinstance(error, LiberoMaxError) else repr(error)
-            problems.append(f"There is no report: {text}")
+            problems.append(f"There is no report: {_text(error)}")
+        ended = session.exitstatus
+        # What follows calls hooks of users, which may do anything: the status is decided before.
+        _, session.exitstatus = self._status(session, verdicts, bool(problems), measured_before)
+        self.config.stash[END_STATUS] = int(session.exitstatus)
+        try:
+            self._report(verdicts, problems.append)
+        except Exception as error:
+            problems.append(f"There is no report: {_text(error)}")
         self.lines += _few_lines(self.notes)
-        self.lines += problems
-        self.lines += self._set_status(session, failed_gates, bool(problems), measured_before)
+        self.lines += dict.fromkeys(problems)
+        session.exitstatus = ended
+        said, session.exitstatus = self._status(session, verdicts, bool(problems), measured_before)
+        self.config.stash[END_STATUS] = int(session.exitstatus)
+        self.lines += said
 
-    def _report(self, on_problem: Callable[[str], None]) -> int:
-        """Compute and write the report and decide the gates; return the number of gates that fail."""
-        from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
+    @property
+    def _waiting(self) -> tuple[Gate, ...]:
+        """Gates of a shard, which are decided on all shards together."""
+        shard = self.settings.shard
+        return self.settings.gate if shard is not None and shard[1] > 1 else ()
+
+    def _decide(self) -> tuple[GateResult, ...]:
+        """Compute the report and decide the gates, unless those of all shards are to be."""
+        from pytest_libero_max.report.gate_results import decide_on
+        from pytest_libero_max.report.writers.report_files import report_of
+
+        stored = read_pairs(self.settings.output)
+        self.report = report_of(stored)
+        gates = () if self._waiting else self.settings.gate
+        verdicts = decide_on(gates, stored, self.report, self.config.invocation_params.dir)
+        if not all(verdict.passed for verdict in verdicts):
+            self._replay = replay_command(stored)
+        return verdicts
+
+    def _report(self, verdicts: Sequence[GateResult], on_problem: Callable[[str], None]) -> None:
+        """Write the report, with what users' hooks add to it, and the lines of the summary."""
+        from pytest_libero_max.report.gate_results import gate_lines, github_annotations
         from pytest_libero_max.report.writers.report_files import write_reports
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
@@ -89,17 +122,18 @@ class RunEnd:
         self.quiet += quiet_lines(self.report, paths)
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
-        verdicts = decide(self.settings.gate, folder, here)
-        failed = not all(verdict.passed for verdict in verdicts)
-        replay = replay_command(read_pairs(folder)) if failed else ()
-        self.lines += gate_lines(verdicts, replay)
+        self.lines += gate_lines(verdicts, self._replay)
+        self.lines += [
+            f"gate wait  {gate.text}: libero-max merge decides it, on all {self.settings.shard[1]} shards."
+            for gate in self._waiting
+            if self.settings.shard is not None
+        ]
         if os.environ.get("GITHUB_ACTIONS") == "true":
             self.lines += github_annotations(verdicts)
             try:
                 _append_step_summary(folder / "report.md", gate_lines(verdicts))
             except OSError as error:
                 self.lines.append(f"The step summary was not written: {error}")
-        return sum(not verdict.passed for verdict in verdicts)
 
     def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""
@@ -109,8 +143,10 @@ class RunEnd:
         try:
             hook = self.config.hook.pytest_libero_max_reported
             hook(**told, folder=self.settings.output, config=self.config)
-        except Exception as error:  # a user's hook may raise anything, and must not cost the gates
-            self.lines.append(f"pytest_libero_max_reported raised {type(error).__name__}: {error}")
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a user's hook may raise anything, also what ends a process
+            self.lines.append(f"pytest_libero_max_reported raised {class_name(error)}: {text_of(error)}")
 
     def _add_sections(self, report: Report) -> Report:
         """Let conftest files add sections to the report, and nothing else."""
@@ -118,8 +154,12 @@ class RunEnd:
         try:
             self.config.hook.pytest_libero_max_report(report=amended, config=self.config)
             return with_sections(report, amended)
-        except Exception as error:  # a user's hook may raise anything, and must not cost the report
-            self.lines.append(f"The report has no sections of your own: {type(error).__name__}: {error}")
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a user's hook may raise anything, and must not cost the report
+            self.lines.append(
+                f"The report has no sections of your own: {class_name(error)}: {text_of(error)}"
+            )
             return report
 
     def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
@@ -131,66 +171,69 @@ class RunEnd:
             session.exitstatus = GATE_FAILED
             self.lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
 
-    def _set_status(
-        self, session: pytest.Session, failed_gates: int, problems: bool, measured_before: bool
-    ) -> list[str]:
-        """Replace pytest's status where the run itself has more to say; never by OK."""
+    def _status(
+        self,
+        session: pytest.Session,
+        verdicts: Sequence[GateResult],
+        problems: bool,
+        measured_before: bool,
+    ) -> tuple[list[str], int]:
+        """Return the status of the run, which is pytest's unless there is more to say, and its lines."""
         if self._stop.status is not None:
-            session.exitstatus = self._stop.status
             return [
                 f"Exit status {self._stop.status:d}: the run was stopped. Repair what broke and continue "
                 "with --libero-max-resume."
-            ]
+            ], self._stop.status
         pairs = None if self.report is None else self.report.pairs
         status = session.exitstatus
         if status == pytest.ExitCode.NO_TESTS_COLLECTED and measured_before:
-            session.exitstatus = status = pytest.ExitCode.OK  # everything was measured before
+            status = pytest.ExitCode.OK  # everything was measured before
         if status == pytest.ExitCode.INTERRUPTED and (self._stop.broken or session.shouldfail):
             # xdist takes a stop, also that of -x, for an interruption.
-            session.exitstatus = status = pytest.ExitCode.TESTS_FAILED
+            status = pytest.ExitCode.TESTS_FAILED
         if status == pytest.ExitCode.INTERRUPTED and pairs is not None and pairs.missing:
             return [
                 f"Interrupted: {pairs.played} of {pairs.planned} pairs are measured and kept. Give the "
                 "same command with --libero-max-resume to play the others."
-            ]
+            ], status
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
-            return []
+            return [], status
         if problems or pairs is None:
-            session.exitstatus = INCOMPLETE
             return [
                 f"Exit status {INCOMPLETE}: not everything could be written. What was measured is in "
                 f"{PAIRS_NAME}; libero-max report makes the reports from it."
-            ]
+            ], INCOMPLETE
         if not ended_as_declared(pairs):
-            session.exitstatus = INCOMPLETE
             return [
                 f"Exit status {INCOMPLETE}: the run is incomplete ({pairs.invalid} invalid, "
                 f"{pairs.missing} missing). Repair what broke and continue with --libero-max-resume."
-            ]
-        if failed_gates and status == pytest.ExitCode.OK:
-            session.exitstatus = GATE_FAILED
-            return [
-                f"Exit status {GATE_FAILED}: {failed_gates} of {len(self.settings.gate)} gates do not hold."
-            ]
+            ], INCOMPLETE
+        failed = sum(not verdict.passed for verdict in verdicts)
+        if failed and status == pytest.ExitCode.OK:
+            return [f"Exit status {GATE_FAILED}: {failed} of {len(verdicts)} gates do not hold."], GATE_FAILED
         if pairs.complete:
-            return []
+            return [], status
         return [
             f"Exit status {status:d}: the run ended by its stopping rule, which left out {pairs.missing} "
             f"of {pairs.planned} pairs. To play them, resume without the rule."
-        ]
+        ], status
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         from pytest_libero_max.report.gate_results import AGAINST, AGAINST_AGAIN
         from pytest_libero_max.report.writers.broken import colour_of
 
         if terminalreporter.verbosity < 0:
-            kept = ("gate FAIL", AGAINST, AGAINST_AGAIN, "::error", "Exit status", "Interrupted")
+            kept = ("gate FAIL", "gate wait", AGAINST, AGAINST_AGAIN, "::error", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]
         if self.lines:
             terminalreporter.section("libero-max")
         for line in self.lines:
             colour = colour_of(line)
             terminalreporter.write_line(printable(line), **({colour: True} if colour else {}))
+
+
+def _text(error: Exception) -> str:
+    return str(error) if isinstance(error, LiberoMaxError) else f"{class_name(error)}: {text_of(error)}"
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:

@@ -13,13 +13,13 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.costs.model import PAIR, WORLD
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.errors import AdapterError, LiberoMaxError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
 from pytest_libero_max.plugin.run_stop import stop_run
-from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, NOTE, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, LOADED, NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.runs.media import FILMS_NAME, TRACES_NAME
 
 if TYPE_CHECKING:
@@ -88,6 +88,13 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
     # Asked for here, not in the signature: what goes wrong in them belongs to the pair as well.
     process.enter(POLICY_PHASE)
     policy = request.getfixturevalue("libero_max_policy")
+    loaded = request.config.stash.get(LOADED, None)
+    if loaded is None or policy is not loaded:
+        raise AdapterError(
+            "the fixture libero_max_policy is overridden, so another policy than "
+            f"{settings_of(request.config).reference!r} would be played under its name. Take the fixture "
+            "away, and name the adapter that is to be played with --libero-max-policy."
+        )
     if not policy.spec.supports(case.suite):
         suites = ", ".join(policy.spec.suites or ())
         raise Unsupported(f"unsupported: policy {policy.spec.name!r} declares the suites {suites}")

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Generator
+from typing import Any
 
 import pytest
 
 from pytest_libero_max.plugin import collection, options
+from pytest_libero_max.plugin.stash_keys import END_STATUS
+from pytest_libero_max.report.exit_status import INCOMPLETE
 
 
 def configure(config: pytest.Config) -> None:
@@ -15,6 +20,7 @@ def configure(config: pytest.Config) -> None:
     Raises:
         pytest.UsageError: There are gates and no pairs, or an option, the adapter or a pair cannot be used.
     """
+    options.require_known_keys(config)
     collection.aim(config)
     in_use = collection.is_run(config)
     if not in_use and config.getoption("libero_max_gate"):
@@ -67,8 +73,15 @@ def _be_controller(config: pytest.Config) -> None:
 def choose_distribution(config: pytest.Config) -> None:
     """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once.
 
-    Where the order of play matters, it hands out one pair after another. What the user chooses stays.
+    Where the order of play matters, it hands out one pair after another. What the user chooses stays. Where
+    gates are to be decided the pairs are played by a worker: what a policy does to its own process, such as
+    ``os._exit(0)``, must not end the session.
     """
+    if _decides_what_it_plays(config) and config.pluginmanager.hasplugin("xdist"):
+        config.option.numprocesses = 1
+        config.option.tx = ["popen"]
+    elif _decides_what_it_plays(config):
+        config.option.libero_max_isolate = True
     if not config.getoption("numprocesses", None) or config.getoption("dist", "no") != "no":
         return
     if not options.in_order(config):
@@ -77,3 +90,39 @@ def choose_distribution(config: pytest.Config) -> None:
     config.option.dist = "load"
     if config.getoption("maxschedchunk", None) is None:
         config.option.maxschedchunk = 1
+
+
+def _decides_what_it_plays(config: pytest.Config) -> bool:
+    """Return True if the process that decides gates would load the policy as well."""
+    option = config.option
+    elsewhere = options.given(config, "ray") or options.given(config, "isolate")
+    elsewhere = elsewhere or getattr(option, "tx", None) or getattr(option, "numprocesses", None)
+    shown = option.usepdb or collection.only_lists(config)
+    return options.given(config, "gate") and not (elsewhere or shown)
+
+
+def keep_status(config: pytest.Config) -> Generator[None, Any, Any]:
+    """Return the exit status of a session that plays: 0 only where the end of its run has decided so.
+
+    A hook of a ``conftest.py`` may end the session (``sys.exit``), or leave the end of the run out.
+    """
+    try:
+        status = yield
+    except SystemExit as leaving:
+        if leaving.code:
+            raise
+        status = pytest.ExitCode.OK
+    if status != pytest.ExitCode.OK or _plays_nothing(config):
+        return status
+    if END_STATUS not in config.stash:
+        print(
+            f"libero-max: exit status {INCOMPLETE}: the session was ended before the end of its run, by a "
+            "hook of a conftest.py or of another plugin.",
+            file=sys.stderr,
+        )
+    return config.stash.get(END_STATUS, INCOMPLETE)
+
+
+def _plays_nothing(config: pytest.Config) -> bool:
+    option = config.option
+    return bool(collection.only_lists(config) or option.help or option.version or option.markers)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
@@ -23,6 +25,9 @@ NOISE_CASES = pytest.StashKey[frozenset[str]]()
 
 DECLARED = pytest.StashKey[tuple[object, object]]()
 """On the config: the policy that was played last, and a copy of its spec from before its first pair."""
+
+LOADED = pytest.StashKey[Any]()
+"""On the config: the policy that our fixture has loaded."""
 
 RESULT = pytest.StashKey[Json]()
 """On an item: its pair record or pair error, as JSON types."""
@@ -47,6 +52,9 @@ NOTE = pytest.StashKey[str]()
 
 NOTE_ATTRIBUTE = "libero_max_note"
 """The attribute of a test report that carries the same to the controller."""
+
+END_STATUS = pytest.StashKey[int]()
+"""On the config of the process that owns the run: its exit status, decided before users' hooks are called."""
 
 MEASURED = pytest.StashKey[tuple[str, ...]]()
 """On the controller's config: item ids of the pairs that a resumed run holds already."""

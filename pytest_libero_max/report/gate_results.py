@@ -14,9 +14,10 @@ from pytest_libero_max.report.comparison.contrasts import contrast_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
 
 AGAINST, AGAINST_AGAIN = "  lost:", "  again:"
@@ -59,7 +60,7 @@ def require_usable(
             require_reachable(gate, chosen)
             continue
         other = _folder(start / gate.run)
-        if other.resolve() == _folder(folder).resolve():
+        if other.resolve() == _folder(folder).resolve() or _same_file(pairs_file(other), pairs_file(folder)):
             raise OptionError(
                 f"gate={gate.text!r} compares the run with itself: {gate.run!r} is its own folder. Keep the "
                 "other run elsewhere, or choose another output folder."
@@ -86,7 +87,13 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
         ReportError: The run itself cannot be read. Another run that cannot makes its gates undecidable.
     """
     stored = read_pairs(folder)
-    report = report_of(stored)
+    return decide_on(gates, stored, report_of(stored), start)
+
+
+def decide_on(
+    gates: Sequence[Gate], stored: StoredRun, report: Report, start: Path
+) -> tuple[GateResult, ...]:
+    """Decide gates on a run that has been read, and its report; see :func:`decide`."""
     others = {gate.run for gate in gates if gate.run is not None}
     against = {other: _against(stored, start / other) for other in sorted(others)}
     contrasts = {other: found if isinstance(found, str) else found[0] for other, found in against.items()}
@@ -165,6 +172,11 @@ def _against(stored: StoredRun, other: Path) -> tuple[SuccessContrast, tuple[str
     before, now = (outcomes[name] for name in ("baseline", "now"))
     lost = [pair.item_id for pair, was, n in zip(common.planned, before, now, strict=True) if was and not n]
     return contrast_of(contrast), tuple(sorted(lost))
+
+
+def _same_file(one: Path, other: Path) -> bool:
+    """Return True if two paths are one file, for example by a hard link."""
+    return one.exists() and other.exists() and one.samefile(other)
 
 
 def _folder(path: Path) -> Path:

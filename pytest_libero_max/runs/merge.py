@@ -118,6 +118,8 @@ def _provenance(runs: Mapping[str, StoredRun], planned: Iterable[str]) -> Json:
         merged["started"] = min(part.get("started") or merged["started"] for part in parts)
     for name in ("selection", "order", "stopping_rule"):  # the pieces were played beside each other
         merged.pop(name, None)
+    gates = sorted({gate for part in parts for gate in part.get("gates") or ()})
+    merged |= {"gates": gates} if gates else {}
     selections = [part["selection"] for part in parts if "selection" in part]
     if len(selections) == len(parts):
         merged["selection"] = merged_selection(list(map(Selection.from_dict, selections)), planned).to_dict()

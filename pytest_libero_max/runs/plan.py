@@ -194,6 +194,7 @@ class Provenance(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fals
     gl_backend: AnyText | None = None
     order: Text | None = None
     stopping_rule: Text | None = None
+    gates: Texts | None = None
     scores: Scores | None = None
 
 
@@ -239,7 +240,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
         run = convert(values, cls)
         convert(run.provenance, Provenance)
         if "selection" in run.provenance:
-            Selection.from_dict(run.provenance["selection"])
+            Selection.from_dict(run.provenance["selection"]).require(pair.case_id for pair in run.planned)
         return run
 
 

@@ -43,6 +43,7 @@ def collect(
     selection: Json | None = None,
     order: str = SORTED_NAME,
     stopping_rule: str | None = None,
+    gates: Sequence[str] = (),
     gl_backend: str | None = None,
     started: datetime | None = None,
     folder: Path | None = None,
@@ -61,6 +62,7 @@ def collect(
             :meth:`pytest_libero_max.benchmark.selection.Selection.to_dict`; None leaves it unsaid.
         order: Order of play; the planned pairs of the run are in this order.
         stopping_rule: Rule that may stop the run, as asked for; None for none.
+        gates: Gates of a shard, which are decided where all shards are joined.
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
         started: Start of the run, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
@@ -84,6 +86,7 @@ def collect(
         **({} if selection is None else {"selection": selection}),
         "order": order,
         **({} if stopping_rule is None else {"stopping_rule": stopping_rule}),
+        **({"gates": list(gates)} if gates else {}),
         "policy": _public_values(policy),
         "protocol": protocol,
         "command": redacted(command),

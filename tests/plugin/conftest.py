@@ -96,10 +96,13 @@ def run(pytester: pytest.Pytester, short_sessions: None) -> Callable[..., pytest
     pytester.makepyfile(adapter=REACHER)
     pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest()))
 
-    def go(*args: str, policy: str | None = "adapter.py", subprocess: bool = False) -> pytest.RunResult:
+    def go(*args: str, policy: str | None = "adapter.py", subprocess: bool | None = None) -> pytest.RunResult:
         flags = [] if policy is None else [f"--libero-max-policy={policy}"]
         flags += ["--libero-max-manifest=tiny.json", "--libero-max-substrate=tiny"]
-        runner = pytester.runpytest_subprocess if subprocess else pytester.runpytest_inprocess
+        # Gates start a worker, which cannot be started from a session inside of this one.
+        gated = any(arg.startswith("--libero-max-gate") for arg in args)
+        apart = gated if subprocess is None else subprocess
+        runner = pytester.runpytest_subprocess if apart else pytester.runpytest_inprocess
         return runner("-p", "no:cacheprovider", *flags, *args)
 
     return go

@@ -26,7 +26,7 @@ def test_a_gate_that_does_not_hold_has_a_status_of_its_own(run: Run, quiet: tupl
 
 def test_gates_come_from_the_ini_file_too(run: Run, pytester: pytest.Pytester) -> None:
     pytester.makeini("[pytest]\nlibero_max_gate =\n    dynamic_sr >= 0.6\n    invalid == 0\n")
-    result = run("-k", "camera_shift")
+    result = run("-k", "camera_shift", subprocess=True)
     assert result.ret == 10
     result.stdout.fnmatch_lines(["Exit status 10: 1 of 2 gates do not hold."])
 

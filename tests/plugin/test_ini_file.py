@@ -126,6 +126,7 @@ def test_only_a_run_that_plays_writes_into_the_output_folder(
 
 
 def test_a_session_that_cannot_collect_writes_nothing(project: pytest.Pytester) -> None:
+    project.makeini(INI.partition("libero_max_gate")[0])  # workers, which gates start, play all the same
     project.path.joinpath("tests/test_broken.py").write_text("import nowhere_to_be_found\n")
     done = project.runpytest_subprocess("libero-max", "tests")
     assert done.ret == pytest.ExitCode.INTERRUPTED

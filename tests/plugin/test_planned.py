@@ -33,7 +33,7 @@ def test_a_pair_whose_test_is_called_otherwise_is_planned_and_stored(
     run: Run, results: Results, pytester: pytest.Pytester, conftest: str, workers: tuple[str, ...]
 ) -> None:
     pytester.makeconftest(conftest)
-    result = run("--libero-max-limit=2", "--libero-max-gate=missing == 0", *workers, subprocess=bool(workers))
+    result = run("--libero-max-limit=2", "--libero-max-gate=missing == 0", *workers)
     assert result.ret == 0
     lines, report = results()
     assert [line["line"] for line in lines] == ["pair", "pair"]
