@@ -95,8 +95,8 @@ def choose_distribution(config: pytest.Config) -> None:
 def _decides_what_it_plays(config: pytest.Config) -> bool:
     """Return True if the process that decides gates would load the policy as well."""
     option = config.option
-    elsewhere = options.given(config, "ray") or options.given(config, "isolate")
-    elsewhere = elsewhere or getattr(option, "tx", None) or getattr(option, "numprocesses", None)
+    workers = getattr(option, "tx", None) or getattr(option, "numprocesses", None)
+    elsewhere = workers or options.given(config, "ray") or options.given(config, "isolate")
     shown = option.usepdb or collection.only_lists(config)
     return options.given(config, "gate") and not (elsewhere or shown)
 
