@@ -3,12 +3,13 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from pytest_libero_max.plugin.pairs import test_pair as play_item
+from pytest_libero_max.plugin.run_end import RunEnd
 from tests.plugin.conftest import BUDGET
 from tests.report.made_up import plan, record_of
 
@@ -81,6 +82,30 @@ def test_quiet_runs_say_the_headline_what_broke_and_where_the_page_is(run: Run, 
     assert lines[begin + 3] == "Written: libero-max-results/report.html"
     assert lines[begin + 4].startswith("16 passed")
     assert results()[1]["pairs"]["played"] == 16
+
+
+@pytest.mark.parametrize("verbosity", [0, -1])
+def test_what_was_lost_is_red_and_quiet_runs_keep_the_gates_that_fail(verbosity: int) -> None:
+    written: list[tuple[str, dict[str, bool]]] = []
+
+    class Terminal:
+        def __init__(self) -> None:
+            self.verbosity = verbosity
+
+        def section(self, title: str) -> None: ...
+
+        def write_line(self, line: str, **markup: bool) -> None:
+            written.append((line, markup))
+
+    end = RunEnd(*cast(Any, (None, None, None)))
+    end.quiet, end.lines = (
+        ["headline"],
+        ["all", "R   one", "G   two", "gate FAIL  x", "  lost: one", "Exit status 10"],
+    )
+    end.pytest_terminal_summary(Terminal())
+    gate = [("gate FAIL  x", {"red": True}), ("  lost: one", {}), ("Exit status 10", {})]
+    pairs = [("all", {}), ("R   one", {"red": True}), ("G   two", {"green": True})]
+    assert written == (pairs if verbosity == 0 else [("headline", {})]) + gate
 
 
 def test_an_earlier_run_is_set_aside(run: Run, pytester: pytest.Pytester) -> None:
