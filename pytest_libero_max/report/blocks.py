@@ -44,8 +44,8 @@ class Rate(Block, frozen=True, kw_only=True):
         count: Pairs that have the property.
         of: Pairs that were asked: the denominator.
         value: count / of, 0 to 1; None where the denominator is zero.
-        lower: Lower end of the 95% Wilson interval.
-        upper: Upper end of the 95% Wilson interval.
+        lower: Lower end of the exact 95% interval (Clopper and Pearson).
+        upper: Upper end of the exact 95% interval (Clopper and Pearson).
     """
 
     count: Count
@@ -72,12 +72,15 @@ class IntervalByTask(Block, frozen=True, kw_only=True):
 
     Attributes:
         tasks: Tasks that the pairs are of.
-        changed_tasks: Tasks in which a pair changed; between runs, with a case that tells them apart.
+        effective_tasks: (sum of n)^2 / (sum of n^2) over the numbers of pairs of the tasks.
+        changed_tasks: Tasks in which a pair changed; between runs, with a case that tells them apart; for a
+            rate, the smaller of the tasks with a success and those with a failure.
         lower: Lower end; None where too few tasks changed to decide.
         upper: Upper end; None where too few tasks changed to decide.
     """
 
     tasks: Count
+    effective_tasks: Amount
     changed_tasks: Count
     lower: WideDifference | None
     upper: WideDifference | None
@@ -91,6 +94,20 @@ class TaskInterval(IntervalByTask, frozen=True, kw_only=True):
     """
 
     value: WideDifference | None
+
+
+class RatesByTask(Block, frozen=True, kw_only=True):
+    """Rates with their intervals for statements about other tasks.
+
+    Attributes:
+        base_success: Base success rate.
+        dynamic_success: Dynamic success rate.
+        conditional_regression: Share of Base successes lost.
+    """
+
+    base_success: TaskInterval
+    dynamic_success: TaskInterval
+    conditional_regression: TaskInterval
 
 
 class Bootstrap(Block, frozen=True, kw_only=True):
@@ -231,6 +248,7 @@ class Result(Block, frozen=True, kw_only=True):
         base_success: Base success rate.
         dynamic_success: Dynamic success rate.
         paired_change: Mean of Dynamic less Base success.
+        by_task: The rates with their intervals for statements about other tasks.
         outcomes: Pairs by outcome, written (Base, Dynamic).
         conditional_regression: Of the Base successes, those that fail in Dynamic.
         retained: Dynamic successes over Base successes, newly solved cases included.
@@ -251,6 +269,7 @@ class Result(Block, frozen=True, kw_only=True):
     base_success: Rate
     dynamic_success: Rate
     paired_change: Change
+    by_task: RatesByTask
     outcomes: Outcomes
     conditional_regression: Rate
     retained: Ratio

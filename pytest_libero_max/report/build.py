@@ -51,14 +51,14 @@ from pytest_libero_max.stats.breakdown import (
     largest_split,
     macro_average,
 )
-from pytest_libero_max.stats.intervals import CONFIDENCE, wilson
+from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 from pytest_libero_max.substrates.registry import scores_of
 
 METHODS: Mapping[str, str | float] = {
     "confidence": CONFIDENCE,
-    "rates": "Wilson score interval",
+    "rates": "exact interval (Clopper and Pearson); by_task: tasks resampled, for other tasks of the kind",
     "paired_change": "lower and upper: melded exact interval of independent pairs (Fay and Lumbard 2021), "
     "which agrees with the exact McNemar test and says how the pairs of these cases would come out again; "
     "by_task: tasks resampled, for other tasks of the same kind",
@@ -173,7 +173,7 @@ def _noise_floor(records: Iterable[PairRecord]) -> NoiseFloor | None:
         return None
     flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
     identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
-    return NoiseFloor(flips=rate_of(flips, wilson(flips)), identical=ratio_of(identical))
+    return NoiseFloor(flips=rate_of(flips, clopper_pearson(flips)), identical=ratio_of(identical))
 
 
 def _clipped_actions(records: Iterable[PairRecord]) -> ClippedActions | None:

@@ -138,6 +138,23 @@ COLUMNS: tuple[Column[Any], ...] = (
         "paired_change_by_task", "Paired change, interval by task", lambda row: row.paired_change.by_task,
         TaskInterval(), line=Line("Paired change by task"), gate="delta.clustered", of_change=True,
     ),
+    *(
+        Column(
+            f"{key}_by_task", f"{title}, interval by task", value, TaskInterval(signed=False),
+            line=Line("Rates by task", mark, short=True), gate=f"{gate}.clustered", of_change=of_change,
+        )
+        for key, title, value, mark, gate, of_change in (
+            ("base_success", "Base success", lambda row: row.by_task.base_success, "Base", "base_sr", False),
+            (
+                "dynamic_success", "Dynamic success", lambda row: row.by_task.dynamic_success, "Dynamic",
+                "dynamic_sr", False,
+            ),
+            (
+                "conditional_regression", _LOST, lambda row: row.by_task.conditional_regression, "lost",
+                "conditional_regression", True,
+            ),
+        )
+    ),
     Column(
         "preserved_success", "Preserved successes (1,1)", lambda row: row.outcomes.preserved_success,
         Number(), line=Line(_OUTCOMES, "(1,1)"),

@@ -161,26 +161,33 @@ class Change:
 
 @dataclass(frozen=True)
 class TaskInterval:
-    """The interval by task of a paired change, in percentage points; says why there is none."""
+    """An interval by task; says why there is none.
+
+    Attributes:
+        signed: True for a change, in percentage points; False for a share.
+    """
 
     has_interval: ClassVar[bool] = True
 
+    signed: bool = True
+
     @property
     def scale(self) -> Scale:
-        return DIFFERENCE
+        return DIFFERENCE if self.signed else SHARE
 
     def long(self, value: blocks.TaskInterval) -> str:
         if value.lower is None:
-            return f"n/a: too few tasks ({value.tasks}, with a changed pair {value.changed_tasks})"
-        return f"{interval_text(value, signed=True)}  {value.tasks} tasks"
+            return f"n/a: {lack_of_tasks(value)}"
+        return f"{interval_text(value, signed=self.signed)}  {value.tasks} tasks"
 
     def short(self, value: blocks.TaskInterval) -> str:
-        return interval_text(value, signed=True)
+        return interval_text(value, signed=self.signed)
 
     def latex(self, value: blocks.TaskInterval) -> str:
         if value.lower is None or value.upper is None:
             return "--"
-        return f"[${100 * value.lower:+.1f}$, ${100 * value.upper:+.1f}$]"
+        sign = "+" if self.signed else ""
+        return f"[${100 * value.lower:{sign}.1f}$, ${100 * value.upper:{sign}.1f}$]"
 
     def numbers(self, value: blocks.TaskInterval) -> dict[str, float | None]:
         return _with_ends(value)
@@ -323,6 +330,21 @@ def percent(value: float | None) -> str:
 def points(value: float | None) -> str:
     """Return a difference of rates in percentage points, with its sign."""
     return "n/a" if value is None else f"{100 * value:+.1f}"
+
+
+def lack_of_tasks(value: blocks.TaskInterval) -> str:
+    """Return why an interval by task cannot be decided, for example ``too few tasks (23, of which ...)``."""
+    from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
+
+    if value.effective_tasks < LEAST_TASKS:
+        unequal = (
+            f", effectively {value.effective_tasks:.1f}" if value.effective_tasks < value.tasks - 0.05 else ""
+        )
+        return f"too few tasks ({value.tasks}{unequal}; {LEAST_TASKS} are needed)"
+    return (
+        f"something differs in too few of the {value.tasks} tasks ({value.changed_tasks}; "
+        f"{LEAST_CHANGED_TASKS} are needed)"
+    )
 
 
 def count_text(ratio: Counted) -> str:

@@ -17,7 +17,7 @@ from pytest_libero_max.stats.gate_power import (
     chance_of_count,
     chance_of_losses,
 )
-from pytest_libero_max.stats.intervals import CONFIDENCE, wilson
+from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import exact
 
@@ -95,9 +95,9 @@ def _chance_by_task(gate: Gate, chances: Chances, planned: Sequence[PlannedPair]
         raise OptionError.seen("gate", gate.text, " is by task: give --track, whose tasks are known.")
     if gate.end is None:
         raise OptionError.seen("gate", gate.text, " has no end. Write delta, or delta.clustered.lower.")
-    tasks, sources = [pair.task for pair in planned], [pair.source for pair in planned]
+    tasks = [pair.task for pair in planned]
     at = ("lower", "upper").index(gate.end)
-    return chance_by_task(tasks, sources, chances, lambda *ends: meets(gate, ends[at]))
+    return chance_by_task(tasks, chances, lambda *ends: meets(gate, ends[at]))
 
 
 def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> list[int]:
@@ -134,6 +134,6 @@ def _end(pairs: int, end: str | None, confidence: float) -> Callable[[Counts, Co
 
 def _rate_meets(gate: Gate, count: int, pairs: int) -> bool:
     ratio = Ratio(count, pairs)
-    interval = wilson(ratio)
+    interval = clopper_pearson(ratio)
     assert interval is not None
     return meets(gate, count / pairs if gate.end is None else getattr(interval, gate.end))

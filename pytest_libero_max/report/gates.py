@@ -38,7 +38,7 @@ from pytest_libero_max.report.blocks import Result, TaskInterval
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, SHARE, Scale
+from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, SHARE, Scale, lack_of_tasks
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
@@ -379,12 +379,7 @@ def _in_block(gate: Gate, report: Report) -> tuple[float | None, str]:
         return None, f"of {where}, {'; '.join(lacks)}"
     found, number = column.value(block), value_in(gate, block)
     if number is None and isinstance(found, TaskInterval) and block.played:
-        from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
-
-        return None, (
-            f"tasks of {where}: {found.tasks}, with a changed pair: {found.changed_tasks}; at least "
-            f"{LEAST_TASKS} and {LEAST_CHANGED_TASKS} are needed"
-        )
+        return None, f"of {where}, {lack_of_tasks(found)}"
     return number, f"{where} has no pair to measure {gate.name} on"
 
 

@@ -33,6 +33,13 @@ def result_of(result: PairedResult, planned: int) -> Result:
         base_success=rate_of(outcomes.base, result.base),
         dynamic_success=rate_of(outcomes.dynamic, result.dynamic),
         paired_change=change_of(result),
+        by_task=blocks.RatesByTask(
+            base_success=_by_task(result.base_by_task, number(outcomes.base.value)),
+            dynamic_success=_by_task(result.dynamic_by_task, number(outcomes.dynamic.value)),
+            conditional_regression=_by_task(
+                result.lost_by_task, number(outcomes.conditional_regression.value)
+            ),
+        ),
         outcomes=outcomes_of(outcomes),
         conditional_regression=rate_of(outcomes.conditional_regression, result.conditional_regression),
         retained=ratio_of(outcomes.retained),
@@ -126,7 +133,12 @@ def stale_of(exposure: Exposure) -> StaleActions:
 def _by_task(interval: TaskInterval, value: float | None) -> blocks.TaskInterval:
     lower, upper = ends(interval.interval)
     return blocks.TaskInterval(
-        tasks=interval.tasks, changed_tasks=interval.changed, lower=lower, upper=upper, value=value
+        tasks=interval.tasks,
+        effective_tasks=number(interval.effective) or 0.0,
+        changed_tasks=interval.changed,
+        lower=lower,
+        upper=upper,
+        value=value,
     )
 
 

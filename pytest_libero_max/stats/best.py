@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.comparison import contrasts
-from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, wilson
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, clopper_pearson
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
 
 
@@ -65,7 +65,7 @@ def best_of(successes: Mapping[str, BoolArray]) -> Best:
     if not rates or not all(rate.of for rate in rates.values()):
         raise ReportError("The best of no conditions, or of no cases, does not exist.")
     name = max(rates, key=lambda condition: rates[condition].count)
-    interval = wilson(rates[name], 1 - (1 - CONFIDENCE) / len(rates))
+    interval = clopper_pearson(rates[name], 1 - (1 - CONFIDENCE) / len(rates))
     assert interval is not None
     differences = {}
     for found in contrasts(successes):

@@ -90,7 +90,6 @@ def chance_of_count(pairs: int, rate: float, holds: Callable[[int], bool]) -> fl
 
 def chance_by_task(
     tasks: Sequence[str],
-    sources: Sequence[str],
     chances: Chances,
     holds: Callable[[float, float], bool],
     draws: int = DRAWS,
@@ -99,19 +98,18 @@ def chance_by_task(
 
     Args:
         tasks: Task of each pair. Losses and gains fall on the pairs of all tasks alike.
-        sources: Source of each pair.
         chances: Probabilities of a loss and a gain.
         holds: Called with both ends of the interval; a run without an interval does not meet it.
         draws: Number of runs. They are drawn with a fixed seed.
     """
     random, n = np.random.default_rng(2026), len(tasks)
-    labels, strata = (np.unique(np.asarray(names), return_inverse=True)[1] for names in (tasks, sources))
+    labels = np.unique(np.asarray(tasks), return_inverse=True)[1]
     met = 0
     for _ in range(draws):
         draw = random.random(n)
         differences = (draw > 1 - chances.gain).astype(np.int64) - (draw < chances.loss)
         losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
-        found = task_interval(differences, labels, strata, paired_difference(losses, gains, n)).interval
+        found = task_interval(differences, labels, paired_difference(losses, gains, n)).interval
         met += found is not None and holds(found.lower, found.upper)
     return met / draws
 

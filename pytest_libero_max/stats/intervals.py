@@ -1,8 +1,7 @@
-"""Intervals: Wilson for a proportion, the exact bootstrap for a mean of paired differences."""
+"""Intervals: exact for a proportion, the exact bootstrap for a mean of paired differences."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,22 +46,22 @@ class MeanChange:
     degenerate: bool
 
 
-def wilson(ratio: Ratio, confidence: float = CONFIDENCE) -> Interval | None:
-    """Wilson score interval of a binomial proportion, without continuity correction.
+def clopper_pearson(ratio: Ratio, confidence: float = CONFIDENCE) -> Interval | None:
+    """Exact interval of a binomial proportion; None for n = 0.
 
-    Reference: E. B. Wilson (1927), JASA 22:209-212. It stays within [0, 1], has positive width for 0 of n
-    and n of n, and its coverage is near nominal on average from small n on. None for n = 0. (SciPy has it
-    in ``binomtest``, which spends a hundred times as long on a p-value that is not wanted.)
+    Reference: C. J. Clopper and E. S. Pearson (1934), Biometrika 26:404-413. It covers at least as often as
+    it says for every proportion and every n, and is never without a width. Wilson's interval falls to 83%
+    near 0 and 1, and the mid-P interval to 92% (``reports/interval-coverage.md``). (SciPy has it in
+    ``binomtest``, which spends a hundred times as long on a p-value that is not wanted.)
     """
-    n = ratio.of
+    count, n = ratio.count, ratio.of
     if n == 0:
         return None
-    z = float(special.ndtri((1 + confidence) / 2))
-    rate = ratio.count / n
-    middle = rate + z * z / (2 * n)
-    half = z * math.sqrt(rate * (1 - rate) / n + z * z / (4 * n * n))
-    scale = 1 + z * z / n
-    return Interval(max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale))
+    tail = (1 - confidence) / 2
+    return Interval(
+        lower=float(special.betaincinv(count, n - count + 1, tail)) if count else 0.0,
+        upper=float(special.betainccinv(count + 1, n - count, tail)) if count < n else 1.0,
+    )
 
 
 @dataclass(frozen=True, eq=False)

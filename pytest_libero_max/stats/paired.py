@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.clusters import TaskInterval, task_interval
 from pytest_libero_max.stats.exposure import Exposure, expose
-from pytest_libero_max.stats.intervals import Interval, MeanChange, mean_change, wilson
+from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson, mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, Outcomes, Ratio, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, mcnemar
+
+_SHARE = (0.0, 1.0)
 
 Labels = NDArray[np.str_] | NDArray[np.int64]
 
@@ -107,6 +109,9 @@ class PairedResult:
         conditional_regression: Interval of the share of Base successes lost.
         change: Interval of the paired change for independent pairs: exact, and never without a width.
         change_by_task: The same for statements about other tasks.
+        base_by_task: Interval of the Base success rate for statements about other tasks.
+        dynamic_by_task: The same of the Dynamic success rate.
+        lost_by_task: The same of the share of Base successes lost.
         bootstrap: The paper's interval of the paired change, resampling all pairs alike.
         bootstrap_by_source: The paper's interval, resampling within each source.
         mcnemar: Exact test of (1, 0) against (0, 1).
@@ -125,6 +130,9 @@ class PairedResult:
     conditional_regression: Interval | None
     change: Interval | None
     change_by_task: TaskInterval
+    base_by_task: TaskInterval
+    dynamic_by_task: TaskInterval
+    lost_by_task: TaskInterval
     bootstrap: MeanChange | None
     bootstrap_by_source: MeanChange | None
     mcnemar: McNemar
@@ -154,20 +162,28 @@ def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None) -> Paired
     differences = pairs.dynamic.astype(np.int64) - pairs.base
     triggered = Ratio(int(pairs.triggered.sum()), len(pairs))
     responded = Ratio(int(pairs.responded.sum()), len(pairs))
+    base, dynamic, lost = map(
+        clopper_pearson, (outcomes.base, outcomes.dynamic, outcomes.conditional_regression)
+    )
     return PairedResult(
         outcomes=outcomes,
-        base=wilson(outcomes.base),
-        dynamic=wilson(outcomes.dynamic),
-        conditional_regression=wilson(outcomes.conditional_regression),
+        base=base,
+        dynamic=dynamic,
+        conditional_regression=lost,
         change=change,
-        change_by_task=task_interval(differences, pairs.task, pairs.source, change),
+        change_by_task=task_interval(differences, pairs.task, change),
+        base_by_task=task_interval(pairs.base, pairs.task, base, bounds=_SHARE),
+        dynamic_by_task=task_interval(pairs.dynamic, pairs.task, dynamic, bounds=_SHARE),
+        lost_by_task=task_interval(
+            pairs.base & ~pairs.dynamic, pairs.task, lost, of=pairs.base, bounds=_SHARE
+        ),
         bootstrap=mean_change(differences),
         bootstrap_by_source=mean_change(differences, pairs.source),
         mcnemar=mcnemar(outcomes.regression, outcomes.change_associated_success),
         trigger_coverage=triggered,
         response_coverage=responded,
-        trigger_interval=wilson(triggered),
-        response_interval=wilson(responded),
+        trigger_interval=clopper_pearson(triggered),
+        response_interval=clopper_pearson(responded),
         exposure=expose(pairs.stale[pairs.responded], unanswered=triggered.count - responded.count),
         given_response=tabulate(pairs.base[pairs.responded], pairs.dynamic[pairs.responded]),
     )

@@ -6,7 +6,11 @@ minutes of an idle core.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from itertools import product
+
+import numpy as np
 
 from pytest_libero_max.stats.paired_difference import exact
 from tests.stats.coverage import (
@@ -22,9 +26,10 @@ from tests.stats.coverage import (
     expected_width,
     lowest_coverage,
     newcombe_coverage,
+    rate_coverage,
     tango_coverage,
+    task_misses,
     unconditional_coverage,
-    wilson_coverage,
 )
 from tests.stats.other_intervals import agresti_min, tango
 
@@ -47,7 +52,10 @@ CHANGES = (
 """Probabilities of a loss and of a gain."""
 
 RATES = (0.02, 0.05, 0.1, 0.3, 0.5, 0.8, 0.95)
-RATE_SIZES = (4, 8, 30, 100, 800)
+RATE_SIZES = (4, 8, 32, 100, 800)
+
+TASK_CELLS = tuple(product((20, 200), (0.02, 0.1, 0.3), (math.inf, 2.0, 0.5)))
+"""Pairs of a task, mean loss, and the spread of the tasks' losses."""
 
 LATTICES = ((4, 0.02), (8, 0.02), (16, 0.02), (32, 0.02), (100, 0.05))
 """Sizes whose worst case is looked for, and the steps of the true probabilities."""
@@ -103,10 +111,21 @@ def coverage_rows(name: str, sizes: Sequence[int] = SIZES) -> Iterator[str]:
         yield _row(f"{loss:g}, {gain:g}", cells)
 
 
-def wilson_rows(sizes: Sequence[int] = RATE_SIZES) -> Iterator[str]:
-    """The rows of the table of the Wilson interval."""
-    for rate in RATES:
-        yield _row(f"{rate:g}", [_cell(wilson_coverage(n, rate)) for n in sizes])
+def rate_rows(sizes: Sequence[int] = RATE_SIZES) -> Iterator[str]:
+    """The rows of the table of the exact interval of a rate, the worst rate last."""
+    fine = np.linspace(0.0005, 0.9995, 1000).tolist()
+    found = [rate_coverage(n, [*RATES, *fine]) for n in sizes]
+    for place, rate in enumerate(RATES):
+        yield _row(f"{rate:g}", [_cell(coverage[place]) for coverage in found])
+    yield _row("worst of 1,000", [_cell(min(coverage)) for coverage in found])
+
+
+def task_rows(cells: Sequence[tuple[int, float, float]] = TASK_CELLS) -> Iterator[str]:
+    """The rows of the table of the interval by task."""
+    for pairs, mean, spread in cells:
+        missed, undecided = task_misses(40, pairs, mean, spread)
+        where = "alike" if math.isinf(spread) else f"{spread:g}"
+        yield _row(str(pairs), [f"{mean:g}", where, f"{100 * (1 - missed):.1f}%", f"{100 * undecided:.1f}%"])
 
 
 def worst_rows(lattices: Sequence[tuple[int, float]] = LATTICES) -> Iterator[str]:
@@ -158,13 +177,25 @@ def _lines() -> Iterator[str]:
         *_head("P(1,0), P(0,1)", [f"n = {n}: exact, Tango, A.-M." for n in WIDTH_SIZES]),
         *_width_rows(),
         "",
-        "## Wilson interval of a success rate",
+        "## Exact interval of a success rate",
         "",
-        "All results are counted. It holds its level on average, not for every rate: near 0 and 1 it falls",
-        "to about 85% for some. A gate on a rate of few pairs should leave room for that.",
+        "Clopper and Pearson's, of all rates and of the share of Base successes lost. All results are",
+        "counted; the last row is the lowest coverage over 1,000 rates. Wilson's interval falls to 83% for",
+        "four trials and 85% for a hundred, the mid-P interval to 92%; this one is 6% wider than Wilson's at",
+        "a hundred trials and 2% wider at 800.",
         "",
         *_head("True rate", [f"n = {n}" for n in RATE_SIZES]),
-        *wilson_rows(),
+        *rate_rows(),
+        "",
+        "## Interval by task",
+        "",
+        "400 simulated runs of 40 tasks each. The losses of the tasks have a beta distribution with this",
+        "mean and this sum of parameters: the smaller the sum, the fewer tasks hold the loss. *Held* are the",
+        "runs that have no interval which misses the mean (standard error 1.1 points at 95%); *none* are the",
+        "runs in which too few tasks changed for an interval.",
+        "",
+        *_head("pairs of a task", ["mean loss", "sum", "held", "none"]),
+        *task_rows(),
     )
 
 

@@ -7,7 +7,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.gate_plan import chance_of_passing, useful_sizes
 from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, Gate, meets, parse_gate
 from pytest_libero_max.stats.gate_power import Chances
-from pytest_libero_max.stats.intervals import wilson
+from pytest_libero_max.stats.intervals import clopper_pearson
 from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
 from tests.report.gate_table import GATES, PAGE, TRACKS, row
@@ -19,7 +19,7 @@ def _value(gate: Gate, kept: int, lost: int, gained: int, pairs: int) -> float:
         return lost
     if gate.name in ("base_sr", "dynamic_sr"):
         ratio = Ratio(kept + (lost if gate.name == "base_sr" else gained), pairs)
-        return (ratio.value or 0.0) if gate.end is None else float(getattr(wilson(ratio), gate.end))
+        return (ratio.value or 0.0) if gate.end is None else float(getattr(clopper_pearson(ratio), gate.end))
     if gate.name == "equivalent_vs":
         interval = paired_difference(lost, gained, pairs, EQUIVALENCE_CONFIDENCE)
         assert interval is not None

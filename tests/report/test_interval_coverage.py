@@ -11,7 +11,7 @@ from tests.report.interval_coverage import (
     RATES,
     SIZES,
     coverage_rows,
-    wilson_rows,
+    rate_rows,
     worst_rows,
 )
 
@@ -34,9 +34,9 @@ def test_the_published_coverage_is_what_the_code_finds(name: str) -> None:
     assert [row[: 1 + len(sizes)] for row in published] == found
 
 
-def test_the_published_coverage_of_wilson_is_what_the_code_finds() -> None:
-    published = ["| " + " | ".join(row) + " |" for row in _table("Wilson interval of a success rate")]
-    assert published == list(wilson_rows())
+def test_the_published_coverage_of_rates_is_what_the_code_finds() -> None:
+    published = ["| " + " | ".join(row) + " |" for row in _table("Exact interval of a success rate")]
+    assert published == list(rate_rows())
     assert len(published) == len(RATES)
 
 

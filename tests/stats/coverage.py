@@ -7,16 +7,17 @@ said otherwise the coverage is summed over every result, up to results that toge
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from pytest_libero_max.stats.intervals import Interval, mean_change, wilson
+from pytest_libero_max.stats.clusters import task_interval
+from pytest_libero_max.stats.intervals import Interval, clopper_pearson, mean_change
 from pytest_libero_max.stats.outcome_table import Ratio
-from pytest_libero_max.stats.paired_difference import Bounds, FloatArray, exact
+from pytest_libero_max.stats.paired_difference import Bounds, FloatArray, exact, paired_difference
 from tests.stats.other_intervals import agresti_min, exact_holds, newcombe, tango, tango_score
 from tests.stats.unconditional import tables, tail_probabilities
 
@@ -43,11 +44,52 @@ _TIE = 1e-9
 """A bound this close to the truth holds it; rounding decides nothing."""
 
 
-def wilson_coverage(n: int, rate: float) -> float:
-    """Coverage of the Wilson interval of ``n`` trials."""
+def rate_coverage(n: int, rates: Sequence[float]) -> list[float]:
+    """Coverage of the exact interval of ``n`` trials at each rate."""
     counts = np.arange(n + 1)
-    held = [_between(wilson(Ratio(count, n)), rate) for count in counts.tolist()]
-    return float(stats.binom.pmf(counts, n, rate)[np.array(held)].sum())
+    intervals = [clopper_pearson(Ratio(count, n)) for count in counts.tolist()]
+    return [
+        float(stats.binom.pmf(counts, n, rate)[[_between(one, rate) for one in intervals]].sum())
+        for rate in rates
+    ]
+
+
+def wilson_coverage(n: int, rates: Sequence[float]) -> list[float]:
+    """Coverage of the Wilson interval of ``n`` trials at each rate."""
+    counts = np.arange(n + 1)
+    intervals = [stats.binomtest(count, n).proportion_ci(method="wilson") for count in counts.tolist()]
+    return [
+        float(stats.binom.pmf(counts, n, rate)[[low <= rate <= high for low, high in intervals]].sum())
+        for rate in rates
+    ]
+
+
+def task_misses(
+    tasks: int, pairs: int, mean: float, spread: float, runs: int = 400, seed: int = 0
+) -> tuple[float, float]:
+    """Return the shares of simulated runs whose interval by task misses the mean, and that have none.
+
+    Args:
+        tasks: Number of tasks.
+        pairs: Pairs of each.
+        mean: Mean probability of a loss over tasks.
+        spread: Sum of the parameters of the beta distribution of the tasks' probabilities; small where a loss
+            is in few tasks. Infinite where all tasks are alike.
+        runs: Number of runs.
+        seed: Of the runs.
+    """
+    random, labels = np.random.default_rng(seed), np.repeat(np.arange(tasks), pairs)
+    missed = undecided = 0
+    for _ in range(runs):
+        alike = np.full(tasks, mean)
+        rates = alike if np.isinf(spread) else random.beta(mean * spread, (1 - mean) * spread, tasks)
+        lost = random.random(tasks * pairs) < np.repeat(rates, pairs)
+        found = task_interval(
+            -lost.astype(np.int64), labels, paired_difference(int(lost.sum()), 0, len(lost))
+        ).interval
+        undecided += found is None
+        missed += found is not None and not found.lower <= -mean <= found.upper
+    return missed / runs, undecided / runs
 
 
 def bootstrap_coverage(n: int, loss: float, gain: float, seed: int = 0) -> float:

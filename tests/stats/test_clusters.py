@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.clusters import TaskInterval, cluster_bootstrap, task_interval
-from pytest_libero_max.stats.intervals import mean_change
+from pytest_libero_max.stats.intervals import clopper_pearson, mean_change
+from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
 
 RANDOM = np.random.default_rng(7)
@@ -99,18 +100,46 @@ def test_the_interval_covers_the_mean_of_clustered_cases() -> None:
 def _task_interval(differences: NDArray[np.int64], tasks: NDArray[np.int64]) -> TaskInterval:
     losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
     independent = paired_difference(losses, gains, len(differences))
-    return task_interval(differences, tasks, ["plus"] * len(tasks), independent)
+    return task_interval(differences, tasks, independent)
 
 
 def test_few_tasks_or_few_changed_ones_cannot_be_decided() -> None:
     tasks = np.repeat(np.arange(40), 5)
     alike = np.zeros(200, dtype=int)
-    assert _task_interval(alike, tasks) == TaskInterval(40, 0, None)
+    assert _task_interval(alike, tasks) == TaskInterval(40, 40.0, 0, None)
     rare = np.where(tasks < 14, -1, 0)
-    assert _task_interval(rare, tasks) == TaskInterval(40, 14, None)
+    assert _task_interval(rare, tasks) == TaskInterval(40, 40.0, 14, None)
     few = np.repeat([-1, 0], 100)
-    assert _task_interval(few, np.arange(200) % 29) == TaskInterval(29, 29, None)
-    assert _task_interval(few, np.arange(200) % 30).interval is not None
+    found = _task_interval(few, np.arange(200) % 29)
+    assert (found.tasks, found.changed, found.interval) == (29, 29, None)
+    assert _task_interval(few, np.arange(200) % 40).interval is not None
+
+
+def test_tasks_of_unequal_size_count_for_less() -> None:
+    sizes = np.concatenate([np.full(5, 100), np.full(35, 4)])
+    tasks = np.repeat(np.arange(40), sizes)
+    found = _task_interval(np.where(np.arange(len(tasks)) % 2, -1, 0), tasks)
+    assert found.effective == pytest.approx(sizes.sum() ** 2 / (sizes**2).sum())
+    assert found.interval is None
+
+
+def test_rates_and_shares_are_taken_by_task_as_well() -> None:
+    random = np.random.default_rng(5)
+    tasks = np.repeat(np.arange(40), 20)
+    base = random.random(800) < np.repeat(random.beta(2, 2, 40), 20)
+    lost = base & (random.random(800) < np.repeat(random.beta(1, 3, 40), 20))
+    share = (0.0, 1.0)
+    alone = clopper_pearson(Ratio(int(base.sum()), 800))
+    rate = task_interval(base, tasks, alone, bounds=share)
+    assert rate.interval is not None
+    assert alone is not None
+    assert 0 <= rate.interval.lower < alone.lower < alone.upper < rate.interval.upper <= 1
+    part = clopper_pearson(Ratio(int(lost.sum()), int(base.sum())))
+    found = task_interval(lost, tasks, part, of=base, bounds=share)
+    assert found.interval is not None
+    assert found.interval.lower < lost.sum() / base.sum() < found.interval.upper
+    everywhere = task_interval(np.ones(800, dtype=bool), tasks, alone, bounds=share)
+    assert (everywhere.changed, everywhere.interval) == (0, None)
 
 
 def test_an_interval_by_task_is_never_narrower_than_the_one_of_independent_pairs() -> None:
@@ -141,11 +170,3 @@ def test_an_interval_by_task_seldom_misses_the_mean_over_tasks(
         interval = _task_interval(values, np.repeat(np.arange(30), 40)).interval
         missed += interval is not None and not interval.lower <= -mean <= interval.upper
     assert missed / 200 <= 0.08
-
-
-def test_expanded_percentiles_lie_further_out() -> None:
-    plain = cluster_bootstrap(VALUES, np.arange(300) % 30)
-    wide = cluster_bootstrap(VALUES, np.arange(300) % 30, expanded=True)
-    assert plain is not None
-    assert wide is not None
-    assert wide.lower < plain.lower < plain.upper < wide.upper

@@ -14,7 +14,9 @@ from tests.stats.coverage import (
     likely_results,
     lowest_coverage,
     newcombe_coverage,
+    rate_coverage,
     tango_coverage,
+    task_misses,
     unconditional_coverage,
     wilson_coverage,
 )
@@ -22,10 +24,17 @@ from tests.stats.other_intervals import newcombe
 from tests.stats.unconditional import tables
 
 
-def test_wilson_covers_on_average_what_it_says() -> None:
-    coverage = [wilson_coverage(30, rate) for rate in np.linspace(0.02, 0.98, 97)]
-    assert np.mean(coverage) == pytest.approx(0.95, abs=0.01)
-    assert min(coverage) > 0.89
+@pytest.mark.parametrize("n", [4, 8, 32, 100])
+def test_the_exact_interval_of_a_rate_holds_its_level_at_every_rate(n: int) -> None:
+    rates = np.linspace(0.001, 0.999, 500).tolist()
+    assert min(rate_coverage(n, rates)) >= 0.95
+    assert min(wilson_coverage(n, rates)) < 0.93
+
+
+@pytest.mark.parametrize(("mean", "spread"), [(0.02, np.inf), (0.1, 1.0), (0.02, 0.2), (0.3, 2.0)])
+def test_an_interval_by_task_seldom_misses(mean: float, spread: float) -> None:
+    missed, _ = task_misses(40, 40, mean, spread, runs=200)
+    assert missed <= 0.085
 
 
 def test_four_alike_pairs_hide_a_loss_from_the_bootstrap_and_not_from_the_exact_interval() -> None:

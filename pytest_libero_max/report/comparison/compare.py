@@ -176,7 +176,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     dynamic = {name: columns.dynamic for name, columns in pairs.items()}
     differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
     labelled = next(iter(pairs.values()))
-    tasks = labelled.task, labelled.source
+    tasks, sources = labelled.task, labelled.source
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
     rows = []
@@ -216,10 +216,10 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         runs=rows,
         contrasts=[
             contrast_of(contrast, _by_task(contrast, dynamic, tasks))
-            for contrast in contrasts(dynamic, tasks[1])
+            for contrast in contrasts(dynamic, sources)
         ],
         base_contrasts=[
-            contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, tasks[1])
+            contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, sources)
         ],
         change_contrasts=[
             change_contrast_of(contrast, _by_task(contrast, differences, tasks))
@@ -314,11 +314,12 @@ def _over_runs(changes: Sequence[float]) -> OverRuns:
 def _by_task(
     contrast: Contrast | ChangeContrast,
     columns: Mapping[str, NDArray[Any]],
-    tasks: tuple[Labels, Labels],
+    tasks: Labels,
 ) -> TaskInterval:
     """Interval of a contrast that takes the cases of a task as one draw."""
     change = columns[contrast.second].astype(np.int64) - columns[contrast.first]
-    return task_interval(change, *tasks, contrast.interval)
+    widest = 1.0 if isinstance(contrast, Contrast) else 2.0
+    return task_interval(change, tasks, contrast.interval, bounds=(-widest, widest))
 
 
 _OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)

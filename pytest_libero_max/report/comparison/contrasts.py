@@ -82,4 +82,10 @@ def _by_task(interval: TaskInterval | None) -> IntervalByTask | None:
     if interval is None:
         return None
     lower, upper = ends(interval.interval)
-    return IntervalByTask(tasks=interval.tasks, changed_tasks=interval.changed, lower=lower, upper=upper)
+    return IntervalByTask(
+        tasks=interval.tasks,
+        effective_tasks=number(interval.effective) or 0.0,
+        changed_tasks=interval.changed,
+        lower=lower,
+        upper=upper,
+    )

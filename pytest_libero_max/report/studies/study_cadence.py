@@ -29,7 +29,7 @@ from pytest_libero_max.report.studies.study_document import (
 )
 from pytest_libero_max.stats.best import Best, FromBest, best_of
 from pytest_libero_max.stats.exposure import expose
-from pytest_libero_max.stats.intervals import mean_change, wilson
+from pytest_libero_max.stats.intervals import clopper_pearson, mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, setting_arm
@@ -111,17 +111,17 @@ def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
         horizon=setting.horizon,
         query_interval=setting.query_interval,
         own=setting.own,
-        base_success=rate_of(outcomes.base, wilson(outcomes.base)),
-        dynamic_success=rate_of(outcomes.dynamic, wilson(outcomes.dynamic)),
+        base_success=rate_of(outcomes.base, clopper_pearson(outcomes.base)),
+        dynamic_success=rate_of(outcomes.dynamic, clopper_pearson(outcomes.dynamic)),
         paired_change=SettingChange(
             **asdict(mean_difference_of(outcomes.change, exact)), bootstrap_by_source=interval_of(bootstrap)
         ),
         outcomes=outcomes_of(outcomes),
         conditional_regression=rate_of(
-            outcomes.conditional_regression, wilson(outcomes.conditional_regression)
+            outcomes.conditional_regression, clopper_pearson(outcomes.conditional_regression)
         ),
-        trigger_coverage=rate_of(triggered, wilson(triggered)),
-        response_coverage=rate_of(responded, wilson(responded)),
+        trigger_coverage=rate_of(triggered, clopper_pearson(triggered)),
+        response_coverage=rate_of(responded, clopper_pearson(responded)),
         stale_actions=stale_of(expose(stale, unanswered=triggered.count - responded.count)),
     )
 

@@ -76,7 +76,7 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
     lines += ["", GIVEN_RESPONSE_NOTE]
     lines += [
         "",
-        "Intervals are 95%: Wilson for rates, melded exact for changes. Groups hold different",
+        "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. Groups hold different",
         "cases: differences between them are descriptions, not effects.",
         "",
     ]
