@@ -42,11 +42,13 @@ class Line:
         title: Beginning of the line. Columns with the same title share a line, in the order of the table.
         mark: Text before the value, for all but the first quantity of a line.
         short: True to print the value as in narrow tables.
+        optional: True to leave the quantity out where it has no number.
     """
 
     title: str
     mark: str = ""
     short: bool = False
+    optional: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,8 @@ COLUMNS: tuple[Column[Any], ...] = (
     *(
         Column(
             f"{key}_by_task", f"{title}, interval by task", value, TaskInterval(signed=False),
-            line=Line("Rates by task", mark, short=True), gate=f"{gate}.clustered", of_change=of_change,
+            line=Line("Rates by task", mark, True, optional=True), gate=f"{gate}.clustered",
+            of_change=of_change,
         )
         for key, title, value, mark, gate, of_change in (
             ("base_success", "Base success", lambda row: row.by_task.base_success, "Base", "base_sr", False),

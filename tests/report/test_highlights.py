@@ -32,7 +32,7 @@ def test_the_extreme_categories_of_each_source_are_named() -> None:
         "pro": {"lowest_base_success": "pro-part_1", "largest_loss": "pro-part_0"},
     }
     rows = {what: (where, value) for what, where, value in highlight_rows(REPORT)}
-    assert rows["Lowest Base success, plus"] == ("plus-part_1", "0.0% [0.0, 32.4]  0/8")
+    assert rows["Lowest Base success, plus"] == ("plus-part_1", "0.0% [0.0, 36.9]  0/8")
     assert rows["Lowest paired change, plus"][0] == "plus-part_0"
     assert rows["Lowest paired change, plus"][1].startswith("-100.0 pp")
     assert rows["Unweighted mean, Base to Dynamic"] == ("4 source categories", "50.0% to 25.0%, -25.0 pp")

@@ -141,12 +141,12 @@ def test_a_stratum_for_every_pair() -> None:
         mean_change([0, 1, 0], ["a", "b"])
 
 
-@pytest.mark.parametrize(("n", "rate", "least"), [(30, 0.5, 0.93), (30, 0.9, 0.92), (100, 0.75, 0.93)])
+@pytest.mark.parametrize(("n", "rate", "least"), [(30, 0.5, 0.945), (30, 0.9, 0.945), (100, 0.75, 0.945)])
 def test_a_rate_is_covered_as_often_as_its_interval_says(n: int, rate: float, least: float) -> None:
     draws = np.random.default_rng(1).binomial(n, rate, size=4000)
     covered = {count: clopper_pearson(Ratio(count, n)) for count in set(draws.tolist())}
     hits = [interval.lower <= rate <= interval.upper for k in draws.tolist() if (interval := covered[k])]
-    assert least <= np.mean(hits) <= 0.99
+    assert least <= np.mean(hits) <= 0.995
 
 
 def test_the_bootstrap_covers_nearly_as_often_as_it_says() -> None:

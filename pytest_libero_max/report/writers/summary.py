@@ -71,13 +71,21 @@ def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
 
 
 def _overall_lines(overall: Result) -> Iterator[str]:
-    shown = [(column, column.line) for column in COLUMNS if column.line is not None]
+    shown = [
+        (column, column.line)
+        for column in COLUMNS
+        if column.line is not None and not (column.line.optional and _is_empty(column, overall))
+    ]
     for title, cells in groupby(shown, key=lambda cell: cell[1].title):
         texts = []
         for column, line in cells:
             value = column.short(overall) if line.short else column.long(overall)
             texts.append(f"{line.mark} {value}".strip())
         yield f"{title:<32}{'   '.join(texts)}"
+
+
+def _is_empty(column: Column[Any], row: Result) -> bool:
+    return None in column.numbers(row).values()
 
 
 def _event_lines(report: Report) -> Iterator[str]:

@@ -1,0 +1,35 @@
+"""Make what is published below ``reports`` again from its pairs: ``python -m tests.report.publish_again``.
+
+Needed after a change of Markdown, comparison pages or statistics.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+from pytest_libero_max.report.comparison.compare_files import write_comparison
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.report_files import report_of
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, read_pairs
+
+REPORTS = Path(__file__).parents[2] / "reports"
+
+
+def publish_again() -> None:
+    """Write every published report and comparison."""
+    for page in sorted(REPORTS.rglob("report.md")):
+        report = report_of(read_pairs(page.parent / PACKED_PAIRS_NAME))
+        page.write_text(markdown(report), encoding="utf-8")
+    for folder in sorted(path.parent for path in REPORTS.rglob("comparison.md")):
+        os.chdir(folder)  # the page names the runs by their ways from it
+        published = {path.name for path in folder.iterdir() if path.is_file()}
+        runs = read_runs(sorted(Path(path.name) for path in folder.iterdir() if path.is_dir()))
+        for path in write_comparison(compare_runs(runs), Path(), common_cases(runs)):
+            if path.name not in published:
+                path.unlink()
+
+
+if __name__ == "__main__":
+    publish_again()
