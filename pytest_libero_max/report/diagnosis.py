@@ -88,7 +88,8 @@ def changed_pairs(records: Iterable[PairRecord]) -> list[ChangedPair]:
 
 
 def _of_arm(record: PairRecord, arm: ArmRecord) -> Diagnosis:
-    if not {field.name for field in fields(_Row)} <= arm.probes.get(STAGES, {}).keys():
+    stages = arm.probes.get(STAGES, {})
+    if not ({field.name for field in fields(_Row)} <= stages.keys() and stages["goal"]):
         return Diagnosis(NOT_RECORDED, "The record holds no stages.")
     base = record.arms.get(BASE)
     seen = _Seen.of(record, arm, base if base is not None and base.success else None)

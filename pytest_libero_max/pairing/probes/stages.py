@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from pytest_libero_max.errors import EntityError
 from pytest_libero_max.events.triggers import ABOVE_RADIUS_M, distance_m
 from pytest_libero_max.pairing.probes.probe import Column, Probe, View
 from pytest_libero_max.pairing.trajectory import Firing, Step
@@ -258,7 +259,12 @@ def _tracks(view: View) -> tuple[Track, ...]:
     world = view.world
     if not isinstance(world, PrivilegedWorld):
         return (Track(None, view.entity, False, _point(world.position(view.entity))),)
-    return tuple(_track(world, fact) for fact in world.goal)
+    return tuple(_track(world, fact) for fact in _goal(world))
+
+
+def _goal(world: PrivilegedWorld) -> tuple[Fact, ...]:
+    """Return the facts of the goal that are about entities."""
+    return tuple(fact for fact in world.goal if _owner(world, fact.subject) in world.entities)
 
 
 def _track(world: PrivilegedWorld, fact: Fact) -> Track:
@@ -307,7 +313,10 @@ def _away_m(track: Track, world: World, at: Sequence[float]) -> float | None:
     """Horizontal distance of a point from the destination of a track, m."""
     if track.fact is None or track.fact.place is None:
         return None
-    place = _place(world, track.fact.place)
+    try:
+        place = _place(world, track.fact.place)
+    except EntityError:  # neither a region nor at an entity
+        return None
     return math.hypot(at[0] - float(place[0]), at[1] - float(place[1]))
 
 
@@ -399,7 +408,7 @@ def _after_change(state: State, view: View) -> State:
     world, firings = view.world, view.trajectory.firings
     goal = tuple(track.fact for track in state.tracks)
     tracks = state.tracks
-    if goal != (None,) and goal != (new := cast(PrivilegedWorld, world).goal):
+    if goal != (None,) and goal != (new := _goal(cast(PrivilegedWorld, world))):
         known = {track.fact: track for track in tracks}
         tracks = tuple(known.get(fact) or _track(cast(PrivilegedWorld, world), fact) for fact in new)
     for firing in firings[state.firings :]:
@@ -418,11 +427,11 @@ def _displaced(track: Track, world: World, firing: Firing) -> Track:
     old, old_place, rest = track.old, track.old_place, track.rest
     if track.entity in after and not track.part:
         rest = after[track.entity]
-        if _far(before[track.entity], rest):
-            old = before[track.entity]
+        if _far(was := before.get(track.entity, rest), rest):
+            old = was
     place = track.fact.place if track.fact else None
     owner = None if place is None else _owner(world, place)
-    if place is not None and owner in after and _far(before[owner], after[owner]):
+    if place is not None and owner in before.keys() & after and _far(before[owner], after[owner]):
         now, shift = _place(world, place), np.subtract(after[owner], before[owner])
         old_place = _point(now - shift)
     return replace(
