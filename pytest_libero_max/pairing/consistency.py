@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pytest_libero_max.benchmark.documents import canonical_digest
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.pairing.trajectory import QueryResult
@@ -17,7 +18,12 @@ from pytest_libero_max.worlds.contract import WorldState
 
 SAMPLE_INTERVAL = 4
 """One query of this many is kept where arms cannot part any more; the last one kept is asked again at the end
-of the arm."""
+of the arm. Which one differs from case to case."""
+
+
+def is_sampled(index: int, case_id: str) -> bool:
+    """Return True if a query is one of those that are kept in a case."""
+    return index % SAMPLE_INTERVAL == int(canonical_digest(case_id), 16) % SAMPLE_INTERVAL
 
 
 @dataclass(frozen=True)

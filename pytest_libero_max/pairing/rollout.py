@@ -20,7 +20,7 @@ from pytest_libero_max.errors import ActionError, ProtocolError
 from pytest_libero_max.events.schedules import BASE, Arm, Entry, Revert
 from pytest_libero_max.events.triggers import Moment, distance_m
 from pytest_libero_max.pairing.changing import apply_change
-from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, Memory, RecordedQuery
+from pytest_libero_max.pairing.consistency import Memory, RecordedQuery, is_sampled
 from pytest_libero_max.pairing.prefix import BranchPoint
 from pytest_libero_max.pairing.probes.probe import Value, View
 from pytest_libero_max.pairing.stage import Stage
@@ -288,7 +288,7 @@ class Rollout:
         """Return the next query; keep what is needed to ask it again, where it will be."""
         stage, trajectory = self._stage, self.trajectory
         index = len(trajectory.queries)
-        if stage.spec.repeatable and (self._may_part or index % SAMPLE_INTERVAL == 0):
+        if stage.spec.repeatable and (self._may_part or is_sampled(index, stage.case.case_id)):
             # Before its first query a policy may not have a memory to copy yet.
             memory = Memory.of(stage.policy) if index else None
             self._kept = (stage.world.snapshot(), trajectory.digest, memory)

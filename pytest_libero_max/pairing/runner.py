@@ -258,7 +258,7 @@ def _play(
                 yield rollout
         results |= dict.fromkeys((arm.name for arm in rollout.arms), rollout.result())
         stage.require_untouched()
-        if rollout.parted or task.branch is not None:
+        if len(task.arms) > 1 or task.branch is not None:  # also where no event ever fired
             _check_policy(rollout, stage, mode)
         tasks = rollout.parted + tasks
     return instruction, {arm.name: results[arm.name] for arm in arms}

@@ -184,13 +184,17 @@ class Stage:
         Args:
             where: Name of the call, for a message.
         """
-        before = self._seen_by_policy()
+        before, digest = self._seen_by_policy(), self.world.digest()
         self.watch.query()
         with self.clock("policy_s"):
             yield
         self.watch.step()
         require_spec(self.policy, self.spec, where)
         self._require_unaltered(before, where)
+        if self.world.digest() != digest:  # a policy that is given no world may have found it
+            raise AdapterError(
+                f"the world was altered while policy {self.spec.name!r} was called ({where}). {_CURE}"
+            )
 
     def _waited_s(self) -> float:
         """Seconds that a policy behind a server has waited for it to come back; 0 for every other policy."""

@@ -46,7 +46,7 @@ def result_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError |
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is not None:
         try:
-            return result_from_dict(result)
+            return _of_its_length(result_from_dict(result), case)
         except ReportError as error:
             return PairError.of(case, error, RECORD_PHASE)
     if not report.failed:
@@ -54,6 +54,20 @@ def result_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError |
     # The item ended without a result: its worker died, or somebody's hook failed it.
     text = str(report.longrepr).strip().splitlines()
     return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
+
+
+def _of_its_length(result: PairRecord | PairError, case: Case) -> PairRecord | PairError:
+    """Return the result; its episodes have the length that the case says where it is stored.
+
+    Raises:
+        ReportError: They have another length.
+    """
+    if isinstance(result, PairRecord) and result.max_steps != case.budget:
+        raise ReportError(
+            f"max_steps={result.max_steps} of case_id={case.case_id!r}, but its episodes have {case.budget}. "
+            "Something has changed the budgets where it was played: look for it in the adapter."
+        )
+    return result
 
 
 def status_of(report: Any) -> tuple[str, str, str] | None:

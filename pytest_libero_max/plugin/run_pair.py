@@ -13,7 +13,7 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.costs.model import PAIR, WORLD
-from pytest_libero_max.errors import AdapterError, LiberoMaxError
+from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, text_of
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
@@ -208,7 +208,7 @@ def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
 
 def explain(error: BaseException) -> str:
     """Return the message, with the frames of the user's own code and none of this package."""
-    text = f"{type(error).__name__}: {error}"
+    text = f"{class_name(error)}: {text_of(error)}"
     cause = error.__cause__
     if cause is None or isinstance(cause, LiberoMaxError):
         return text

@@ -16,7 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import ActionError, AdapterError, LimitReached, ServerError, did_you_mean
+from pytest_libero_max.errors import (
+    ActionError,
+    AdapterError,
+    LimitReached,
+    ServerError,
+    class_name,
+    did_you_mean,
+    text_of,
+)
 from pytest_libero_max.policies.contract import (
     BatchItem,
     BatchPolicy,
@@ -47,9 +55,14 @@ def check_policy(policy: Any, where: str) -> Policy:
     Raises:
         AdapterError: A member is missing, is of the wrong type, or cannot be called the way it will be.
     """
+    if hasattr(policy, "no_policy_has_this_member"):
+        raise AdapterError(
+            f"{where} ({class_name(policy)}) has every member that it is asked for, so which optional "
+            "methods it offers cannot be seen. Let its __getattr__ raise AttributeError for unknown names."
+        )
     if not hasattr(policy, "spec"):
         raise AdapterError(
-            f"{where} ({type(policy).__name__}) has no attribute 'spec', but a policy declares itself with "
+            f"{where} ({class_name(policy)}) has no attribute 'spec', but a policy declares itself with "
             "a PolicySpec. Add `spec = PolicySpec(name=...)`."
         )
     if not isinstance(policy.spec, PolicySpec):
@@ -159,14 +172,14 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
     expected = f"an (n, {ACTION_DIM}) array with {spec.query_interval} <= n <= {spec.horizon}"
     try:
         given = np.asarray(value)
-    except (TypeError, ValueError) as error:
+    except Exception as error:  # __array__ is code of the adapter, and may raise anything
         raise ActionError(
-            f"policy {spec.name!r} returned a {type(value).__name__} that is no array ({error}), but predict "
-            f"must return {expected}."
+            f"policy {spec.name!r} returned a {class_name(value)} that is no array ({text_of(error)}), but "
+            f"predict must return {expected}."
         ) from error
     if given.dtype.kind not in "fiu":
         raise ActionError(
-            f"policy {spec.name!r} returned {type(value).__name__} of dtype {given.dtype}, but predict must "
+            f"policy {spec.name!r} returned {class_name(value)} of dtype {given.dtype}, but predict must "
             f"return {expected} of real numbers."
         )
     actions = np.array(given, dtype=np.float64, order="C")
@@ -340,7 +353,7 @@ def _check_method(policy: Any, name: str, where: str, *arguments: str) -> None:
     form = f"{name}({', '.join(arguments)})"
     if not hasattr(policy, name):
         raise AdapterError(
-            f"{where} ({type(policy).__name__}) has no method {name!r}, but a policy has "
+            f"{where} ({class_name(policy)}) has no method {name!r}, but a policy has "
             f"reset(episode) and predict(observation, query). Add {form}."
         )
     method = getattr(policy, name)
@@ -383,7 +396,8 @@ def _blaming(policy: Policy, what: str) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        if ends_the_session(error) or isinstance(error, ServerError):
+        left = type(error).__module__ == "_pytest.outcomes" and class_name(error) == "Exit"
+        if (ends_the_session(error) and not left) or isinstance(error, ServerError):
             raise
         raise _raised(policy, what, error) from error
 
@@ -392,6 +406,6 @@ def _raised(policy: Policy, what: str, error: BaseException) -> AdapterError:
     module = sys.modules.get(type(policy).__module__)
     place = locate(error, getattr(module, "__file__", None) or "")
     return AdapterError(
-        f"policy {policy.spec.name!r} raised {type(error).__name__} in {what}"
-        f"{f' ({place})' if place else ''}: {error}. Repair the adapter and play the pair again."
+        f"policy {policy.spec.name!r} raised {class_name(error)} in {what}"
+        f"{f' ({place})' if place else ''}: {text_of(error)}. Repair the adapter and play the pair again."
     )

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, is_sampled
 from pytest_libero_max.pairing.prefix import PrefixMode
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair, play_pair
 from pytest_libero_max.policies.contract import Episode, Query
@@ -159,12 +160,28 @@ def test_a_hidden_memory_gives_no_other_record_in_fork_than_in_replay(world: Tin
         play_pair(make_case(), world, policy)
 
 
-def test_where_nothing_happens_nothing_is_asked_again(world: TinyWorld) -> None:
+def test_a_query_is_asked_again_also_where_nothing_happens(world: TinyWorld) -> None:
     policy = WithoutRestore()
     policy.wait = BUDGET
-    record = play_pair(make_case(), world, policy)
-    assert not record.triggered
-    assert len(policy.queries) == record.base_queries
+    with pytest.raises(AdapterError, match="answered query 16 at step 48 differently"):
+        play_pair(make_case(), world, policy)
+
+
+def test_a_world_that_is_altered_behind_the_contract_is_noticed(world: TinyWorld) -> None:
+    class Finder(Approaching):
+        """Finds the world that it is not given, as one could in the frames of its callers."""
+
+        def predict(self, observation: Any, query: Query) -> Any:
+            world.data.qvel[0] += 1e-3
+            return super().predict(observation, query)
+
+    with pytest.raises(AdapterError, match="the world was altered while policy 'approaching' was called"):
+        play_pair(make_case(), world, Finder())
+
+
+def test_the_sampled_queries_differ_from_case_to_case() -> None:
+    first = {next(i for i in range(SAMPLE_INTERVAL) if is_sampled(i, f"case-{n}")) for n in range(40)}
+    assert first == set(range(SAMPLE_INTERVAL))
 
 
 def test_a_policy_that_says_it_does_not_repeat_itself_is_not_asked_again(world: TinyWorld) -> None:

@@ -272,3 +272,57 @@ def test_memory_is_copied_and_given_back() -> None:
     restore_memory(policy, memory)
     assert policy.memory == "before"
     assert copy_memory(Sound()) is None
+
+
+class NeedsGradient:
+    def __array__(self, *args: Any, **kwargs: Any) -> Any:
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad. Use tensor.detach().numpy()")
+
+
+class Unprintable(Exception):
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+class Nameless(type):
+    @property
+    def __name__(cls) -> str:  # type: ignore[override]
+        raise RuntimeError("no name")
+
+
+class Odd(metaclass=Nameless):
+    pass
+
+
+class Everything(Sound):
+    def __getattr__(self, name: str) -> Any:
+        return lambda *args: None
+
+
+def answering(answer: Any) -> Any:
+    class Answering(Sound):
+        def predict(self, observation: Any, query: Query) -> Any:
+            if isinstance(answer, BaseException):
+                raise answer
+            return answer
+
+    return Answering()
+
+
+HOSTILE = [
+    (NeedsGradient(), "NeedsGradient that is no array .*requires grad"),
+    (Odd(), "returned Odd of dtype object"),
+    (Unprintable(), "raised Unprintable in predict.*its text cannot be read"),
+    (pytest.exit.Exception("bye", 0), "raised Exit in predict"),
+]
+
+
+@pytest.mark.parametrize(("answer", "message"), HOSTILE, ids=["array", "metaclass", "text", "exit"])
+def test_hostile_answers_are_errors_of_the_adapter(answer: Any, message: str) -> None:
+    with pytest.raises(AdapterError, match=message):
+        ask(answering(answer), {}, Query(0, 0, "put it down", 1))
+
+
+def test_a_policy_that_has_every_member_is_refused() -> None:
+    with pytest.raises(AdapterError, match="has every member that it is asked for"):
+        check_policy(Everything(), "adapter.py:policy")

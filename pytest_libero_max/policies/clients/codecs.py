@@ -83,6 +83,7 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
             content,
             object_hook=lambda value: dialect.decode(counted(value)),
             list_hook=counted,
+            ext_hook=_no_extension,
             raw=False,
             strict_map_key=True,
         )
@@ -92,6 +93,10 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
         raise ServerError(
             f"a message of {len(content)} bytes is no msgpack document ({type(error).__name__}: {error})"
         ) from error
+
+
+def _no_extension(code: int, data: bytes) -> Any:
+    raise ServerError(f"a msgpack extension of type {code}, of which none is read")
 
 
 def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
@@ -124,6 +129,8 @@ def from_json(content: bytes) -> Any:
         ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
     """
     _check_size(len(content))
+    if content.count(b"[") + content.count(b"{") > MOST_PARTS:
+        raise ServerError(f"a message of more than {MOST_PARTS} lists and maps")
     try:
         return json.loads(content, object_hook=JSON_NUMPY.decode)
     except (ValueError, RecursionError) as error:

@@ -17,6 +17,9 @@ from pytest_libero_max.errors import ServerError
 MOST_KEPT = 64
 """Number of memories that a client may keep."""
 
+MOST_CLIENTS = 256
+"""Number of clients whose memories are kept; the one heard least recently is forgotten first."""
+
 FORGOTTEN_AFTER_S = 3600.0
 """Time without queries after which a client is forgotten, s."""
 
@@ -101,6 +104,8 @@ class Memories:
             for name, client in self._clients.items()
             if name == place.client or now - client.heard <= FORGOTTEN_AFTER_S
         }
+        if place.client not in self._clients and len(self._clients) >= MOST_CLIENTS:
+            del self._clients[min(self._clients, key=lambda name: self._clients[name].heard)]
         client = self._clients.setdefault(place.client, _Client(now))
         client.heard = now
         needed = {place.at, *place.keep}

@@ -211,3 +211,11 @@ def test_a_message_of_too_many_parts_is_refused_before_all_are_made(
     assert codecs.unpack(content, OPENPI) == [part] * 9
     with pytest.raises(ServerError, match="more than 10 lists and maps"):
         codecs.unpack(msgpack.packb([part] * 11), OPENPI)
+
+
+def test_extensions_and_json_of_too_many_parts_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ServerError, match="a msgpack extension of type 5"):
+        codecs.unpack(msgpack.packb([msgpack.ExtType(5, b"")]), OPENPI)
+    monkeypatch.setattr(codecs, "MOST_PARTS", 10)
+    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+        codecs.from_json(b"[" + b",".join([b"[]"] * 10) + b"]")

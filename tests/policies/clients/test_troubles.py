@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -295,3 +296,28 @@ def test_the_dialect_of_gr00t_n15_has_no_envelope(tmp_path: Path) -> None:
     with fakes.zeromq(handle, NPY) as port:
         assert ask(connect("gr00t", port, str(path))).shape == (16, 7)
     assert seen[0]["video.image"].shape == (1, 1, 256, 256, 3)
+
+
+def test_an_answer_that_drips_ends_with_the_timeout() -> None:
+    """Each byte comes in time, and the whole never does."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def drip() -> None:
+            with suppress(OSError):
+                while True:
+                    connection, _ = server.accept()
+                    threading.Thread(target=dripped, args=(connection,), daemon=True).start()
+
+        def dripped(connection: socket.socket) -> None:
+            with suppress(OSError), connection:
+                connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\n")
+                while True:
+                    connection.sendall(b" ")
+                    time.sleep(0.05)
+
+        threading.Thread(target=drip, daemon=True).start()
+        began = time.monotonic()
+        port = server.getsockname()[1]
+        with pytest.raises(ServerError, match=r"no answer came within 0\.3 s"):
+            ask(connect("http", port, "dm05", "timeout=0.3&patience=0.2"))
+        assert time.monotonic() - began < 10

@@ -5,7 +5,13 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.server.memories import FORGOTTEN_AFTER_S, MOST_KEPT, Memories, Place
+from pytest_libero_max.policies.server.memories import (
+    FORGOTTEN_AFTER_S,
+    MOST_CLIENTS,
+    MOST_KEPT,
+    Memories,
+    Place,
+)
 
 
 def test_a_query_can_be_asked_again_and_what_is_kept_can_be_gone_back_to() -> None:
@@ -69,3 +75,10 @@ def test_a_place_that_is_none_is_refused(value: Any) -> None:
 
 def test_a_place_is_read() -> None:
     assert Place.read({"client": "a", "at": None, "keep": ["b"]}) == Place("a", None, ("b",))
+
+
+def test_invented_clients_do_not_add_up() -> None:
+    memories = Memories()
+    for number in range(MOST_CLIENTS + 10):
+        memories.add(Place(f"client {number}"), number)
+    assert len(memories) == MOST_CLIENTS

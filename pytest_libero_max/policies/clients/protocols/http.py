@@ -7,8 +7,11 @@ base64 files.
 from __future__ import annotations
 
 import http.client
+import socket
 import ssl
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from threading import Event, Timer
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
@@ -67,15 +70,34 @@ class HttpLink:
         """Send a request and return the reply's value."""
         if self._connection is None:
             raise Unreachable("the connection is closed")
+        if self._connection.sock is None:  # the last answer has closed it
+            self.open()
+        over = Event()
+        timer = Timer(self._address.timeout_s, _end, (self._connection.sock, over))
+        timer.daemon = True
+        timer.start()
+        try:
+            return self._asked(request)
+        except ServerError:
+            if over.is_set():
+                raise self._late() from None
+            raise
+        finally:
+            timer.cancel()
+
+    def _late(self) -> Unreachable:
+        text = f"no answer came within {self._address.timeout_s:g} s (?timeout=SECONDS changes that)"
+        return Unreachable(text)
+
+    def _asked(self, request: Any) -> Any:
+        assert self._connection is not None
         headers = {"Content-Type": "application/json", "Accept": "application/json"}
         try:
             self._connection.request("POST", self._path, to_json(request, self._encode), headers)
             response = self._connection.getresponse()
             content = response.read(MOST_BYTES + 1)
         except TimeoutError:
-            raise Unreachable(
-                f"no answer came within {self._address.timeout_s:g} s (?timeout=SECONDS changes that)"
-            ) from None
+            raise self._late() from None
         except (OSError, http.client.HTTPException) as error:
             raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
         if response.status in (502, 503, 504):
@@ -104,6 +126,13 @@ class HttpProtocol(ServerProtocol):
     def link(self, opening: Opening) -> HttpLink:
         path = opening.profile.get("policy", "path", "/act")
         return HttpLink(opening.address, path, opening.choice("codec", CODECS))
+
+
+def _end(sock: socket.socket, over: Event) -> None:
+    """End a connection whose answer is late as a whole: each part of it may have come in time."""
+    over.set()
+    with suppress(OSError):
+        sock.shutdown(socket.SHUT_RDWR)
 
 
 def _reply(content: bytes) -> Any:
