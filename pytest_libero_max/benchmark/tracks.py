@@ -20,6 +20,9 @@ FOLDER = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 GENUINE = "genuine"
 """The folder of the tracks on the genuine scenes; ``genuine/smoke`` is the name of one."""
 
+UNEXAMINED = "unexamined.tsv.gz"
+"""The cases of tracks that nobody could examine, because their models are in no package."""
+
 CHECKSUMS = "SHA256SUMS"
 """Digests of the files' contents, without compression: a name in it has no ``.gz``."""
 
@@ -65,6 +68,23 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
     """
     path = track_path(name, folder)
     return decode_manifest(frozen_content(path), path)
+
+
+def unexamined_cases(name: str, folder: Path = FOLDER) -> frozenset[str]:
+    """Return the ids of the cases that were not examined, of all tracks beside a track.
+
+    Args:
+        name: The track.
+        folder: Folder of the tracks.
+
+    Raises:
+        ManifestError: The table differs from its checksum.
+    """
+    path = (folder / name).parent / UNEXAMINED
+    if not path.exists():
+        return frozenset()
+    lines = frozen_content(path).decode().splitlines()[1:]
+    return frozenset(line.partition("\t")[0] for line in lines)
 
 
 def is_manifest_path(name: str) -> bool:

@@ -13,6 +13,7 @@ from typing import cast
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import (
+    UNEXAMINED,
     frozen_content,
     frozen_files,
     load_track,
@@ -30,7 +31,6 @@ from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.worlds.contract import CAMERAS
 
 REJECTED, CERTIFICATES, SIGHTS = "rejected.tsv.gz", "certificates.tsv.gz", "visibility.tsv.gz"
-UNEXAMINED = "unexamined.tsv.gz"
 """Only there if some cases of the tracks could not be examined."""
 
 FILES = (REJECTED, CERTIFICATES, SIGHTS, *(f"{name}.json.gz" for name in ("original", "max", *SPLITS)))

@@ -38,7 +38,7 @@ from pytest_libero_max.report.report_document import (
     Stop,
 )
 from pytest_libero_max.report.sham import sham_of
-from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.statements import statements_of
 from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
@@ -155,7 +155,7 @@ def build_report(
         extremes=_extremes(groups["category"]),
         study=study,
         sections=probe_means(played[pair.case_id] for pair in measured),
-        statements=dict(STATEMENTS),
+        statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
         provenance=provenance,
     )

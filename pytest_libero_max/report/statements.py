@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+
+from pytest_libero_max.benchmark.tracks import track_names, unexamined_cases
 
 LIMITS_TITLE = "What these numbers do not show"
 """Heading of the statements."""
@@ -24,8 +26,6 @@ STATEMENTS: Mapping[str, str] = {
     "one_event": "A case of the benchmark's tracks has one event, which lasts, and which comes before "
     "the grasp. Transfer to physical robots, to later stages of a task, and to repeated "
     "or reversible changes is not established.",
-    "screening": "The cases of the tracks were screened by program for support, workspace, visibility "
-    "and collisions. An audit of their feasibility by people is not complete.",
     "abrupt": "Some events are abrupt in the simulator. How natural they are, and whether they can "
     "be realised physically, needs an assessment of its own.",
     "studies": "The paper's control studies are narrow: three policies for the camera, one policy "
@@ -33,3 +33,28 @@ STATEMENTS: Mapping[str, str] = {
     "safety": "Safety is not measured. Completing a task does not imply a safe deployment.",
 }
 """Sentences by a stable key. They hold for every run: a part of a track, any substrate, no played pair."""
+
+
+def statements_of(case_set: str, cases: Collection[str]) -> dict[str, str]:
+    """Return the sentences of a report, with what is known about the screening of its cases.
+
+    Args:
+        case_set: Name of the case set, as the header of a run has it: ``track NAME`` or ``manifest PATH``.
+        cases: Ids of the cases.
+    """
+    return {**STATEMENTS, "screening": _screening(case_set, cases)}
+
+
+def _screening(case_set: str, cases: Collection[str]) -> str:
+    people = "An audit of their feasibility by people is not complete."
+    kind, _, name = case_set.partition(" ")
+    if kind != "track" or name.rpartition("/")[2] not in track_names():
+        return "Nothing is known here about how the cases of this manifest were screened for feasibility."
+    done = "screened by program for support, workspace, visibility and collisions"
+    left_out = unexamined_cases(name) & set(cases)
+    if not left_out:
+        return f"The cases of the tracks were {done}. {people}"
+    return (
+        f"{len(cases) - len(left_out)} of the {len(cases)} cases were {done}; the other {len(left_out)} need "
+        f"models that are in no package, and were not examined. {people}"
+    )

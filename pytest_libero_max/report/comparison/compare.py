@@ -32,7 +32,7 @@ from pytest_libero_max.report.comparison.contrasts import (
     group_contrast_of,
 )
 from pytest_libero_max.report.measured import change_of, number, result_of
-from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.statements import statements_of
 from pytest_libero_max.runs.agreement import PLACES
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
@@ -241,7 +241,10 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             highest=number(agreement.highest),
         ),
         flips=_flips(common),
-        statements=dict(STATEMENTS),
+        statements=statements_of(
+            next(iter(outcomes.values())).run.provenance["case_set"]["name"],
+            [pair.case_id for pair in common.planned],
+        ),
     )
 
 
