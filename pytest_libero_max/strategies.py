@@ -41,6 +41,7 @@ from pytest_libero_max.events.change_strategies import (
     AT_ONCE,
     SEEDS,
     Entities,
+    alters,
     changes,
     entities_or_tiny,
     objects_of,
@@ -95,7 +96,7 @@ def events(
     kind = EVENTS[draw(st.sampled_from(sorted(EVENTS if names is None else names)))]
     trigger = draw(st.sampled_from(objects_of(known)))
     seed = draw(SEEDS)
-    scenario = draw(kind.strategy(known, trigger, seed))
+    scenario = draw(kind.strategy(known, trigger, seed).filter(lambda it: alters(it.change)))
     distance = draw(distances_m) if distances_m is not None else TRIGGER_DISTANCE_M
     return kind.event(draw(st.sampled_from(VARIANTS)), seed, scenario, Proximity(trigger, distance))
 

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Case, Event, parse_case
 from pytest_libero_max.benchmark.manifests import Manifest, parse_manifest
-from pytest_libero_max.changes import Change, MoveObject, change_from_dict
+from pytest_libero_max.changes import Change, MoveObject, ShiftCamera, change_from_dict
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.events.change_strategies import alters
 from pytest_libero_max.policies.contract import (
     Episode,
     Policy,
@@ -150,3 +151,14 @@ def test_only_this_module_needs_hypothesis() -> None:
         "sys.exit('hypothesis' in sys.modules or 'mujoco' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@given(strategies.events(names=["camera_shift"]))
+def test_no_event_is_drawn_that_changes_nothing(event: Event) -> None:
+    assert alters(event.change)
+
+
+def test_a_camera_that_stays_is_no_change() -> None:
+    zero = ShiftCamera("agentview", (0.0, 0.0, 1e-300), 0.0, 0.0)
+    assert not alters(zero.to_dict())
+    assert alters(ShiftCamera("agentview", (0.0, 0.0, 0.01), 0.0, 0.0).to_dict())

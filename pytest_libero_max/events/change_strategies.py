@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes import (
     Change,
     MoveObject,
@@ -107,6 +109,23 @@ def vectors(limit_m: float, plane: bool = False) -> SearchStrategy[tuple[float, 
     """(3,) lengths in m with components up to ``limit_m``; ``plane`` keeps the vertical one 0."""
     component = st.floats(-limit_m, limit_m)
     return st.tuples(component, component, st.just(0.0) if plane else component)
+
+
+_AS_IT_WAS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
+    "shift_camera": {"delta_position_m": (0, 0, 0), "yaw_degrees": (0,), "delta_fovy_degrees": (0,)},
+    "move_object": {"delta_position_m": (0, 0, 0)},
+    "set_lighting": {"scale": (1,)},
+    "set_visual_theme": {"rgb_permutation": (0, 1, 2), "rgb_multiplier": (1, 1, 1)},
+}
+"""Parameters with which a change leaves every world as it was, by its operation."""
+
+
+def alters(change: Json) -> bool:
+    """Return True unless a change leaves every world about as it was, which a pair refuses."""
+    neutral = _AS_IT_WAS.get(change["operation"])
+    return neutral is None or any(
+        not np.allclose(change.get(name, value), value, rtol=0, atol=1e-4) for name, value in neutral.items()
+    )
 
 
 def entities_or_tiny(entities: Entities | None) -> Entities:

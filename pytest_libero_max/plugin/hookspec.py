@@ -30,7 +30,7 @@ def pytest_libero_max_pair_stored(pair: PairRecord | PairError, config: pytest.C
 
 
 def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
-    """Add to the report of the run: called before it is written and before gates are decided.
+    """Add to the report of the run: called before it is written. Gates and exit status are decided before.
 
     To add a section of your own to ``report.json``, ``report.md`` and ``report.html``, put this in
     ``conftest.py``::
@@ -51,7 +51,7 @@ def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
 def pytest_libero_max_reported(
     report: Json, numbers: dict[str, float], folder: Path, config: pytest.Config
 ) -> None:
-    """Send results elsewhere: called after the reports are written, before gates are decided.
+    """Send results elsewhere: called after the reports are written.
 
     To send results elsewhere, put this in ``conftest.py``, or into an installed plugin of pytest::
 

@@ -64,6 +64,7 @@ def serving(
             process_request=lambda connection, request: _respond(connection, request, host, token),
             compression=None,
             max_size=MOST_BYTES,
+            origins=[None],  # a page in somebody's browser is no client
             ping_interval=None,
             logger=_quiet(),
         )

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import AdapterError, ServerError
@@ -331,3 +333,10 @@ def test_the_command_prints_how_to_play_it(
     assert "--libero-max-profile=served" in out
     assert main(["serve", "openpi://127.0.0.1:1"]) == 1
     assert "is a server already" in capsys.readouterr().err
+
+
+def test_a_page_in_a_browser_is_no_client() -> None:
+    page = {"Origin": "http://example.com"}
+    refused = pytest.raises(InvalidStatus, match="403")
+    with serving(Host(Sound(), "adapter abc"), port=0) as (port, _), refused:
+        connect(f"ws://127.0.0.1:{port}", additional_headers=page, proxy=None)
