@@ -286,8 +286,8 @@ OPTIONS = (
     Option(
         "gate",
         "CONDITION",
-        "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. With a "
-        "gate the pairs are played by a worker, also without -n; gates of a shard are decided by libero-max "
+        "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. With "
+        "a gate the pairs are played by a worker, also without -n; gates of a shard are decided by libero-max "
         "merge",
         read.gate,
         default=(),
