@@ -286,9 +286,9 @@ OPTIONS = (
     Option(
         "gate",
         "CONDITION",
-        "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. With "
-        "a gate the pairs are played by a worker, also without -n; gates of a shard are decided by libero-max "
-        "merge",
+        "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. "
+        "Then the pairs are played by a worker, also without -n; gates of a shard are decided by "
+        "libero-max merge",
         read.gate,
         default=(),
         many=True,
