@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import ROUND_HALF_UP, Decimal
 from typing import ClassVar, Protocol, TypeVar
 
 from pytest_libero_max.report import blocks
@@ -127,7 +128,7 @@ class Rate:
         return count_text(value) if self.counted else percent(value.value)
 
     def latex(self, value: CountedEstimate) -> str:
-        return "--" if value.value is None else f"{100 * value.value:.1f}"
+        return "--" if value.value is None else tenths(value.value)
 
     def numbers(self, value: CountedEstimate) -> dict[str, float | None]:
         return _with_ends(value)
@@ -152,8 +153,8 @@ class Change:
     def latex(self, value: Estimate) -> str:
         if value.value is None:
             return "--"
-        lower, upper = (f"${100 * (end or 0.0):+.1f}$" for end in (value.lower, value.upper))
-        return f"${100 * value.value:+.1f}$ [{lower}, {upper}]"
+        lower, upper = (f"${tenths(end or 0.0, True)}$" for end in (value.lower, value.upper))
+        return f"${tenths(value.value, True)}$ [{lower}, {upper}]"
 
     def numbers(self, value: Estimate) -> dict[str, float | None]:
         return _with_ends(value)
@@ -186,8 +187,7 @@ class TaskInterval:
     def latex(self, value: blocks.TaskInterval) -> str:
         if value.lower is None or value.upper is None:
             return "--"
-        sign = "+" if self.signed else ""
-        return f"[${100 * value.lower:{sign}.1f}$, ${100 * value.upper:{sign}.1f}$]"
+        return f"[${tenths(value.lower, self.signed)}$, ${tenths(value.upper, self.signed)}$]"
 
     def numbers(self, value: blocks.TaskInterval) -> dict[str, float | None]:
         return _with_ends(value)
@@ -218,8 +218,7 @@ class Share:
         return f"{points(value.value)} pp" if self.signed else percent(value.value)
 
     def latex(self, value: CountedShare) -> str:
-        sign = "+" if self.signed else ""
-        return "--" if value.value is None else f"${100 * value.value:{sign}.1f}$"
+        return "--" if value.value is None else f"${tenths(value.value, self.signed)}$"
 
     def numbers(self, value: CountedShare) -> dict[str, float | None]:
         return {"": value.value}
@@ -318,18 +317,23 @@ def interval_text(value: Ends, signed: bool = False) -> str:
     """Return an interval in percent."""
     if value.lower is None or value.upper is None:
         return "n/a"
-    sign = "+" if signed else ""
-    return f"[{100 * value.lower:{sign}.1f}, {100 * value.upper:{sign}.1f}]"
+    return f"[{tenths(value.lower, signed)}, {tenths(value.upper, signed)}]"
+
+
+def tenths(value: float, signed: bool = False) -> str:
+    """Return a share in percent with one decimal; a tie is rounded away from zero, as in the paper."""
+    rounded = (Decimal(repr(value)) * 100).quantize(Decimal("0.1"), ROUND_HALF_UP)
+    return f"{rounded:+}" if signed else str(rounded)
 
 
 def percent(value: float | None) -> str:
     """Return a rate as a percentage with one decimal."""
-    return "n/a" if value is None else f"{100 * value:.1f}%"
+    return "n/a" if value is None else f"{tenths(value)}%"
 
 
 def points(value: float | None) -> str:
     """Return a difference of rates in percentage points, with its sign."""
-    return "n/a" if value is None else f"{100 * value:+.1f}"
+    return "n/a" if value is None else tenths(value, True)
 
 
 def lack_of_tasks(value: blocks.TaskInterval) -> str:

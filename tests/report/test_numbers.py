@@ -9,6 +9,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.cli import main
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.badge import badge_json
@@ -63,3 +64,8 @@ def test_a_badge_is_written_with_the_report(tmp_path: Path, capsys: pytest.Captu
     assert main(["report", str(tmp_path), "--badge"]) == 0
     assert str(tmp_path / "badge.json") in capsys.readouterr().out
     assert json.loads((tmp_path / "badge.json").read_text())["message"] == "Base 100.0%, Dynamic 100.0%"
+
+
+def test_ties_are_rounded_away_from_zero_as_in_the_paper() -> None:
+    assert [percent(count / 8000) for count in (3452, 3460, 0, 8000)] == ["43.2%", "43.3%", "0.0%", "100.0%"]
+    assert [points(count / 8000) for count in (-1540, 1540, 4, 0)] == ["-19.3", "+19.3", "+0.1", "+0.0"]

@@ -126,7 +126,8 @@ class SuccessContrast(Block, frozen=True, kw_only=True):
         first_only: Cases in which only the first run succeeds.
         second_only: Cases in which only the second run succeeds.
         difference: Success of the second less that of the first.
-        p_value: Exact two-sided McNemar test of this contrast alone; None where no case tells the runs apart.
+        p_value: Exact two-sided McNemar test of this contrast alone; 1 where no case tells the runs apart,
+            None without a case.
         log10_p_value: Decimal logarithm of the same.
         log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
     """
