@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.report.formats import change_text, percent, points, rate_text
+from collections.abc import Callable, Iterator, Mapping
+
+from pytest_libero_max.report.blocks import Rate
+from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.extremes import ByChance, lowest_by_chance, split_by_chance
 
 TITLE = "Averages and extremes"
 
 NOTE = (
-    "Groups hold different cases, so these describe the groups. The unweighted mean over source "
-    "categories is secondary to the results over all pairs. Below 20% Base success, a small change or a "
-    "gain does not show a successful response to the event."
+    "Groups hold different cases, so these describe the groups. By chance means that the outcomes are dealt "
+    "to the groups at random; a group stands out where less than 5% of the deals are as extreme. The "
+    "unweighted mean over source categories is secondary to the results over all pairs. Below 20% Base "
+    "success, a small change or a gain does not show a successful response to the event."
 )
 
 
@@ -29,25 +34,61 @@ def _macro(report: Report) -> list[tuple[str, str, str]]:
     return [("Unweighted mean, Base to Dynamic", where, f"{rates}, {change}")]
 
 
-def _extremes(report: Report) -> list[tuple[str, str, str]]:
-    rows = []
-    for source, extremes in report.extremes.items():
-        lowest, loss = extremes.lowest_base_success, extremes.largest_loss
-        categories = report.by["category"]
-        rows += [
-            (f"Lowest Base success, {source}", lowest, rate_text(categories[lowest].base_success)),
-            (f"Lowest paired change, {source}", loss, change_text(categories[loss].paired_change)),
-        ]
-    return rows
+def _extremes(report: Report) -> Iterator[tuple[str, str, str]]:
+    categories = report.by["category"]
+    for source in report.extremes:
+        rows = {
+            name: row for name, row in categories.items() if name.partition("-")[0] == source and row.played
+        }
+        base = {name: row.base_success.value or 0.0 for name, row in rows.items()}
+        change = {name: row.paired_change.value or 0.0 for name, row in rows.items()}
+        sizes = [row.played for row in rows.values()]
+        successes = sum(row.base_success.count for row in rows.values())
+        gains = sum(row.outcomes.change_associated_success for row in rows.values())
+        losses = sum(row.outcomes.regression for row in rows.values())
+        yield (
+            f"Lowest Base success, {source}",
+            *_lowest(base, lowest_by_chance(sizes, successes, 0, min(base.values())), percent),
+        )
+        yield (
+            f"Lowest paired change, {source}",
+            *_lowest(change, lowest_by_chance(sizes, gains, losses, min(change.values())), _points),
+        )
+
+
+def _lowest(values: Mapping[str, float], chance: ByChance, shown: Callable[[float], str]) -> tuple[str, str]:
+    """Return the group that stands out and its value, or why none does."""
+    lowest = min(values.values())
+    names = [name for name, value in values.items() if value == lowest]
+    if len(values) == 1:
+        return names[0], shown(lowest)
+    expected = f"{shown(chance.expected)} is expected by chance"
+    if len(names) > 1 or chance.explains:
+        return "none stands out", f"lowest {shown(lowest)} of {len(values)}; {expected}"
+    return names[0], f"{shown(lowest)}; {expected} of {len(values)}"
+
+
+def _points(value: float) -> str:
+    return f"{points(value)} pp"
 
 
 def _split(report: Report) -> tuple[str, str, str]:
-    split = report.largest_split
+    title, split = "Largest split of Dynamic success", report.largest_split
     if split is None:
-        return "Largest split of Dynamic success", "n/a", "no event has two played parameter variants"
-    rates = ", ".join(f"{name} {percent(rate)}" for name, rate in split.dynamic_success.items())
-    return (
-        "Largest split of Dynamic success",
-        split.event,
-        f"{100 * (split.difference or 0.0):.1f} pp between its parameter variants ({rates})",
-    )
+        return title, "n/a", "no event has two played parameter variants"
+    events: dict[str, list[Rate]] = {}
+    for name, row in report.by["variant"].items():
+        if row.played:
+            events.setdefault(name.rpartition("-")[0], []).append(row.dynamic_success)
+    cells = [
+        ([rate.of for rate in rates], sum(rate.count for rate in rates))
+        for rates in events.values()
+        if len(rates) > 1
+    ]
+    seen = split.difference or 0.0
+    chance = split_by_chance(cells, seen)
+    expected = f"{_points(chance.expected)} is expected by chance"
+    if chance.explains:
+        return title, "none stands out", f"largest {_points(seen)} of {len(cells)} events; {expected}"
+    rates_text = ", ".join(f"{name} {percent(rate)}" for name, rate in split.dynamic_success.items())
+    return title, split.event, f"{_points(seen)} between its parameter variants ({rates_text}); {expected}"

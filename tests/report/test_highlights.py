@@ -32,16 +32,32 @@ def test_the_extreme_categories_of_each_source_are_named() -> None:
         "pro": {"lowest_base_success": "pro-part_1", "largest_loss": "pro-part_0"},
     }
     rows = {what: (where, value) for what, where, value in highlight_rows(REPORT)}
-    assert rows["Lowest Base success, plus"] == ("plus-part_1", "0.0% [0.0, 36.9]  0/8")
+    where, value = rows["Lowest Base success, plus"]
+    assert where == "plus-part_1"
+    assert value.startswith("0.0%; ")
+    assert value.endswith("% is expected by chance of 2")
     assert rows["Lowest paired change, plus"][0] == "plus-part_0"
-    assert rows["Lowest paired change, plus"][1].startswith("-100.0 pp")
+    assert rows["Lowest paired change, plus"][1].startswith("-100.0 pp; ")
     assert rows["Unweighted mean, Base to Dynamic"] == ("4 source categories", "50.0% to 25.0%, -25.0 pp")
 
 
-def test_the_largest_split_names_its_variants() -> None:
-    (split,) = [row for row in highlight_rows(REPORT) if row[0] == "Largest split of Dynamic success"]
-    assert split[1] == "illumination_switch"
-    assert split[2] == "50.0 pp between its parameter variants (v0 50.0%, v1 0.0%)"
+def test_what_chance_explains_is_no_finding() -> None:
+    alike = build_report([record_of(pair, True, True) for pair in PAIRS], [], PAIRS, PROVENANCE)
+    rows = {what: (where, value) for what, where, value in highlight_rows(alike)}
+    found = "none stands out", "lowest 100.0% of 2; 100.0% is expected by chance"
+    assert rows["Lowest Base success, plus"] == found
+    assert rows["Largest split of Dynamic success"][0] == "none stands out"
+    one = [record_of(pair, True, number > 0) for number, pair in enumerate(PAIRS)]
+    single = dict.fromkeys(highlight_rows(build_report(one, [], PAIRS, PROVENANCE)))
+    assert all("none stands out" in row for row in single if row[0].startswith(("Lowest", "Largest")))
+
+
+def test_a_split_beyond_chance_names_its_variants() -> None:
+    many = plan(per_cell=40)
+    lost = [record_of(pair, True, not (pair.event == "camera_shift" and pair.variant == 1)) for pair in many]
+    (split,) = [row for row in highlight_rows(build_report(lost, [], many, PROVENANCE)) if "split" in row[0]]
+    assert split[1] == "camera_shift"
+    assert split[2].startswith("+100.0 pp between its parameter variants (v0 100.0%, v1 0.0%); +")
 
 
 def test_csv_holds_averages_and_extremes() -> None:
