@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from msgspec.structs import asdict
+from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
@@ -33,8 +34,8 @@ from pytest_libero_max.stats.conditions import (
     contrasts,
     contrasts_of_contrasts,
 )
-from pytest_libero_max.stats.intervals import MeanChange, mean_change
-from pytest_libero_max.stats.outcome_table import BoolArray
+from pytest_libero_max.stats.intervals import MeanChange, clopper_pearson, mean_change
+from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
 from pytest_libero_max.studies.camera_study import RESET, CameraTiming, at_strength
 
 
@@ -154,19 +155,21 @@ def _rate(conditions: Conditions, arm: str) -> ConditionRate:
     """Return a success rate with its source-stratified interval, and the same within each source."""
     successes, sources = conditions.successes[arm].astype(np.int64), conditions.source
     by_source = {
-        name: SourceRate(
-            count=int(successes[sources == name].sum()),
-            of=int((sources == name).sum()),
-            **asdict(_mean(mean_change(successes[sources == name]))),
-        )
+        name: SourceRate(**_counted(successes[sources == name], mean_change(successes[sources == name])))
         for name in conditions.sources
     }
-    return ConditionRate(
-        count=int(successes.sum()),
-        of=len(successes),
-        **asdict(_mean(conditions.rate(arm))),
-        by_source=by_source,
-    )
+    return ConditionRate(**_counted(successes, conditions.rate(arm)), by_source=by_source)
+
+
+def _counted(successes: NDArray[np.int64], mean: MeanChange | None) -> dict[str, Any]:
+    """Return the fields of a rate: counts, exact interval, and the mean with the paper's."""
+    ratio = Ratio(int(successes.sum()), len(successes))
+    return {
+        "count": ratio.count,
+        "of": ratio.of,
+        "exact": interval_of(clopper_pearson(ratio)),
+        **asdict(_mean(mean)),
+    }
 
 
 def _contrast(first: str, second: str, found: Contrast) -> ConditionContrast:

@@ -43,7 +43,9 @@ class SourceRate(Block, frozen=True, kw_only=True):
         count: Cases that succeed.
         of: Cases: the denominator.
         value: Mean over the cases; None without cases.
-        lower: Lower end of the 95% percentile interval of the exact bootstrap distribution.
+        exact: Exact 95% interval of the rate (Clopper and Pearson), which is printed.
+        lower: Lower end of the paper's interval, the 95% percentile interval of the exact bootstrap
+            distribution; far too narrow where few cases succeed, or few fail.
         upper: Upper end of the same.
         degenerate: True if all cases are alike.
     """
@@ -51,6 +53,7 @@ class SourceRate(Block, frozen=True, kw_only=True):
     count: Count
     of: Count
     value: WideDifference | None
+    exact: Interval
     lower: WideDifference | None
     upper: WideDifference | None
     degenerate: bool | None
