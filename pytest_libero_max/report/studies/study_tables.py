@@ -235,8 +235,8 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[StudyTable]:
             rows,
             "Gain: only the first condition succeeds; loss: only the second. The interval of the difference "
             "is exact; the paper's resamples cases within each source, and is too narrow where few differ. "
-            "All are pointwise: no number of contrasts is corrected for. Reset and Mid-task differ in more than "
-            "the moment: in how long the new view is seen, in the states visited and in the steps left.",
+            "All are pointwise: no number of contrasts is corrected for. Reset and Mid-task differ in more "
+            "than the moment: in how long the new view is seen, in the states visited and in the steps left.",
             narrow=5,
         )
     ]
@@ -263,9 +263,9 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[StudyTable]:
                 )
                 for label, row in named
             ],
-            "By source, the paper's bootstrap. Reference tasks are resampled jointly across the sources, whose "
-            "shares stay fixed; tasks of each source, and configurations (task and initial state), within each "
-            "source. The case-weighted estimate stays the same.",
+            "By source, the paper's bootstrap. Reference tasks are resampled jointly across the sources, "
+            "whose shares stay fixed; tasks of each source, and configurations (task and initial state), "
+            "within each source. The case-weighted estimate stays the same.",
         )
     )
     return tables
