@@ -231,7 +231,12 @@ def _studentized(sums: NDArray[np.float64], sizes: NDArray[np.float64]) -> tuple
     estimate = sums.sum() / sizes.sum()
     error = np.sqrt(((sums - estimate * sizes) ** 2).sum()) / sizes.sum()
     columns = np.stack([sums, sizes, sums * sums, sums * sizes, sizes * sizes], axis=1)
-    total, cases, squares, products, weights = (_cached_draws(0, REPLICATES, clusters) @ columns).T
+    if clusters * REPLICATES <= _CHUNK:
+        drawn = _cached_draws(0, REPLICATES, clusters) @ columns
+    else:
+        generator = np.random.Generator(np.random.PCG64(0))
+        drawn = np.concatenate([times @ columns for _, times in _draws(generator, REPLICATES, clusters)])
+    total, cases, squares, products, weights = drawn.T
     means = total / cases
     errors = np.sqrt(np.maximum(squares - 2 * means * products + means * means * weights, 0.0)) / cases
     away = means - estimate

@@ -170,3 +170,17 @@ def test_an_interval_by_task_seldom_misses_the_mean_over_tasks(
         interval = _task_interval(values, np.repeat(np.arange(30), 40)).interval
         missed += interval is not None and not interval.lower <= -mean <= interval.upper
     assert missed / 200 <= 0.08
+
+
+def test_an_interval_of_many_tasks_is_drawn_in_chunks_that_never_show(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tasks = np.arange(300)
+    at_once = _task_interval(VALUES, tasks)
+    assert at_once.interval is not None
+    monkeypatch.setattr("pytest_libero_max.stats.clusters._CHUNK", 100_000)
+    assert _task_interval(VALUES, tasks) == at_once
+    monkeypatch.undo()
+    many = _task_interval(np.tile(VALUES, 2), np.arange(600))
+    assert many.tasks == 600
+    assert many.interval is not None
