@@ -126,7 +126,7 @@ class Drifting(TinyWorld):
 def test_a_snapshot_that_leaves_something_out_is_caught() -> None:
     settings = PairSettings("fork")
     with pytest.raises(
-        ProtocolError, match="world restored from the snapshot at step 4. is not the one it was taken"
+        ProtocolError, match=r"world restored from the snapshot at step 4\d is not the one it was taken"
     ):
         play_pair(make_case(distance_m=0.3), Forgetful(), Approaching(), settings)
 

@@ -193,7 +193,7 @@ class Stages(Probe[State]):
         world = view.world
         objects = tuple(
             (name, *_rest(world, name))
-            for name, entity in world.entities.items()
+            for name, entity in sorted(world.entities.items())  # LIBERO has them in another order each time
             if entity.kind == "object" and name not in world.parked
         )
         return State(_tracks(view), _point(world.end_effector()), objects)
@@ -417,8 +417,8 @@ def _after_change(state: State, view: View) -> State:
         objects = {name: (rest, up) for name, rest, up in state.objects}
         for name in placed.keys() & world.entities.keys() - set(world.parked):
             objects[name] = (placed[name], objects[name][1] if name in objects else _rest(world, name)[1])
-        kept = {name: value for name, value in objects.items() if name not in world.parked}
-        state = replace(state, objects=tuple((name, *value) for name, value in kept.items()))
+        kept = sorted(name for name in objects if name not in world.parked)
+        state = replace(state, objects=tuple((name, *objects[name]) for name in kept))
     return replace(state, tracks=tracks, firings=len(firings))
 
 

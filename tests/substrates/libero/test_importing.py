@@ -157,12 +157,12 @@ def reset(self):
 BDDLBaseDomain.reset = reset
 bddl = next((installation.bddl / "libero_object").glob("*.bddl"))
 failures = 3
-environment.build(installation, bddl, 0)
+package_env.build(installation, bddl, 0)
 assert len(tried) == 4
 tried.clear()
 failures = 99
 try:
-    environment.build(installation, bddl, 0)
+    package_env.build(installation, bddl, 0)
 except SubstrateError as error:
     assert "could not be laid out in 10 attempts: Cannot place all objects" in str(error), error
 else:
