@@ -8,7 +8,7 @@ wide; lengths grow with the picture, so that a corruption looks the same at ever
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,12 +72,11 @@ def motion(image: Picture, level: int, stream: Stream) -> Picture:
     weights = np.exp(-(steps**2) / (2.0 * (deviation * scale) ** 2))
     weights /= weights.sum()
     angle = math.radians(stream.uniform(-_MOTION_ANGLE_DEG, _MOTION_ANGLE_DEG))
-    height, width = image.shape[:2]
-    smeared = np.zeros_like(image)
-    for step, weight in zip(steps, weights, strict=True):
-        rows = (np.arange(height) + round(float(step) * math.sin(angle))).clip(0, height - 1)
-        columns = (np.arange(width) + round(float(step) * math.cos(angle))).clip(0, width - 1)
-        smeared += weight * image[rows][:, columns]
+    down = np.array([round(float(step) * math.sin(angle)) for step in steps])
+    across = np.array([round(float(step) * math.cos(angle)) for step in steps])
+    from pytest_libero_max.changes import image_loops
+
+    smeared: Picture = image_loops.smear(np.ascontiguousarray(image), down, across, weights)
     return smeared
 
 
@@ -90,10 +89,11 @@ def zoom(image: Picture, level: int, stream: Stream) -> Picture:
     """Return the mean of the image and of its middle, enlarged ever more."""
     end, step = _ZOOM[level - 1]
     factors = [1.0 + hundredths / 100.0 for hundredths in range(0, end, step)]
-    total = image.copy()
-    for factor in factors:
-        total += _enlarged(image, factor)
-    return total / (len(factors) + 1)
+    from pytest_libero_max.changes import image_loops
+
+    tables = [_lines(size, factors) for size in image.shape[:2]]
+    mean: Picture = image_loops.zoomed(np.ascontiguousarray(image), *tables[0], *tables[1])
+    return mean
 
 
 def fog(image: Picture, level: int, stream: Stream) -> Picture:
@@ -115,15 +115,12 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
     height, width = soft.shape[:2]
     order = np.arange(height * width)
     if height > 2 * reach and width > 2 * reach:
-        rows, columns = np.mgrid[height - reach : reach : -1, width - reach : reach : -1]
-        places = (rows * width + columns).ravel()
-        swapped = order.tolist()
+        from pytest_libero_max.changes import image_loops
+
+        places = (height - 2 * reach) * (width - 2 * reach)
         for _ in range(passes):
-            down, across = stream.randint(-reach, reach, size=(2, places.size))
-            partners = places + down * width + across
-            for place, partner in zip(places.tolist(), partners.tolist(), strict=True):
-                swapped[place], swapped[partner] = swapped[partner], swapped[place]
-        order = np.array(swapped)
+            down, across = stream.randint(-reach, reach, size=(2, places))
+            image_loops.swap(order, width, reach, down, across)
     return _gaussian(soft.reshape(height * width, -1)[order].reshape(soft.shape), deviation * scale)
 
 
@@ -145,26 +142,10 @@ def plasma(side: int, decay: float, stream: Stream) -> Picture:
         decay: Above 1; the larger, the smoother.
         stream: Source of the roughness.
     """
-    field = np.zeros((side, side))
-    step, rough = side, _FOG_ROUGHNESS
-    while step >= 2:
-        half = step // 2
-        corners = field[::step, ::step]
-        pairs = corners + np.roll(corners, -1, axis=0)
-        field[half::step, half::step] = _mean(pairs + np.roll(pairs, -1, axis=1), rough, stream)
-        middles = field[half::step, half::step]
-        above = middles + np.roll(middles, 1, axis=0) + corners + np.roll(corners, -1, axis=1)
-        field[::step, half::step] = _mean(above, rough, stream)
-        beside = middles + np.roll(middles, 1, axis=1) + corners + np.roll(corners, -1, axis=0)
-        field[half::step, ::step] = _mean(beside, rough, stream)
-        step, rough = half, rough / decay
-    field -= field.min()
-    scaled: Picture = field / field.max()
-    return scaled
+    from pytest_libero_max.changes import image_loops
 
-
-def _mean(total: Picture, rough: float, stream: Stream) -> Picture:
-    return total / 4.0 + rough * stream.uniform(-rough, rough, total.shape)
+    field: Picture = image_loops.diamonds(side, _FOG_ROUGHNESS, decay, stream.random_sample(side * side - 1))
+    return field
 
 
 def _scale(image: Picture) -> float:
@@ -172,21 +153,21 @@ def _scale(image: Picture) -> float:
 
 
 def _gaussian(image: Picture, deviation: float) -> Picture:
-    from scipy.ndimage import gaussian_filter
+    from pytest_libero_max.changes import image_loops
 
-    blurred: Picture = gaussian_filter(image, sigma=(deviation, deviation, 0.0), mode="nearest")
+    radius = int(4.0 * deviation + 0.5)  # SciPy's, as are the sums' order and the weights
+    weights = np.exp(-0.5 / (deviation * deviation) * np.arange(-radius, radius + 1) ** 2)
+    weights /= weights.sum()
+    blurred: Picture = image_loops.symmetric(np.ascontiguousarray(image), weights[radius:][::-1].copy())
     return blurred
 
 
-def _enlarged(image: Picture, factor: float) -> Picture:
-    """Return the middle of an image, ``factor`` times as large, bilinear."""
-    enlarged = image
-    for axis in (0, 1):
-        size = image.shape[axis]
-        centre = (size - 1) / 2.0
-        at = (centre + (np.arange(size) - centre) / factor).clip(0.0, size - 1.0)
-        low = np.minimum(at.astype(np.intp), max(size - 2, 0))
-        part = (at - low)[:, None, None] if axis == 0 else (at - low)[None, :, None]
-        high = np.minimum(low + 1, size - 1)
-        enlarged = np.take(enlarged, low, axis) * (1.0 - part) + np.take(enlarged, high, axis) * part
-    return enlarged
+def _lines(size: int, factors: Sequence[float]) -> tuple[NDArray[np.int64], Picture]:
+    """Return the lower of the two lines that each enlarged line mixes, and the upper one's share.
+
+    Both are (factors, size).
+    """
+    centre = (size - 1) / 2.0
+    at = (centre + (np.arange(size) - centre) / np.array(factors)[:, None]).clip(0.0, size - 1.0)
+    low = np.minimum(at.astype(np.int64), max(size - 2, 0))
+    return low, at - low

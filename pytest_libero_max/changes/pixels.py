@@ -25,6 +25,9 @@ from pytest_libero_max.changes.reversal import Reversal, added_filters
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, AlterableWorld, Image
 
+_SHARES = np.arange(256) / 255.0
+"""Grey levels as shares of white."""
+
 
 @dataclass(frozen=True)
 class Brightness:
@@ -145,10 +148,11 @@ class PictureCorruption:
             return image
         key = hashlib.sha256(f"libero-max-picture|{self.seed}|{step}|{camera}".encode()).digest()
         stream = np.random.RandomState(np.frombuffer(key, dtype="<u4").astype(np.uint32))
-        picture = image / 255.0
+        from pytest_libero_max.changes import image_loops
+
+        picture = _SHARES[np.ascontiguousarray(image)]
         bad = image_corruptions.KINDS[self.kind](picture, self.level, stream)
-        mixed = picture + (bad - picture) * self.blend
-        corrupted: Image = np.rint(mixed * 255.0).clip(0, 255).astype(np.uint8)
+        corrupted: Image = image_loops.mix(picture, bad, self.blend)
         return corrupted
 
 

@@ -1,0 +1,268 @@
+"""Compiled loops of the image corruptions, compiled at first use and kept on disk by Numba.
+
+Each adds in one fixed order, in float64 and without fused operations, so that its result is the same, bit
+for bit, as that of the whole-array formula in its docstring. Loops run along rows of pixels that are
+padded with the edge's pixels, so that no inner loop has a border.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def smear(image: Any, down: Any, across: Any, weights: Any) -> Any:
+    """Return the sum over k of ``weights[k] * image[y + down[k], x + across[k]]``, edges extended.
+
+    Args:
+        image: (H, W, C) float64, C-contiguous.
+        down: (K,) int64 rows.
+        across: (K,) int64 columns, at least 0.
+        weights: (K,) float64.
+    """
+    height, width, channels = image.shape
+    taps, length = weights.size, width * channels
+    padded = _padded(image, 0, across.max())
+    smeared = np.empty((height, length))
+    for y in range(height):
+        out = smeared[y]
+        out[:] = 0.0
+        k = 0
+        while k + 4 <= taps:
+            a = _shifted(padded, y + down[k], across[k] * channels, length)
+            b = _shifted(padded, y + down[k + 1], across[k + 1] * channels, length)
+            c = _shifted(padded, y + down[k + 2], across[k + 2] * channels, length)
+            d = _shifted(padded, y + down[k + 3], across[k + 3] * channels, length)
+            p, q, r, s = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
+            for i in range(length):
+                out[i] = (((out[i] + p * a[i]) + q * b[i]) + r * c[i]) + s * d[i]
+            k += 4
+        while k < taps:
+            a = _shifted(padded, y + down[k], across[k] * channels, length)
+            p = weights[k]
+            for i in range(length):
+                out[i] += p * a[i]
+            k += 1
+    return smeared.reshape(image.shape)
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def symmetric(image: Any, weights: Any) -> Any:
+    """Return ``image`` correlated with a symmetric kernel, down and then across, edges extended.
+
+    Of each line: the middle times its weight, then the sums of two opposite pixels times theirs, from the
+    outermost pair to the innermost, as in SciPy's ``correlate1d``.
+
+    Args:
+        image: (H, W, C) float64, C-contiguous.
+        weights: (R + 1,) float64: of the outermost pair first, of the middle last.
+    """
+    height, width, channels = image.shape
+    radius, length = weights.size - 1, width * channels
+    rows = image.reshape(height, length)
+    soft = np.empty((height, width, channels))
+    blurred = np.empty((height, length))
+    line = np.empty((width + 2 * radius) * channels)
+    middle = weights[radius]
+    for y in range(height):
+        upright = soft[y].reshape(length)
+        a = rows[y]
+        for i in range(length):
+            upright[i] = a[i] * middle
+        k = 0
+        while k + 3 <= radius:
+            a, b = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)]
+            c, d = rows[max(y - radius + k + 1, 0)], rows[min(y + radius - k - 1, height - 1)]
+            e, f = rows[max(y - radius + k + 2, 0)], rows[min(y + radius - k - 2, height - 1)]
+            p, q, r = weights[k], weights[k + 1], weights[k + 2]
+            for i in range(length):
+                upright[i] = ((upright[i] + (a[i] + b[i]) * p) + (c[i] + d[i]) * q) + (e[i] + f[i]) * r
+            k += 3
+        while k < radius:
+            a, b = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)]
+            p = weights[k]
+            for i in range(length):
+                upright[i] += (a[i] + b[i]) * p
+            k += 1
+        _pad(line, upright, radius, channels)
+        out = blurred[y]
+        a = line[radius * channels : radius * channels + length]
+        for i in range(length):
+            out[i] = a[i] * middle
+        k = 0
+        while k + 3 <= radius:
+            near, far = k * channels, (2 * radius - k) * channels
+            a, b = line[near : near + length], line[far : far + length]
+            c, d = line[near + channels : near + channels + length], line[far - channels : far - channels + length]
+            near, far = near + 2 * channels, far - 2 * channels
+            e, f = line[near : near + length], line[far : far + length]
+            p, q, r = weights[k], weights[k + 1], weights[k + 2]
+            for i in range(length):
+                out[i] = ((out[i] + (a[i] + b[i]) * p) + (c[i] + d[i]) * q) + (e[i] + f[i]) * r
+            k += 3
+        while k < radius:
+            near, far = k * channels, (2 * radius - k) * channels
+            a, b = line[near : near + length], line[far : far + length]
+            p = weights[k]
+            for i in range(length):
+                out[i] += (a[i] + b[i]) * p
+            k += 1
+    return blurred.reshape(image.shape)
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any) -> Any:
+    """Return the mean of ``image`` and of its bilinear enlargements, added in their order.
+
+    Args:
+        image: (H, W, 3) float64, C-contiguous.
+        lows: (F, H) int64: per enlargement, the upper of the two rows that each row mixes.
+        parts: (F, H) float64: the lower one's share.
+        left: (F, W) int64: the left of the two columns that each column mixes.
+        right: (F, W) float64: the right one's share.
+    """
+    height, width = image.shape[:2]
+    factors = lows.shape[0]
+    # A pixel is four numbers, one machine vector; the fourth stays 0.
+    wide = np.zeros((height, width + 1, 4))
+    for y in range(height):
+        for x in range(width + 1):
+            for c in range(3):
+                wide[y, x, c] = image[y, min(x, width - 1), c]
+    rows = wide.reshape(height, (width + 1) * 4)
+    mixed = np.empty((width + 1) * 4)
+    total = np.empty(width * 4)
+    mean = np.empty((height, width, 3))
+    for y in range(height):
+        total[:] = rows[y][: width * 4]
+        for n in range(factors):
+            low = lows[n, y]
+            share = parts[n, y]
+            rest = 1.0 - share
+            first, last = left[n, 0] * 4, (left[n, width - 1] + 2) * 4
+            a, b, out = rows[low][first:last], rows[min(low + 1, height - 1)][first:last], mixed[first:last]
+            for i in range(out.size):
+                out[i] = a[i] * rest + b[i] * share
+            columns, shares = left[n], right[n]
+            for x in range(width):
+                q = shares[x]
+                p = 1.0 - q
+                u = np.uint64(columns[x]) * np.uint64(4)
+                v = np.uint64(x) * np.uint64(4)
+                for c in range(4):
+                    k = np.uint64(c)
+                    total[v + k] += mixed[u + k] * p + mixed[u + np.uint64(4) + k] * q
+        for x in range(width):
+            for c in range(3):
+                mean[y, x, c] = total[4 * x + c] / (factors + 1)
+    return mean
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def diamonds(side: Any, rough: Any, decay: Any, draws: Any) -> Any:
+    """Return a plasma fractal by the diamond-square method, (side, side), 0 to 1; it tiles both ways.
+
+    Args:
+        side: A power of two.
+        rough: Roughness of the first scale.
+        decay: Divisor of the roughness from one scale to the next.
+        draws: (side * side - 1,) float64, uniform in 0 to 1, in the order in which they are spent.
+    """
+    field = np.zeros((side, side))
+    spent, step = 0, side
+    while step >= 2:
+        half = step // 2
+        span = rough - -rough
+        for y in range(0, side, step):
+            below = (y + step) % side
+            for x in range(0, side, step):
+                beside = (x + step) % side
+                total = (field[y, x] + field[below, x]) + (field[y, beside] + field[below, beside])
+                field[y + half, x + half] = total / 4.0 + rough * (-rough + span * draws[spent])
+                spent += 1
+        for y in range(0, side, step):
+            above = (y - half) % side
+            for x in range(0, side, step):
+                middles = field[y + half, x + half] + field[above, x + half]
+                total = (middles + field[y, x]) + field[y, (x + step) % side]
+                field[y, x + half] = total / 4.0 + rough * (-rough + span * draws[spent])
+                spent += 1
+        for y in range(0, side, step):
+            below = (y + step) % side
+            for x in range(0, side, step):
+                middles = field[y + half, x + half] + field[y + half, (x - half) % side]
+                total = (middles + field[y, x]) + field[below, x]
+                field[y + half, x] = total / 4.0 + rough * (-rough + span * draws[spent])
+                spent += 1
+        step, rough = half, rough / decay
+    field -= field.min()
+    return field / field.max()
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def swap(order: Any, width: Any, reach: Any, down: Any, across: Any) -> None:
+    """Swap every place of ``order``, from the last row and column, with its partner, in place.
+
+    Args:
+        order: (H * W,) int64.
+        width: W.
+        reach: Distance from the edge of the places that are visited.
+        down: Rows from a place to its partner, one for each place.
+        across: Columns likewise.
+    """
+    height = order.size // width
+    n = 0
+    for y in range(height - reach, reach, -1):
+        for x in range(width - reach, reach, -1):
+            place = y * width + x
+            partner = place + down[n] * width + across[n]
+            order[place], order[partner] = order[partner], order[place]
+            n += 1
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def mix(picture: Any, bad: Any, blend: Any) -> Any:
+    """Return ``rint((picture + (bad - picture) * blend) * 255)`` as uint8, clipped to 0 to 255.
+
+    Args:
+        picture: (H, W, C) float64, C-contiguous, 0 to 1.
+        bad: Likewise.
+        blend: Share of ``bad``, 0 to 1.
+    """
+    mixed = np.empty(picture.shape, np.uint8)
+    ours, theirs, out = picture.ravel(), bad.ravel(), mixed.ravel()
+    for i in range(out.size):
+        value = np.rint((ours[i] + (theirs[i] - ours[i]) * blend) * 255.0)
+        out[i] = np.uint8(min(max(value, 0.0), 255.0))
+    return mixed
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _padded(image: Any, before: Any, after: Any) -> Any:
+    height, width, channels = image.shape
+    padded = np.empty((height, (before + width + after) * channels))
+    for y in range(height):
+        row = image[y].reshape(width * channels)
+        padded[y, before * channels : (before + width) * channels] = row
+        for x in range(before):
+            padded[y, x * channels : (x + 1) * channels] = row[:channels]
+        for x in range(before + width, before + width + after):
+            padded[y, x * channels : (x + 1) * channels] = row[(width - 1) * channels :]
+    return padded
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _pad(line: Any, row: Any, radius: Any, channels: Any) -> None:
+    length = row.size
+    line[radius * channels : radius * channels + length] = row
+    for i in range(radius * channels):
+        line[i] = row[i % channels]
+        line[radius * channels + length + i] = row[length - channels + i % channels]
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _shifted(padded: Any, y: Any, start: Any, length: Any) -> Any:
+    return padded[min(max(y, 0), padded.shape[0] - 1)][start : start + length]
