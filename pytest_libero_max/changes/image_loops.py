@@ -63,12 +63,11 @@ def symmetric(image: Any, weights: Any) -> Any:
     height, width, channels = image.shape
     radius, length = weights.size - 1, width * channels
     rows = image.reshape(height, length)
-    soft = np.empty((height, width, channels))
+    upright = np.empty(length)
     blurred = np.empty((height, length))
     line = np.empty((width + 2 * radius) * channels)
     middle = weights[radius]
     for y in range(height):
-        upright = soft[y].reshape(length)
         a = rows[y]
         for i in range(length):
             upright[i] = a[i] * middle

@@ -9,9 +9,9 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from statistics import NormalDist
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,6 @@ from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.reversal import Reversal, added_filters
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, AlterableWorld, Image
-
-_SHARES = np.arange(256) / 255.0
-"""Grey levels as shares of white."""
 
 
 @dataclass(frozen=True)
@@ -102,22 +99,19 @@ class PublishedSensorCorruption:
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         if camera not in CAMERAS:
             return image  # the authors' observations hold no other
-        stream = np.random.RandomState((self.seed + step) % 2**32)
         height, width = image.shape[:2]
         side = math.sqrt(self.occlusion_fraction)
         tall, wide = max(1, round(height * side)), max(1, round(width * side))
+        room = (height - tall + 1, width - wide + 1) if self.occlusion_fraction else None
+        noise, corner, _ = _published_draws(
+            (self.seed + step) % 2**32, self.noise_std, image.shape, room, CAMERAS.index(camera)
+        )
         work = image.astype(np.float32)
-        for name in CAMERAS[: CAMERAS.index(camera) + 1]:
-            noise = stream.normal(0.0, self.noise_std, size=image.shape) if self.noise_std else None
-            corner = (0, 0)
-            if self.occlusion_fraction:
-                corner = stream.randint(height - tall + 1), stream.randint(width - wide + 1)
-            if name == camera:
-                if noise is not None:
-                    work += noise
-                if self.occlusion_fraction:
-                    top, left = corner
-                    work[top : top + tall, left : left + wide] = 0.0
+        if noise is not None:
+            work += noise
+        if self.occlusion_fraction:
+            top, left = corner
+            work[top : top + tall, left : left + wide] = 0.0
         corrupted: Image = work.clip(0, 255).astype(np.uint8)
         return corrupted
 
@@ -150,7 +144,7 @@ class PictureCorruption:
         stream = np.random.RandomState(np.frombuffer(key, dtype="<u4").astype(np.uint32))
         from pytest_libero_max.changes import image_loops
 
-        picture = _SHARES[np.ascontiguousarray(image)]
+        picture = np.ascontiguousarray(image) / 255.0
         bad = image_corruptions.KINDS[self.kind](picture, self.level, stream)
         corrupted: Image = image_loops.mix(picture, bad, self.blend)
         return corrupted
@@ -326,3 +320,26 @@ def _normal_quantiles() -> NDArray[np.float32]:
     """Return the 65,536 equally likely values that stand for a standard normal variable."""
     normal, count = NormalDist(), 2**16
     return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)
+
+
+@lru_cache(maxsize=len(CAMERAS))
+def _published_draws(
+    seed: int, noise_std: float, shape: tuple[int, ...], room: tuple[int, int] | None, camera: int
+) -> tuple[NDArray[np.float64] | None, tuple[int, int], dict[str, Any]]:
+    """Return a camera's noise and rectangle's corner, and the stream's state after them.
+
+    The draws of the cameras before it are made, or taken from the last request for them.
+
+    Args:
+        seed: Seed of the stream.
+        noise_std: Standard deviation of the noise, grey levels.
+        shape: (H, W, 3) of every camera's image.
+        room: Numbers of rows and of columns at which the rectangle can begin; None without a rectangle.
+        camera: Index in :data:`CAMERAS`.
+    """
+    stream = np.random.RandomState(seed)
+    if camera:
+        stream.set_state(_published_draws(seed, noise_std, shape, room, camera - 1)[2])
+    noise = stream.normal(0.0, noise_std, size=shape) if noise_std else None
+    corner = (stream.randint(room[0]), stream.randint(room[1])) if room else (0, 0)
+    return noise, corner, stream.get_state(legacy=False)
