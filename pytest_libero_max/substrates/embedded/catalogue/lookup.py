@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ManifestError, SubstrateError, did_you_mean
-from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite
+from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import (
+    plus_count,
+    plus_suite,
+    plus_variation,
+)
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import (
     ANOTHER_GOAL,
     pro_suite,
@@ -58,13 +62,13 @@ def variation_of(case: Case) -> Variation:
             variation's.
     """
     if case.source == "plus":
-        suite = plus_suite(case.suite)
-        if case.task_index >= len(suite):
+        count = plus_count(case.suite)
+        if case.task_index >= count:
             raise SubstrateError(
                 f"case {case.case_id!r}: task_index={case.task_index!r}, but the embedded catalogue of "
-                f"{case.suite} has {len(suite)} variations."
+                f"{case.suite} has {count} variations."
             )
-        variation = suite[case.task_index]
+        variation = plus_variation(case.suite, case.task_index)
     elif case.source_category in PRO_CATEGORIES and 0 <= case.task_index < 10:
         variation = pro_suite(case.source_category, case.suite)[case.task_index]
     else:

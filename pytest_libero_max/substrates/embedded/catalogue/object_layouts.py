@@ -76,6 +76,11 @@ _NEAR_M = 0.012
 _ATTEMPTS = 400
 
 
+def added_count(number: int) -> int:
+    """Return the number of objects in the ``number``-th set of confounders, from 1."""
+    return math.ceil(number / 6)
+
+
 def added_objects(task: Task, number: int) -> tuple[list[tuple[str, str]], tuple[Json, ...]]:
     """Return the ``number``-th set of confounders, from 1; each six sets have one object more, up to five.
 
@@ -83,13 +88,12 @@ def added_objects(task: Task, number: int) -> tuple[list[tuple[str, str]], tuple
         Instance and category of each, and the changes that put them on the surface.
     """
     plan = floorplan(task.suite, task.index)
-    count = math.ceil(number / 6)
     present = {category_of(name) for name in (*task.objects, *task.fixtures)}
     free = [name for name in CONFOUNDERS if name not in present]
     ranked = sorted(free, key=lambda name: share(task.name, "add", number, name))
     taken: list[Footprint] = []
     extras, changes = [], []
-    for name in ranked[:count]:
+    for name in ranked[: added_count(number)]:
         x, y = _free_spot(plan, name, taken, (task.name, "add", number, name))
         taken.append(footprint_at(name, x, y, math.pi / 4))
         instance = f"{name}_1"

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -69,12 +69,21 @@ _POSE_SEED = 42
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A possible variation: its kind, its size (only the order counts) and its changes."""
+    """A possible variation: its kind, its size (only the order counts), its changes and its scene.
+
+    Where ``make`` is given, it returns changes and scene, which take long to find.
+    """
 
     kind: str
     magnitude: float
-    changes: tuple[Json, ...]
+    changes: tuple[Json, ...] = ()
     scene: Json = field(default_factory=dict)
+    make: Callable[[], tuple[tuple[Json, ...], Json]] | None = None
+
+
+def plus_count(suite: str) -> int:
+    """Return the number of variations of a suite."""
+    return sum(map(sum, VARIATIONS[suite]))
 
 
 @cache
@@ -84,30 +93,38 @@ def plus_suite(suite: str) -> tuple[Variation, ...]:
     Raises:
         SubstrateError: The suite does not exist.
     """
-    variations: list[Variation] = []
+    return tuple(plus_variation(suite, index) for index in range(plus_count(suite)))
+
+
+def plus_variation(suite: str, index: int) -> Variation:
+    """Return one variation of a suite, without making the others.
+
+    Args:
+        suite: LIBERO suite.
+        index: Index in :func:`plus_suite`.
+    """
+    place = index
     for category in PLUS_CATEGORIES:
-        chosen = [
-            (base, number, candidate)
-            for base in range(len(VARIATIONS[suite]))
-            for number, candidate in _chosen(suite, base, category)
-        ]
-        levels = _difficulties(suite, category, [candidate.magnitude for *_, candidate in chosen])
-        for (base, number, candidate), level in zip(chosen, levels, strict=True):
-            variations.append(
-                Variation(
-                    "plus",
-                    suite,
-                    len(variations),
-                    base,
-                    f"{task_of(suite, base).name}_{slug(category)}_{number:02d}",
-                    category,
-                    candidate.kind,
-                    level,
-                    candidate.scene,
-                    candidate.changes,
-                )
-            )
-    return tuple(variations)
+        ranked = sum(DIFFICULTY[category][suite])
+        if place < ranked:
+            break
+        place -= ranked
+    base, number, candidate, level = _ranked(suite, category)[place]
+    changes, scene = candidate.make() if candidate.make else (candidate.changes, candidate.scene)
+    name = f"{task_of(suite, base).name}_{slug(category)}_{number:02d}"
+    return Variation("plus", suite, index, base, name, category, candidate.kind, level, scene, changes)
+
+
+@cache
+def _ranked(suite: str, category: str) -> tuple[tuple[int, int, _Candidate, int | None], ...]:
+    """Return the kept candidates of a category with task, number from 1 within it, and difficulty."""
+    chosen = [
+        (base, number, candidate)
+        for base in range(len(VARIATIONS[suite]))
+        for number, candidate in _chosen(suite, base, category)
+    ]
+    levels = _difficulties(suite, category, [candidate.magnitude for *_, candidate in chosen])
+    return tuple((*one, level) for one, level in zip(chosen, levels, strict=True))
 
 
 def _chosen(suite: str, base: int, category: str) -> Iterator[tuple[int, _Candidate]]:
@@ -248,15 +265,21 @@ def _shadow(strength: float, where: tuple[object, ...]) -> SetLamps:
 
 
 def _add(task: Task) -> Iterator[_Candidate]:
-    for number in range(1, 31):
+    def made(number: int) -> tuple[tuple[Json, ...], Json]:
         extras, changes = layouts.added_objects(task, number)
-        yield _Candidate("add", len(extras), changes, {"extras": [list(extra) for extra in extras]})
+        return changes, {"extras": [list(extra) for extra in extras]}
+
+    for number in range(1, 31):
+        yield _Candidate("add", layouts.added_count(number), make=partial(made, number))
 
 
 def _level(task: Task) -> Iterator[_Candidate]:
+    def made(level: int, sample: int) -> tuple[tuple[Json, ...], Json]:
+        return layouts.shifted_objects(task, level, sample), {}
+
     for level in range(1, layouts.LEVELS + 1):
         for sample in range(1, 5):
-            yield _Candidate("level", level, layouts.shifted_objects(task, level, sample))
+            yield _Candidate("level", level, make=partial(made, level, sample))
 
 
 def _robot(task: Task) -> Iterator[_Candidate]:
