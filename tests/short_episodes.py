@@ -15,8 +15,7 @@ def short_episodes(pytester: pytest.Pytester, steps: int) -> tuple[str, ...]:
     """Write a plugin that gives every suite a budget of ``steps``.
 
     Returns:
-        The arguments that load it. They also leave out Hypothesis's plugin, which imports all of Hypothesis
-        at the end of a session.
+        The arguments that load it.
     """
     pytester.makepyfile(short_episodes=PLUGIN.format(steps=steps))
-    return ("-p", "short_episodes", "-p", "no:hypothesispytest")
+    return ("-p", "short_episodes")

@@ -121,7 +121,9 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
         for _ in range(passes):
             down, across = stream.randint(-reach, reach, size=(2, places))
             image_loops.swap(order, width, reach, down, across)
-    return _gaussian(soft.reshape(height * width, -1).take(order, axis=0).reshape(soft.shape), deviation * scale)
+    return _gaussian(
+        soft.reshape(height * width, -1).take(order, axis=0).reshape(soft.shape), deviation * scale
+    )
 
 
 KINDS: Mapping[str, Callable[[Picture, int, Stream], Picture]] = {

@@ -32,7 +32,9 @@ def _add_mixed(typing_context: Any, total: Any, at: Any, line: Any, start: Any, 
             return builder.bitcast(builder.gep(data, [offset]), four.as_pointer())
 
         def spread(value: Any) -> Any:
-            one = builder.insert_element(ir.Constant(four, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+            one = builder.insert_element(
+                ir.Constant(four, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+            )
             return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), 4), [0] * 4))
 
         def load(pointer: Any) -> Any:
@@ -132,7 +134,10 @@ def symmetric(image: Any, weights: Any) -> Any:
         while k + 3 <= radius:
             near, far = k * channels, (2 * radius - k) * channels
             a, b = line[near : near + length], line[far : far + length]
-            c, d = line[near + channels : near + channels + length], line[far - channels : far - channels + length]
+            c, d = (
+                line[near + channels : near + channels + length],
+                line[far - channels : far - channels + length],
+            )
             near, far = near + 2 * channels, far - 2 * channels
             e, f = line[near : near + length], line[far : far + length]
             p, q, r = weights[k], weights[k + 1], weights[k + 2]

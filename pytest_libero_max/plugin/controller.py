@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import sys
 from collections import Counter
 from collections.abc import Generator, Iterable
 from typing import Any, NoReturn
@@ -325,6 +326,21 @@ class RunController:
             yield
         finally:  # whatever another plugin's hook has raised
             self.end.finish(session, self.store, measured_before=bool(self.measured))
+            _leave_out_hypothesis_summary(self.config)
+
+
+def _leave_out_hypothesis_summary(config: pytest.Config) -> None:
+    """Unregister Hypothesis's plugin, whose summary imports Hypothesis, in a session that did not use it."""
+    plugin = config.pluginmanager.get_plugin("hypothesispytest")
+    terminal = config.pluginmanager.get_plugin("terminalreporter")
+    if plugin is None or terminal is None or "hypothesis" in sys.modules:
+        return
+    if config.getoption("--hypothesis-show-statistics", False):
+        return
+    reports = [report for group in terminal.stats.values() for report in group]
+    # Reports of tests that other processes ran carry their statistics and failing examples.
+    if not any(name.startswith("_hypothesis_") for report in reports for name in vars(report)):
+        config.pluginmanager.unregister(plugin)
 
 
 def _origin(substrate: Json) -> str:

@@ -1,14 +1,32 @@
 """The five corruptions of a picture, and the glare."""
 
+import hashlib
+
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
-from pytest_libero_max.changes import Glare, PictureCorruption, image_corruptions
-from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.changes import Glare, PictureCorruption, image_corruptions, image_loops
+from pytest_libero_max.changes.pixels import PublishedSensorCorruption
+from pytest_libero_max.worlds.contract import CAMERAS, Image
 
 KINDS = sorted(image_corruptions.KINDS)
 rows, columns = np.mgrid[0:64, 0:64]
 PICTURE = np.stack([(rows * 5) % 256, (columns * 7) % 256, (rows * columns) % 256], axis=2).astype(np.uint8)
+
+rows, columns = np.mgrid[0:256, 0:256]
+LARGE = np.stack([(rows * 5) % 256, (columns * 7) % 256, (rows * columns) % 256], axis=2).astype(np.uint8)
+
+# SHA-256, first eight digits, of LARGE at levels 1 to 10. Published outcomes rest on these pictures.
+DIGESTS = {
+    "motion_blur": "f431657a 8ed507b9 a6d6626a 036e5d72 4dd50d75 e9422159 d8167ee1 e1b3b62f df5ca78b"
+    " 3d361784",
+    "gaussian_blur": "5eb6b4e8 07080a8a dc931849 b4bd9005 df69d89d 2a8785bb 99702b3d c9a9fcce 1439b298"
+    " 3de33a7c",
+    "zoom_blur": "faedc64e cc5954bb 6d5487cc 76e2eba1 54c8dfb2 58926cf9 c60637c5 b173d825 f9b1d795 66e921aa",
+    "fog": "012d0837 68ac2791 0c76790f 65659fa3 a4588569 965a7aac 5af8dbaa 7ece6f90 0ccbc146 d8c62a4f",
+    "glass_blur": "fa4a3af3 b171485e 351dc874 866769fa 8f012282 fe3b1426 575148fb 32454088 a4e25d41 7aeeecd4",
+}
 
 
 def corrupted(
@@ -118,3 +136,70 @@ def test_glare_whitens_its_middle_and_spares_the_far_corner() -> None:
     assert veiled[75, 75].min() > 250
     assert np.abs(veiled[0, 0].astype(int) - 40).max() <= 1
     assert (veiled >= image).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_level_gives_the_picture_that_published_runs_saw(kind: str) -> None:
+    looks = [corrupted(kind, level, seed=3, step=2, image=LARGE) for level in range(1, 11)]
+    assert [hashlib.sha256(look.tobytes()).hexdigest()[:8] for look in looks] == DIGESTS[kind].split()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (9, 7), (40, 75)])
+def test_images_of_any_size_and_in_any_order_of_memory_are_corrupted(
+    kind: str, shape: tuple[int, int]
+) -> None:
+    image = np.ascontiguousarray(LARGE[: shape[0], 100 : 100 + shape[1]])
+    flipped = image[::-1, ::-1].copy()[::-1, ::-1]
+    for level in (1, 5, 10):
+        assert np.array_equal(corrupted(kind, level, image=image), corrupted(kind, level, image=flipped))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (9, 70), (33, 20)])
+@pytest.mark.parametrize("level", [1, 4, 10])
+def test_compiled_loops_have_the_bits_of_the_whole_array_formulas(shape: tuple[int, int], level: int) -> None:
+    image = np.random.RandomState(level).random_sample((*shape, 3))
+    height, width = shape
+    down, across = np.arange(-3, 7), np.arange(10)
+    weights = np.random.RandomState(1).random_sample(10)
+    smeared = np.zeros_like(image)
+    for y, x, weight in zip(down, across, weights, strict=True):
+        rows = (np.arange(height) + y).clip(0, height - 1)
+        smeared += weight * image[rows][:, (np.arange(width) + x).clip(0, width - 1)]
+    assert np.array_equal(image_loops.smear(image, down, across, weights), smeared)
+
+    deviation = 0.4 * level
+    blurred = gaussian_filter(image, (deviation, deviation, 0.0), mode="nearest")
+    assert np.array_equal(image_corruptions._gaussian(image, deviation), blurred)
+
+    factors = [1.0, 1.01, 1.3, 1.56]
+    total = image.copy()
+    for factor in factors:
+        enlarged = image
+        for axis, size in enumerate(shape):
+            (low,), (part,) = image_corruptions._lines(size, [factor])
+            part = part[:, None, None] if axis == 0 else part[None, :, None]
+            high = np.minimum(low + 1, size - 1)
+            enlarged = enlarged.take(low, axis) * (1.0 - part) + enlarged.take(high, axis) * part
+        total += enlarged
+    tables = [image_corruptions._lines(size, factors) for size in shape]
+    assert np.array_equal(image_loops.zoomed(image, *tables[0], *tables[1]), total / 5)
+
+
+@pytest.mark.parametrize("shape", [(64, 64, 3), (5, 5, 3)])
+def test_published_noise_of_a_camera_is_the_same_alone_and_after_the_other(shape: tuple[int, ...]) -> None:
+    image = np.full(shape, 120, np.uint8)
+    noise = PublishedSensorCorruption(25.0, 0.1, 4)
+    alone = noise(image, CAMERAS[1], 9)
+    noise(image, CAMERAS[0], 8)
+    noise(image, CAMERAS[0], 9)
+    assert np.array_equal(noise(image, CAMERAS[1], 9), alone)
+    stream = np.random.RandomState(13)
+    for _ in CAMERAS:
+        drawn = stream.normal(0.0, 25.0, size=shape)
+        side = round(shape[0] * 0.1**0.5)
+        top, left = (stream.randint(shape[0] - side + 1) for _ in range(2))
+    wanted = image.astype(np.float32)
+    wanted += drawn
+    wanted[top : top + side, left : left + side] = 0.0
+    assert np.array_equal(alone, wanted.clip(0, 255).astype(np.uint8))

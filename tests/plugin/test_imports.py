@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import pytest_libero_max
+from pytest_libero_max.plugin.collection import PAIRS_FILE
 
 CONFTEST = """
 import sys
@@ -27,6 +28,42 @@ def test_a_played_pair_imports_nothing_of_the_construction(
     modules = (pytester.path / "modules.txt").read_text().split()
     assert "pytest_libero_max.pairing.runner" in modules
     assert not [name for name in modules if name.startswith("pytest_libero_max.construction")]
+
+
+AT_THE_END = """
+import sys
+from pathlib import Path
+
+def pytest_unconfigure():
+    Path("modules.txt").write_text("\\n".join(sorted(sys.modules)))
+"""
+
+
+def test_a_run_ends_without_hypothesis_and_with_few_modules(
+    pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]
+) -> None:
+    pytester.makeconftest(AT_THE_END)
+    run("--libero-max-limit=1", subprocess=True).assert_outcomes(passed=1)
+    modules = (pytester.path / "modules.txt").read_text().split()
+    assert not [name for name in modules if name.split(".")[0] in ("hypothesis", "numba", "torch")]
+    assert len(modules) < 1400, len(modules)
+
+
+def test_a_session_that_uses_hypothesis_keeps_its_summary(
+    pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]
+) -> None:
+    pytester.makepyfile(
+        test_own="""
+        from hypothesis import given, strategies as st
+
+        @given(st.integers())
+        def test_integers(number):
+            assert number == number
+        """
+    )
+    own = ("--libero-max-limit=1", "test_own.py", str(PAIRS_FILE))
+    done = run(*own, "--hypothesis-show-statistics", subprocess=True)
+    done.stdout.fnmatch_lines(["*Hypothesis Statistics*", "*::test_integers:*"])
 
 
 HEAVY = ("mujoco", "cv2", "scipy", "hypothesis", "robosuite", "torch", "numba")

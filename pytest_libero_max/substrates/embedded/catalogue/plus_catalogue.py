@@ -96,6 +96,7 @@ def plus_suite(suite: str) -> tuple[Variation, ...]:
     return tuple(plus_variation(suite, index) for index in range(plus_count(suite)))
 
 
+@cache
 def plus_variation(suite: str, index: int) -> Variation:
     """Return one variation of a suite, without making the others.
 

@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.construction.configurations import count_lines
+from pytest_libero_max.substrates.embedded.catalogue import object_layouts, plus_catalogue
 from pytest_libero_max.substrates.embedded.catalogue.counts import (
     DIFFICULTY,
     KINDS,
@@ -16,7 +18,11 @@ from pytest_libero_max.substrates.embedded.catalogue.counts import (
 from pytest_libero_max.substrates.embedded.catalogue.floorplan import Footprint, floorplan, footprint_at
 from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.embedded.catalogue.object_layouts import SHIFT_M_PER_LEVEL, target_of
-from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite, start_offset
+from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import (
+    plus_suite,
+    plus_variation,
+    start_offset,
+)
 from pytest_libero_max.substrates.variation import Variation, digest_of
 from pytest_libero_max.tasks.libero_tasks import SUITES, task
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
@@ -92,9 +98,20 @@ def test_specifications_are_distinct_small_and_readable() -> None:
 
 
 def test_the_catalogue_is_a_pure_function() -> None:
-    plus_suite.cache_clear()
+    for cached in (plus_suite, plus_variation, plus_catalogue._ranked):
+        cached.cache_clear()
     again = plus_suite("libero_spatial")
     assert digest_of(again) == digest_of(PLUS[: len(again)])
+
+
+def test_one_variation_is_made_without_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = next(v for v in of("Objects Layout", "libero_goal") if v.kind == "level")
+    shifted = Mock(wraps=object_layouts.shifted_objects)
+    monkeypatch.setattr(object_layouts, "shifted_objects", shifted)
+    plus_variation.cache_clear()
+    plus_catalogue._ranked.cache_clear()
+    assert plus_variation("libero_goal", wanted.index) == wanted
+    shifted.assert_called_once()
 
 
 def test_the_command_prints_the_original_table() -> None:
