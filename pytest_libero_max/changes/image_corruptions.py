@@ -121,9 +121,8 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
         for _ in range(passes):
             down, across = stream.randint(-reach, reach, size=(2, places))
             image_loops.swap(order, width, reach, down, across)
-    return _gaussian(
-        soft.reshape(height * width, -1).take(order, axis=0).reshape(soft.shape), deviation * scale
-    )
+    rough = soft.reshape(height * width, -1).take(order, axis=0).reshape(soft.shape)
+    return _gaussian(rough, deviation * scale, into=soft)
 
 
 KINDS: Mapping[str, Callable[[Picture, int, Stream], Picture]] = {
@@ -154,13 +153,14 @@ def _scale(image: Picture) -> float:
     return float(image.shape[1] / _NOMINAL_WIDTH)
 
 
-def _gaussian(image: Picture, deviation: float) -> Picture:
+def _gaussian(image: Picture, deviation: float, into: Picture | None = None) -> Picture:
     from pytest_libero_max.changes import image_loops
 
     radius = int(4.0 * deviation + 0.5)  # SciPy's, as are the sums' order and the weights
     weights = np.exp(-0.5 / (deviation * deviation) * np.arange(-radius, radius + 1) ** 2)
     weights /= weights.sum()
-    blurred: Picture = image_loops.symmetric(np.ascontiguousarray(image), weights[radius:][::-1].copy())
+    blurred = np.empty(image.shape) if into is None else into
+    image_loops.symmetric(np.ascontiguousarray(image), weights[radius:][::-1].copy(), blurred)
     return blurred
 
 

@@ -89,8 +89,8 @@ def smear(image: Any, down: Any, across: Any, weights: Any) -> Any:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def symmetric(image: Any, weights: Any) -> Any:
-    """Return ``image`` correlated with a symmetric kernel, down and then across, edges extended.
+def symmetric(image: Any, weights: Any, blurred: Any) -> None:
+    """Write ``image`` correlated with a symmetric kernel, down and then across, edges extended, to ``blurred``.
 
     Of each line: the middle times its weight, then the sums of two opposite pixels times theirs, from the
     outermost pair to the innermost, as in SciPy's ``correlate1d``.
@@ -98,12 +98,12 @@ def symmetric(image: Any, weights: Any) -> Any:
     Args:
         image: (H, W, C) float64, C-contiguous.
         weights: (R + 1,) float64: of the outermost pair first, of the middle last.
+        blurred: (H, W, C) float64, C-contiguous, apart from ``image``.
     """
     height, width, channels = image.shape
     radius, length = weights.size - 1, width * channels
     rows = image.reshape(height, length)
     upright = np.empty(length)
-    blurred = np.empty((height, length))
     line = np.empty((width + 2 * radius) * channels)
     middle = weights[radius]
     for y in range(height):
@@ -126,7 +126,7 @@ def symmetric(image: Any, weights: Any) -> Any:
                 upright[i] += (a[i] + b[i]) * p
             k += 1
         _pad(line, upright, radius, channels)
-        out = blurred[y]
+        out = blurred[y].reshape(length)
         a = line[radius * channels : radius * channels + length]
         for i in range(length):
             out[i] = a[i] * middle
@@ -151,7 +151,6 @@ def symmetric(image: Any, weights: Any) -> Any:
             for i in range(length):
                 out[i] += (a[i] + b[i]) * p
             k += 1
-    return blurred.reshape(image.shape)
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
