@@ -8,6 +8,7 @@ wide; lengths grow with the picture, so that a corruption looks the same at ever
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -63,6 +64,8 @@ _GLASS = (
     (2.5, 5, 1),
 )
 
+_SCRATCH = threading.local()
+
 
 def motion(image: Picture, level: int, stream: Stream) -> Picture:
     """Motion blur in one direction, drawn for every picture within 45 degrees of the horizontal."""
@@ -74,9 +77,11 @@ def motion(image: Picture, level: int, stream: Stream) -> Picture:
     angle = math.radians(stream.uniform(-_MOTION_ANGLE_DEG, _MOTION_ANGLE_DEG))
     down = np.array([round(float(step) * math.sin(angle)) for step in steps])
     across = np.array([round(float(step) * math.cos(angle)) for step in steps])
+    height, width, channels = image.shape
+    padded = scratch("work", (height, (width + int(across.max())) * channels))
     from pytest_libero_max.changes import image_loops
 
-    smeared: Picture = image_loops.smear(np.ascontiguousarray(image), down, across, weights)
+    smeared: Picture = image_loops.smear(np.ascontiguousarray(image), down, across, weights, padded)
     return smeared
 
 
@@ -92,7 +97,8 @@ def zoom(image: Picture, level: int, stream: Stream) -> Picture:
     from pytest_libero_max.changes import image_loops
 
     tables = [_lines(size, factors) for size in image.shape[:2]]
-    mean: Picture = image_loops.zoomed(np.ascontiguousarray(image), *tables[0], *tables[1])
+    wide = scratch("work", (image.shape[0], image.shape[1] + 1, 4))
+    mean: Picture = image_loops.zoomed(np.ascontiguousarray(image), *tables[0], *tables[1], wide)
     return mean
 
 
@@ -111,7 +117,7 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
     deviation, shift, passes = _GLASS[level - 1]
     scale = _scale(image)
     reach = max(1, round(shift * scale))
-    soft = _gaussian(image, deviation * scale)
+    soft = _gaussian(image, deviation * scale, into=scratch("work", image.shape))
     height, width = soft.shape[:2]
     order = np.arange(height * width)
     if height > 2 * reach and width > 2 * reach:
@@ -121,8 +127,11 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
         for _ in range(passes):
             down, across = stream.randint(-reach, reach, size=(2, places))
             image_loops.swap(order, width, reach, down, across)
-    rough = soft.reshape(height * width, -1).take(order, axis=0).reshape(soft.shape)
-    return _gaussian(rough, deviation * scale, into=soft)
+    rough = scratch("rough", image.shape)
+    np.take(
+        soft.reshape(height * width, -1), order, axis=0, out=rough.reshape(height * width, -1), mode="clip"
+    )
+    return _gaussian(rough, deviation * scale)
 
 
 KINDS: Mapping[str, Callable[[Picture, int, Stream], Picture]] = {
@@ -147,6 +156,19 @@ def plasma(side: int, decay: float, stream: Stream) -> Picture:
 
     field: Picture = image_loops.diamonds(side, _FOG_ROUGHNESS, decay, stream.random_sample(side * side - 1))
     return field
+
+
+def scratch(name: str, shape: tuple[int, ...]) -> Picture:
+    """Return this thread's float array of a name, with whatever is in it, valid until the next request.
+
+    Fresh memory for every image costs as long as some of the corruptions themselves.
+    """
+    size = math.prod(shape)
+    kept: Picture | None = getattr(_SCRATCH, name, None)
+    if kept is None or kept.size < size:
+        kept = np.empty(size)
+        setattr(_SCRATCH, name, kept)
+    return kept[:size].reshape(shape)
 
 
 def _scale(image: Picture) -> float:

@@ -53,7 +53,7 @@ def _add_mixed(typing_context: Any, total: Any, at: Any, line: Any, start: Any, 
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def smear(image: Any, down: Any, across: Any, weights: Any) -> Any:
+def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any) -> Any:
     """Return the sum over k of ``weights[k] * image[y + down[k], x + across[k]]``, edges extended.
 
     Args:
@@ -61,10 +61,11 @@ def smear(image: Any, down: Any, across: Any, weights: Any) -> Any:
         down: (K,) int64 rows.
         across: (K,) int64 columns, at least 0.
         weights: (K,) float64.
+        padded: (H, (W + the largest of ``across``) * C) float64, which is written over.
     """
     height, width, channels = image.shape
     taps, length = weights.size, width * channels
-    padded = _padded(image, 0, across.max())
+    _pad_right(image, padded)
     smeared = np.empty((height, length))
     for y in range(height):
         out = smeared[y]
@@ -154,7 +155,7 @@ def symmetric(image: Any, weights: Any, blurred: Any) -> None:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any) -> Any:
+def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any) -> Any:
     """Return the mean of ``image`` and of its bilinear enlargements, added in their order.
 
     Args:
@@ -163,15 +164,16 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any) -> Any:
         parts: (F, H) float64: the lower one's share.
         left: (F, W) int64: the left of the two columns that each column mixes.
         right: (F, W) float64: the right one's share.
+        wide: (H, W + 1, 4) float64, which is written over.
     """
     height, width = image.shape[:2]
     factors = lows.shape[0]
     # A pixel is four numbers, one machine vector; the fourth stays 0.
-    wide = np.zeros((height, width + 1, 4))
     for y in range(height):
         for x in range(width + 1):
             for c in range(3):
                 wide[y, x, c] = image[y, min(x, width - 1), c]
+            wide[y, x, 3] = 0.0
     rows = wide.reshape(height, (width + 1) * 4)
     mixed = np.empty((width + 1) * 4)
     total = np.empty(width * 4)
@@ -276,17 +278,13 @@ def mix(picture: Any, bad: Any, blend: Any) -> Any:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def _padded(image: Any, before: Any, after: Any) -> Any:
+def _pad_right(image: Any, padded: Any) -> None:
     height, width, channels = image.shape
-    padded = np.empty((height, (before + width + after) * channels))
+    length = width * channels
     for y in range(height):
-        row = image[y].reshape(width * channels)
-        padded[y, before * channels : (before + width) * channels] = row
-        for x in range(before):
-            padded[y, x * channels : (x + 1) * channels] = row[:channels]
-        for x in range(before + width, before + width + after):
-            padded[y, x * channels : (x + 1) * channels] = row[(width - 1) * channels :]
-    return padded
+        padded[y, :length] = image[y].reshape(length)
+        for i in range(length, padded.shape[1]):
+            padded[y, i] = padded[y, i - channels]
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]

@@ -144,7 +144,8 @@ class PictureCorruption:
         stream = np.random.RandomState(np.frombuffer(key, dtype="<u4").astype(np.uint32))
         from pytest_libero_max.changes import image_loops
 
-        picture = np.ascontiguousarray(image) / 255.0
+        picture = image_corruptions.scratch("picture", image.shape)
+        np.divide(image, 255.0, out=picture)
         bad = image_corruptions.KINDS[self.kind](picture, self.level, stream)
         corrupted: Image = image_loops.mix(picture, bad, self.blend)
         return corrupted
