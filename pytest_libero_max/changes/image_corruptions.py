@@ -3,6 +3,8 @@
 Each is a pure function of a float image (0 to 1), a level from 1 to 10 and a stream of random numbers. The
 formulas and level tables are the published ones of the common image corruptions, for pictures 256 pixels
 wide; lengths grow with the picture, so that a corruption looks the same at every size.
+
+What a blur returns stands in memory that the next one in the same thread writes over.
 """
 
 from __future__ import annotations
@@ -81,7 +83,8 @@ def motion(image: Picture, level: int, stream: Stream) -> Picture:
     padded = scratch("work", (height, (width + int(across.max())) * channels))
     from pytest_libero_max.changes import image_loops
 
-    smeared: Picture = image_loops.smear(np.ascontiguousarray(image), down, across, weights, padded)
+    smeared = scratch("result", image.shape)
+    image_loops.smear(np.ascontiguousarray(image), down, across, weights, padded, smeared)
     return smeared
 
 
@@ -98,7 +101,8 @@ def zoom(image: Picture, level: int, stream: Stream) -> Picture:
 
     tables = [_lines(size, factors) for size in image.shape[:2]]
     wide = scratch("work", (image.shape[0], image.shape[1] + 1, 4))
-    mean: Picture = image_loops.zoomed(np.ascontiguousarray(image), *tables[0], *tables[1], wide)
+    mean = scratch("result", image.shape)
+    image_loops.zoomed(np.ascontiguousarray(image), *tables[0], *tables[1], wide, mean)
     return mean
 
 
@@ -117,7 +121,7 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
     deviation, shift, passes = _GLASS[level - 1]
     scale = _scale(image)
     reach = max(1, round(shift * scale))
-    soft = _gaussian(image, deviation * scale, into=scratch("work", image.shape))
+    soft = _gaussian(image, deviation * scale, into="work")
     height, width = soft.shape[:2]
     order = np.arange(height * width)
     if height > 2 * reach and width > 2 * reach:
@@ -175,13 +179,13 @@ def _scale(image: Picture) -> float:
     return float(image.shape[1] / _NOMINAL_WIDTH)
 
 
-def _gaussian(image: Picture, deviation: float, into: Picture | None = None) -> Picture:
+def _gaussian(image: Picture, deviation: float, into: str = "result") -> Picture:
     from pytest_libero_max.changes import image_loops
 
     radius = int(4.0 * deviation + 0.5)  # SciPy's, as are the sums' order and the weights
     weights = np.exp(-0.5 / (deviation * deviation) * np.arange(-radius, radius + 1) ** 2)
     weights /= weights.sum()
-    blurred = np.empty(image.shape) if into is None else into
+    blurred = scratch(into, image.shape)
     image_loops.symmetric(np.ascontiguousarray(image), weights[radius:][::-1].copy(), blurred)
     return blurred
 

@@ -53,8 +53,8 @@ def _add_mixed(typing_context: Any, total: Any, at: Any, line: Any, start: Any, 
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any) -> Any:
-    """Return the sum over k of ``weights[k] * image[y + down[k], x + across[k]]``, edges extended.
+def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any, smeared: Any) -> None:
+    """Write the sum over k of ``weights[k] * image[y + down[k], x + across[k]]``, edges extended.
 
     Args:
         image: (H, W, C) float64, C-contiguous.
@@ -62,13 +62,13 @@ def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any) -> Any:
         across: (K,) int64 columns, at least 0.
         weights: (K,) float64.
         padded: (H, (W + the largest of ``across``) * C) float64, which is written over.
+        smeared: (H, W, C) float64, the result.
     """
     height, width, channels = image.shape
     taps, length = weights.size, width * channels
     _pad_right(image, padded)
-    smeared = np.empty((height, length))
     for y in range(height):
-        out = smeared[y]
+        out = smeared[y].reshape(length)
         out[:] = 0.0
         k = 0
         while k + 4 <= taps:
@@ -86,12 +86,13 @@ def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any) -> Any:
             for i in range(length):
                 out[i] += p * a[i]
             k += 1
-    return smeared.reshape(image.shape)
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
 def symmetric(image: Any, weights: Any, blurred: Any) -> None:
-    """Write ``image`` correlated with a symmetric kernel, down and then across, edges extended, to ``blurred``.
+    """Write ``image`` correlated with a symmetric kernel, down and then across, to ``blurred``.
+
+    Edges are extended.
 
     Of each line: the middle times its weight, then the sums of two opposite pixels times theirs, from the
     outermost pair to the innermost, as in SciPy's ``correlate1d``.
@@ -155,8 +156,8 @@ def symmetric(image: Any, weights: Any, blurred: Any) -> None:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
-def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any) -> Any:
-    """Return the mean of ``image`` and of its bilinear enlargements, added in their order.
+def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, mean: Any) -> None:
+    """Write the mean of ``image`` and of its bilinear enlargements, added in their order.
 
     Args:
         image: (H, W, 3) float64, C-contiguous.
@@ -165,6 +166,7 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any) 
         left: (F, W) int64: the left of the two columns that each column mixes.
         right: (F, W) float64: the right one's share.
         wide: (H, W + 1, 4) float64, which is written over.
+        mean: (H, W, 3) float64, the result.
     """
     height, width = image.shape[:2]
     factors = lows.shape[0]
@@ -177,7 +179,6 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any) 
     rows = wide.reshape(height, (width + 1) * 4)
     mixed = np.empty((width + 1) * 4)
     total = np.empty(width * 4)
-    mean = np.empty((height, width, 3))
     for y in range(height):
         total[:] = rows[y][: width * 4]
         for n in range(factors):
@@ -195,7 +196,6 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any) 
         for x in range(width):
             for c in range(3):
                 mean[y, x, c] = total[4 * x + c] / (factors + 1)
-    return mean
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
