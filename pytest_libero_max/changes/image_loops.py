@@ -7,6 +7,7 @@ padded with the edge's pixels, so that no inner loop has a border.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numba
@@ -14,6 +15,17 @@ import numpy as np
 from numba.core import types
 from numba.core.cgutils import ir
 from numba.extending import intrinsic
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that Numba compiles at its first call and keeps on disk, where a folder is writable.
+
+    The folder is ``NUMBA_CACHE_DIR``, else that of this module, else the user's cache.
+    """
+    try:
+        return numba.njit(cache=True)(function)  # type: ignore[no-any-return]
+    except RuntimeError:  # no folder: each process compiles for itself
+        return numba.njit(function)  # type: ignore[no-any-return]
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -52,7 +64,7 @@ def _add_mixed(typing_context: Any, total: Any, at: Any, line: Any, start: Any, 
     return signature, generate
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any, smeared: Any) -> None:
     """Write the sum over k of ``weights[k] * image[y + down[k], x + across[k]]``, edges extended.
 
@@ -88,7 +100,7 @@ def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any, smeared
             k += 1
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def symmetric(image: Any, weights: Any, blurred: Any) -> None:
     """Write ``image`` correlated with a symmetric kernel, down and then across, to ``blurred``.
 
@@ -155,7 +167,7 @@ def symmetric(image: Any, weights: Any, blurred: Any) -> None:
             k += 1
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, mean: Any) -> None:
     """Write the mean of ``image`` and of its bilinear enlargements, added in their order.
 
@@ -198,7 +210,7 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, 
                 mean[y, x, c] = total[4 * x + c] / (factors + 1)
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def diamonds(side: Any, rough: Any, decay: Any, draws: Any) -> Any:
     """Return a plasma fractal by the diamond-square method, (side, side), 0 to 1; it tiles both ways.
 
@@ -239,7 +251,7 @@ def diamonds(side: Any, rough: Any, decay: Any, draws: Any) -> Any:
     return field / field.max()
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def swap(order: Any, width: Any, reach: Any, down: Any, across: Any) -> None:
     """Swap every place of ``order``, from the last row and column, with its partner, in place.
 
@@ -260,7 +272,7 @@ def swap(order: Any, width: Any, reach: Any, down: Any, across: Any) -> None:
             n += 1
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def mix(picture: Any, bad: Any, blend: Any) -> Any:
     """Return ``rint((picture + (bad - picture) * blend) * 255)`` as uint8, clipped to 0 to 255.
 
@@ -277,7 +289,7 @@ def mix(picture: Any, bad: Any, blend: Any) -> Any:
     return mixed
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def _pad_right(image: Any, padded: Any) -> None:
     height, width, channels = image.shape
     length = width * channels
@@ -287,7 +299,7 @@ def _pad_right(image: Any, padded: Any) -> None:
             padded[y, i] = padded[y, i - channels]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def _pad(line: Any, row: Any, radius: Any, channels: Any) -> None:
     length = row.size
     line[radius * channels : radius * channels + length] = row
@@ -296,6 +308,6 @@ def _pad(line: Any, row: Any, radius: Any, channels: Any) -> None:
         line[radius * channels + length + i] = row[length - channels + i % channels]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@_compiled
 def _shifted(padded: Any, y: Any, start: Any, length: Any) -> Any:
     return padded[min(max(y, 0), padded.shape[0] - 1)][start : start + length]
