@@ -7,25 +7,14 @@ padded with the edge's pixels, so that no inner loop has a border.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from numba.core import types
 from numba.core.cgutils import ir
 from numba.extending import intrinsic
 
-
-def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that Numba compiles at its first call and keeps on disk, where a folder is writable.
-
-    The folder is ``NUMBA_CACHE_DIR``, else that of this module, else the user's cache.
-    """
-    try:
-        return numba.njit(cache=True)(function)  # type: ignore[no-any-return]
-    except RuntimeError:  # no folder: each process compiles for itself
-        return numba.njit(function)  # type: ignore[no-any-return]
+from pytest_libero_max.worlds.compiling import compiled
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -64,7 +53,7 @@ def _add_mixed(typing_context: Any, total: Any, at: Any, line: Any, start: Any, 
     return signature, generate
 
 
-@_compiled
+@compiled
 def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any, smeared: Any) -> None:
     """Write the sum over k of ``weights[k] * image[y + down[k], x + across[k]]``, edges extended.
 
@@ -100,7 +89,7 @@ def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any, smeared
             k += 1
 
 
-@_compiled
+@compiled
 def symmetric(image: Any, weights: Any, blurred: Any) -> None:
     """Write ``image`` correlated with a symmetric kernel, down and then across, to ``blurred``.
 
@@ -167,7 +156,7 @@ def symmetric(image: Any, weights: Any, blurred: Any) -> None:
             k += 1
 
 
-@_compiled
+@compiled
 def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, mean: Any) -> None:
     """Write the mean of ``image`` and of its bilinear enlargements, added in their order.
 
@@ -210,7 +199,7 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, 
                 mean[y, x, c] = total[4 * x + c] / (factors + 1)
 
 
-@_compiled
+@compiled
 def diamonds(side: Any, rough: Any, decay: Any, draws: Any) -> Any:
     """Return a plasma fractal by the diamond-square method, (side, side), 0 to 1; it tiles both ways.
 
@@ -251,7 +240,7 @@ def diamonds(side: Any, rough: Any, decay: Any, draws: Any) -> Any:
     return field / field.max()
 
 
-@_compiled
+@compiled
 def swap(order: Any, width: Any, reach: Any, down: Any, across: Any) -> None:
     """Swap every place of ``order``, from the last row and column, with its partner, in place.
 
@@ -272,7 +261,7 @@ def swap(order: Any, width: Any, reach: Any, down: Any, across: Any) -> None:
             n += 1
 
 
-@_compiled
+@compiled
 def mix(picture: Any, bad: Any, blend: Any) -> Any:
     """Return ``rint((picture + (bad - picture) * blend) * 255)`` as uint8, clipped to 0 to 255.
 
@@ -289,7 +278,7 @@ def mix(picture: Any, bad: Any, blend: Any) -> Any:
     return mixed
 
 
-@_compiled
+@compiled
 def _pad_right(image: Any, padded: Any) -> None:
     height, width, channels = image.shape
     length = width * channels
@@ -299,7 +288,7 @@ def _pad_right(image: Any, padded: Any) -> None:
             padded[y, i] = padded[y, i - channels]
 
 
-@_compiled
+@compiled
 def _pad(line: Any, row: Any, radius: Any, channels: Any) -> None:
     length = row.size
     line[radius * channels : radius * channels + length] = row
@@ -308,6 +297,6 @@ def _pad(line: Any, row: Any, radius: Any, channels: Any) -> None:
         line[radius * channels + length + i] = row[length - channels + i % channels]
 
 
-@_compiled
+@compiled
 def _shifted(padded: Any, y: Any, start: Any, length: Any) -> Any:
     return padded[min(max(y, 0), padded.shape[0] - 1)][start : start + length]

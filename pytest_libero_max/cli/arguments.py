@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -117,10 +115,3 @@ def manifest_of(name: str) -> Manifest:
     manifest = load_cases(name)
     check_cases(manifest)
     return manifest
-
-
-def print_coloured(lines: Sequence[str]) -> None:
-    """Print lines of a summary: in colours on a terminal, unless ``NO_COLOR`` is set."""
-    from pytest_libero_max.report.writers.broken import coloured
-
-    print(coloured(lines, sys.stdout.isatty() and not os.environ.get("NO_COLOR")))

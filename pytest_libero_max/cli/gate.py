@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.terminal import say
+from pytest_libero_max.cli.terminal import say, say_coloured
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ def add_command(commands: Commands) -> None:
 
 
 def _gate(options: argparse.Namespace) -> int:
-    from pytest_libero_max.cli.arguments import print_coloured
     from pytest_libero_max.cli.ini_file import ini_lines
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
     from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
@@ -49,7 +48,7 @@ def _gate(options: argparse.Namespace) -> int:
     stored = read_pairs(options.folder)
     require_usable(gates, stored.run.planned, stored.run.planned, options.folder, here)
     verdicts = decide(gates, options.folder, here)
-    print_coloured(gate_lines(verdicts, replay_command(stored)))
+    say_coloured(gate_lines(verdicts, replay_command(stored)))
     failed = [verdict for verdict in verdicts if not verdict.passed]
     counts = report_of(stored).pairs
     if not ended_as_declared(counts):

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say_coloured
+
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -40,7 +42,6 @@ def add_command(commands: Commands) -> None:
 
 
 def _merge(options: argparse.Namespace) -> int:
-    from pytest_libero_max.cli.arguments import print_coloured
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
     from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
     from pytest_libero_max.report.gates import parse_gates
@@ -52,14 +53,14 @@ def _merge(options: argparse.Namespace) -> int:
     asked = parse_gates(options.gate)
     run, here = merge_folders(folders, options.output).run, Path.cwd()
     report, paths = write_reports(options.output)
-    print_coloured([*left_out, *summary_lines(report, [str(path) for path in paths])])
+    say_coloured([*left_out, *summary_lines(report, [str(path) for path in paths])])
     gates = (*parse_gates(run.provenance.get("gates") or ()), *asked)
     if report.pairs.complete:
         require_usable(gates, run.planned, run.planned, options.output, here)
     verdicts = decide(gates, options.output, here)
     failed = sum(not verdict.passed for verdict in verdicts)
     if verdicts:
-        print_coloured(gate_lines(verdicts))
+        say_coloured(gate_lines(verdicts))
     if not report.pairs.complete:
         return INCOMPLETE
     if failed:

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.terminal import say_coloured
+
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
@@ -29,7 +31,6 @@ def add_command(commands: Commands) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
-    from pytest_libero_max.cli.arguments import print_coloured
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
@@ -52,6 +53,6 @@ def _report(options: argparse.Namespace) -> None:
         write_text(options.folder / BADGE_NAME, badge_json(report))
         paths.append(options.folder / BADGE_NAME)
     films = {item: str(options.folder / film) for item, film in films_in(options.folder).items()}
-    print_coloured(summary_lines(report, [str(path) for path in paths], films))
+    say_coloured(summary_lines(report, [str(path) for path in paths], films))
     if options.figures and not raster.available():
         print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import sys
+from collections.abc import Iterable, Sequence
 
 from pytest_libero_max.benchmark.documents import printable
 
@@ -10,3 +12,10 @@ from pytest_libero_max.benchmark.documents import printable
 def say(lines: Iterable[str]) -> None:
     """Print lines; what would steer the terminal is spelled."""
     print("\n".join(map(printable, lines)), flush=True)
+
+
+def say_coloured(lines: Sequence[str]) -> None:
+    """Print lines of a summary: in colours on a terminal, unless ``NO_COLOR`` is set."""
+    from pytest_libero_max.report.writers.broken import coloured
+
+    print(coloured(lines, sys.stdout.isatty() and not os.environ.get("NO_COLOR")))

@@ -51,7 +51,7 @@ from pytest_libero_max.stats.breakdown import (
     largest_split,
     macro_average,
 )
-from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
+from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 from pytest_libero_max.substrates.registry import scores_of
@@ -173,7 +173,7 @@ def _noise_floor(records: Iterable[PairRecord]) -> NoiseFloor | None:
         return None
     flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
     identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
-    return NoiseFloor(flips=rate_of(flips, clopper_pearson(flips)), identical=ratio_of(identical))
+    return NoiseFloor(flips=rate_of(flips), identical=ratio_of(identical))
 
 
 def _clipped_actions(records: Iterable[PairRecord]) -> ClippedActions | None:

@@ -19,7 +19,7 @@ from pytest_libero_max.report.blocks import (
 from pytest_libero_max.stats.breakdown import at_floor
 from pytest_libero_max.stats.clusters import TaskInterval
 from pytest_libero_max.stats.exposure import Exposure
-from pytest_libero_max.stats.intervals import Interval, MeanChange
+from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio
 from pytest_libero_max.stats.paired import PairedResult
 
@@ -30,8 +30,8 @@ def result_of(result: PairedResult, planned: int) -> Result:
     return Result(
         planned=planned,
         played=outcomes.total,
-        base_success=rate_of(outcomes.base, result.base),
-        dynamic_success=rate_of(outcomes.dynamic, result.dynamic),
+        base_success=rate_of(outcomes.base),
+        dynamic_success=rate_of(outcomes.dynamic),
         paired_change=change_of(result),
         by_task=blocks.RatesByTask(
             base_success=_by_task(result.base_by_task, number(outcomes.base.value)),
@@ -41,7 +41,7 @@ def result_of(result: PairedResult, planned: int) -> Result:
             ),
         ),
         outcomes=outcomes_of(outcomes),
-        conditional_regression=rate_of(outcomes.conditional_regression, result.conditional_regression),
+        conditional_regression=rate_of(outcomes.conditional_regression),
         retained=ratio_of(outcomes.retained),
         mcnemar=McNemar(
             regressions=result.mcnemar.losses,
@@ -49,8 +49,8 @@ def result_of(result: PairedResult, planned: int) -> Result:
             p_value=number(result.mcnemar.p_value if outcomes.total else None),
             log10_p_value=number(result.mcnemar.log10_p if outcomes.total else None),
         ),
-        trigger_coverage=rate_of(result.trigger_coverage, result.trigger_interval),
-        response_coverage=rate_of(result.response_coverage, result.response_interval),
+        trigger_coverage=rate_of(result.trigger_coverage),
+        response_coverage=rate_of(result.response_coverage),
         stale_actions=stale_of(result.exposure),
         given_response=blocks.GivenResponse(
             base_success=ratio_of(given.base),
@@ -72,9 +72,9 @@ def ratio_of(ratio: Ratio) -> blocks.Ratio:
     return blocks.Ratio(count=ratio.count, of=ratio.of, value=number(ratio.value))
 
 
-def rate_of(ratio: Ratio, interval: Interval | None) -> Rate:
-    """Return a ratio with its counts and interval."""
-    lower, upper = ends(interval)
+def rate_of(ratio: Ratio) -> Rate:
+    """Return a ratio with its counts and exact interval."""
+    lower, upper = ends(clopper_pearson(ratio))
     return Rate(count=ratio.count, of=ratio.of, value=number(ratio.value), lower=lower, upper=upper)
 
 

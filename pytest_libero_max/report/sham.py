@@ -10,7 +10,6 @@ from pytest_libero_max.report import report_document
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
 from pytest_libero_max.report.measured import mean_difference_of, rate_of, ratio_of
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.stats.intervals import clopper_pearson
 from pytest_libero_max.stats.outcome_table import Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
 
@@ -33,9 +32,9 @@ def sham_of(records: Iterable[PairRecord]) -> report_document.Sham | None:
     return report_document.Sham(
         pairs=len(played),
         identical=ratio_of(Ratio(alike, len(played))),
-        lost=rate_of(lost, clopper_pearson(lost)),
-        gained=rate_of(gained, clopper_pearson(gained)),
-        event_lost=rate_of(event_lost, clopper_pearson(event_lost)),
+        lost=rate_of(lost),
+        gained=rate_of(gained),
+        event_lost=rate_of(event_lost),
         beyond=mean_difference_of(beyond.change, exact),
     )
 

@@ -104,9 +104,6 @@ class PairedResult:
 
     Attributes:
         outcomes: The four counts, with all ratios that follow from them.
-        base: Interval of the Base success rate.
-        dynamic: Interval of the Dynamic success rate.
-        conditional_regression: Interval of the share of Base successes lost.
         change: Interval of the paired change for independent pairs: exact, and never without a width.
         change_by_task: The same for statements about other tasks.
         base_by_task: Interval of the Base success rate for statements about other tasks.
@@ -117,17 +114,12 @@ class PairedResult:
         mcnemar: Exact test of (1, 0) against (0, 1).
         trigger_coverage: Pairs whose event fired, of all.
         response_coverage: Pairs with a query after the event, of all.
-        trigger_interval: Interval of the trigger coverage.
-        response_interval: Interval of the response coverage.
         exposure: Stale actions.
         given_response: The four counts among the pairs with a query after the event: a diagnostic that must
             never be mixed with the full-denominator outcomes.
     """
 
     outcomes: Outcomes
-    base: Interval | None
-    dynamic: Interval | None
-    conditional_regression: Interval | None
     change: Interval | None
     change_by_task: TaskInterval
     base_by_task: TaskInterval
@@ -138,8 +130,6 @@ class PairedResult:
     mcnemar: McNemar
     trigger_coverage: Ratio
     response_coverage: Ratio
-    trigger_interval: Interval | None
-    response_interval: Interval | None
     exposure: Exposure
     given_response: Outcomes
 
@@ -167,9 +157,6 @@ def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None) -> Paired
     )
     return PairedResult(
         outcomes=outcomes,
-        base=base,
-        dynamic=dynamic,
-        conditional_regression=lost,
         change=change,
         change_by_task=task_interval(differences, pairs.task, change),
         base_by_task=task_interval(pairs.base, pairs.task, base, bounds=_SHARE),
@@ -182,8 +169,6 @@ def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None) -> Paired
         mcnemar=mcnemar(outcomes.regression, outcomes.change_associated_success),
         trigger_coverage=triggered,
         response_coverage=responded,
-        trigger_interval=clopper_pearson(triggered),
-        response_interval=clopper_pearson(responded),
         exposure=expose(pairs.stale[pairs.responded], unanswered=triggered.count - responded.count),
         given_response=tabulate(pairs.base[pairs.responded], pairs.dynamic[pairs.responded]),
     )

@@ -24,13 +24,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 from numba.core import cgutils, types
 from numba.core.cgutils import ir
 from numba.extending import intrinsic
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.compiling import compiled
 from pytest_libero_max.worlds.contract import ACTION_DIM, Array, Control
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.robot import PANDA
@@ -291,7 +291,7 @@ def _call(typing_context: Any, address: Any, arguments: Any) -> Any:
     return signature, generate
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _control_step(
     goal_pos: Any,
     goal_ori: Any,

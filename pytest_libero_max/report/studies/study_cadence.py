@@ -18,6 +18,7 @@ from pytest_libero_max.report.measured import (
     number,
     outcomes_of,
     rate_of,
+    ratio_of,
     stale_of,
 )
 from pytest_libero_max.report.studies.study_document import (
@@ -29,7 +30,7 @@ from pytest_libero_max.report.studies.study_document import (
 )
 from pytest_libero_max.stats.best import Best, FromBest, best_of
 from pytest_libero_max.stats.exposure import expose
-from pytest_libero_max.stats.intervals import clopper_pearson, mean_change
+from pytest_libero_max.stats.intervals import mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, setting_arm
@@ -111,17 +112,15 @@ def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
         horizon=setting.horizon,
         query_interval=setting.query_interval,
         own=setting.own,
-        base_success=rate_of(outcomes.base, clopper_pearson(outcomes.base)),
-        dynamic_success=rate_of(outcomes.dynamic, clopper_pearson(outcomes.dynamic)),
+        base_success=rate_of(outcomes.base),
+        dynamic_success=rate_of(outcomes.dynamic),
         paired_change=SettingChange(
             **asdict(mean_difference_of(outcomes.change, exact)), bootstrap_by_source=interval_of(bootstrap)
         ),
         outcomes=outcomes_of(outcomes),
-        conditional_regression=rate_of(
-            outcomes.conditional_regression, clopper_pearson(outcomes.conditional_regression)
-        ),
-        trigger_coverage=rate_of(triggered, clopper_pearson(triggered)),
-        response_coverage=rate_of(responded, clopper_pearson(responded)),
+        conditional_regression=rate_of(outcomes.conditional_regression),
+        trigger_coverage=rate_of(triggered),
+        response_coverage=rate_of(responded),
         stale_actions=stale_of(expose(stale, unanswered=triggered.count - responded.count)),
     )
 
@@ -132,9 +131,12 @@ def _successes(records: Sequence[PairRecord], arm: str) -> BoolArray:
 
 def _best(successes: dict[str, BoolArray]) -> BestSetting:
     best: Best = best_of(successes)
+    lower, upper = ends(best.interval)
     return BestSetting(
         setting=best.name,
-        **asdict(rate_of(best.rate, best.interval)),
+        **asdict(ratio_of(best.rate)),
+        lower=lower,
+        upper=upper,
         not_worse=[name for name, difference in best.differences.items() if difference.may_equal],
         differences={name: _difference(difference) for name, difference in best.differences.items()},
     )

@@ -278,7 +278,7 @@ class BestSetting(Block, frozen=True, kw_only=True):
         count: Its cases that succeed.
         of: Cases: the denominator.
         value: Its success rate.
-        lower: Lower end of its interval, which holds together with those of all settings with 95% (Wilson,
+        lower: Lower end of its interval, which holds together with those of all settings with 95% (exact,
             Bonferroni).
         upper: Upper end of the same.
         not_worse: Other settings that the cases do not show to be worse.

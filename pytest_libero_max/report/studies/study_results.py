@@ -13,7 +13,6 @@ from pytest_libero_max.report.measured import rate_of
 from pytest_libero_max.report.studies.study_cadence import cadence_results
 from pytest_libero_max.report.studies.study_camera import camera_results
 from pytest_libero_max.report.studies.study_document import Executed, Study
-from pytest_libero_max.stats.intervals import clopper_pearson
 from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraTiming
@@ -67,7 +66,7 @@ def success_by_arm(records: Sequence[PairRecord]) -> dict[str, Rate]:
     for name in names:
         ends = [record.arms[name].success for record in records if name in record.arms]
         ratio = Ratio(sum(ends), len(ends))
-        rates[name] = rate_of(ratio, clopper_pearson(ratio))
+        rates[name] = rate_of(ratio)
     return rates
 
 

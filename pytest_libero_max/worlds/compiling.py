@@ -1,0 +1,19 @@
+"""Compilation by Numba, kept on disk between processes where that is possible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that Numba compiles at its first call and keeps on disk, where a folder is writable.
+
+    The folder is ``NUMBA_CACHE_DIR``, else that of the function's module, else the user's cache.
+    """
+    try:
+        return numba.njit(cache=True)(function)  # type: ignore[no-any-return]
+    except RuntimeError:  # no folder: each process compiles for itself
+        return numba.njit(function)  # type: ignore[no-any-return]
