@@ -311,6 +311,31 @@ def ranks(values: Mapping[str, float | None]) -> dict[str, float | None]:
     return {name: ranked.get(name) for name in values}
 
 
+def rank_sets(names: Sequence[str], family: Sequence[Contrast]) -> dict[str, tuple[int, int]]:
+    """Return the highest and the lowest rank of each condition that simultaneous intervals leave open.
+
+    A condition is below those that its contrasts show to be better, and above those that they show to be
+    worse. All sets together hold the true ranks with 95%. Reference: M. Mogstad, J. P. Romano, A. M. Shaikh
+    and D. Wilhelm (2024), Inference for Ranks with Applications to Mobility across Neighbourhoods and
+    Academic Achievement across Countries, Review of Economic Studies 91:476-518.
+
+    Args:
+        names: The conditions that are ranked.
+        family: Contrasts of all pairs of them, and maybe of others.
+    """
+    better, worse = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+    for contrast in family:
+        if contrast.first not in better or contrast.second not in better or contrast.simultaneous is None:
+            continue
+        if contrast.simultaneous.lower > 0:
+            better[contrast.first] += 1
+            worse[contrast.second] += 1
+        elif contrast.simultaneous.upper < 0:
+            better[contrast.second] += 1
+            worse[contrast.first] += 1
+    return {name: (1 + better[name], len(names) - worse[name]) for name in names}
+
+
 def profile_agreement(profiles: Mapping[str, Sequence[float]]) -> ProfileAgreement:
     """Spearman's rank correlation between all pairs of profiles, ties by mean ranks.
 

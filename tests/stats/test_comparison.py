@@ -15,6 +15,7 @@ from pytest_libero_max.stats.comparison import (
     group_change_contrasts,
     group_contrasts,
     profile_agreement,
+    rank_sets,
     ranks,
     sign_flip,
 )
@@ -58,6 +59,24 @@ def test_contrasts_need_common_cases() -> None:
 def test_ranks_share_ties_and_leave_out_what_is_unknown() -> None:
     assert ranks({"a": 0.5, "b": 0.9, "c": 0.5, "d": None}) == {"a": 2.5, "b": 1.0, "c": 2.5, "d": None}
     assert ranks({}) == {}
+
+
+def test_rank_sets_hold_every_rank_that_is_not_shown_to_be_wrong() -> None:
+    best, poor = np.arange(100) < 100, np.arange(100) < 20
+    successes = {"a": best, "b": np.arange(100) < 98, "c": poor, "partial": np.arange(100) < 50}
+    assert rank_sets(["a", "b", "c"], contrasts(successes)) == {"a": (1, 2), "b": (1, 2), "c": (3, 3)}
+    assert rank_sets(["a"], contrasts({"a": best, "partial": poor})) == {"a": (1, 1)}
+
+
+def test_rank_sets_together_hold_the_true_ranks() -> None:
+    random = np.random.default_rng(5)
+    rates = {"a": 0.85, "b": 0.6, "c": 0.55, "d": 0.3}
+    held = 0
+    for _ in range(200):
+        drawn = {name: random.random(80) < rate for name, rate in rates.items()}
+        sets = rank_sets(list(rates), contrasts(drawn))
+        held += all(low <= rank <= high for rank, (low, high) in enumerate(sets.values(), 1))
+    assert held >= 190
 
 
 def test_profiles_that_order_alike_and_contrarily() -> None:

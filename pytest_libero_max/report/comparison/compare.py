@@ -22,6 +22,7 @@ from pytest_libero_max.report.comparison.comparison_document import (
     EventContrasts,
     EventProfiles,
     Flip,
+    LowestEvent,
     Outcome,
     OverRuns,
     RunDifference,
@@ -48,9 +49,11 @@ from pytest_libero_max.stats.comparison import (
     group_change_contrasts,
     group_contrasts,
     profile_agreement,
+    rank_sets,
     ranks,
 )
-from pytest_libero_max.stats.paired import Labels, Pairs, measure_groups
+from pytest_libero_max.stats.extremes import lowest_by_chance
+from pytest_libero_max.stats.paired import Labels, PairedResult, Pairs, measure_groups
 
 
 @dataclass(frozen=True)
@@ -177,16 +180,20 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
     labelled = next(iter(pairs.values()))
     tasks, sources = labelled.task, labelled.source
+    by_run = contrasts(dynamic, sources)
+    open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
     rows = []
     for name, result in results.items():
         block = result_of(result, len(common.planned))
-        profile = dict(zip(events, changes[name], strict=True))
+        highest, lowest = open_ranks.get(name, (None, None))
         rows.append(
             ComparedRun(
                 name=name,
                 rank=ranked[name],
+                highest_rank=highest,
+                lowest_rank=lowest,
                 policy=outcomes[name].policy,
                 replay=list(replay_command(outcomes[name])),
                 base_success=block.base_success,
@@ -197,8 +204,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
                 trigger_coverage=block.trigger_coverage,
                 response_coverage=block.response_coverage,
                 by_event={event: change_of(group) for event, group in by_event[name].items()},
-                smallest_loss=max(events, key=lambda event: profile[event]),
-                largest_loss=min(events, key=lambda event: profile[event]),
+                lowest_event=_lowest_event(by_event[name]),
             )
         )
     return Comparison(
@@ -214,10 +220,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             *_scene_differences(outcomes, [pair.case_id for pair in common.planned]),
         ],
         runs=rows,
-        contrasts=[
-            contrast_of(contrast, _by_task(contrast, dynamic, tasks))
-            for contrast in contrasts(dynamic, sources)
-        ],
+        contrasts=[contrast_of(contrast, _by_task(contrast, dynamic, tasks)) for contrast in by_run],
         base_contrasts=[
             contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, sources)
         ],
@@ -264,14 +267,20 @@ _COMPARED = ("substrate", "protocol", "case_set", "versions")
 """Parts of the provenance in which runs should agree if only their policies are to differ."""
 
 
+_ADDED_ARMS = ("protocol.noise_floor", "protocol.sham")
+
+
 def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
-    """Yield the differences between the runs beside their policies, each with the value of every run."""
+    """Yield the differences between the runs beside their policies, each with the value of every run.
+
+    Arms that some runs played in addition change nothing that is compared.
+    """
     flat = {
         name: {
             f"{part}.{key}": value
             for part in _COMPARED
             for key, value in run.run.provenance.get(part, {}).items()
-            if f"{part}.{key}" not in PLACES
+            if f"{part}.{key}" not in (*PLACES, *_ADDED_ARMS)
         }
         for name, run in runs.items()
     }
@@ -304,6 +313,26 @@ def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) ->
             values[name] = "recorded"
     if len(set(values.values())) > 1:
         yield RunDifference(field="scenes", values=values)
+
+
+def _lowest_event(by_event: Mapping[str, PairedResult]) -> LowestEvent:
+    """Return the lowest paired change of an event, named where chance does not explain it."""
+    outcomes = {event: result.outcomes for event, result in by_event.items()}
+    changes = {event: found.change.count / found.total for event, found in outcomes.items()}
+    lowest = min(changes.values())
+    chance = lowest_by_chance(
+        [found.total for found in outcomes.values()],
+        gains=sum(found.change_associated_success for found in outcomes.values()),
+        losses=sum(found.regression for found in outcomes.values()),
+        seen=lowest,
+    )
+    events = [event for event, change in changes.items() if change == lowest]
+    named = len(events) == 1 and len(changes) > 1 and not chance.explains
+    return LowestEvent(
+        event=events[0] if named else None,
+        value=float(f"{lowest:.12g}"),
+        by_chance=float(f"{chance.expected:.12g}"),
+    )
 
 
 def _over_runs(changes: Sequence[float]) -> OverRuns:

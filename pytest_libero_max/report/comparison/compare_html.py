@@ -9,7 +9,13 @@ from msgspec.structs import replace
 
 from pytest_libero_max.report.comparison.compare import CommonCases
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
-from pytest_libero_max.report.comparison.compare_text import comparison_title, result_lines, with_short_names
+from pytest_libero_max.report.comparison.compare_text import (
+    comparison_title,
+    rank_set_text,
+    rank_text,
+    result_lines,
+    with_short_names,
+)
 from pytest_libero_max.report.comparison.comparison_document import ComparedRun, Comparison
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
 from pytest_libero_max.report.page.comparison_cases import beside, comparison_cases
@@ -57,7 +63,8 @@ def comparison_html(
 def _run_row(run: ComparedRun) -> tuple[str, ...]:
     return (
         run.name,
-        "--" if run.rank is None else f"{run.rank:g}",
+        rank_text(run),
+        rank_set_text(run),
         rate_text(run.base_success),
         rate_text(run.dynamic_success),
         change_text(run.paired_change),

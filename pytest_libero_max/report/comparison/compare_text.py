@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.comparison.comparison_document import (
     ChangeContrast,
+    ComparedRun,
     Comparison,
     EventContrasts,
     GroupContrast,
@@ -35,6 +36,8 @@ _LEVEL = 0.05
 
 _NAMES = ("name", "first", "second")
 """Fields that hold the name of a run."""
+
+OPEN_RANKS = "Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude."
 
 _SIMULTANEOUS = "simultaneous 95%"
 
@@ -79,10 +82,11 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
         lines.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
     lines += substrate_lines(comparison.substrate)
     lines += _difference_lines(comparison.differences)
-    lines += ["", _run_row("rank", "run", "Base", "Dynamic", "change [95%]", "95% by task", "lost")]
+    lines += ["", _run_row("rank", "open", "run", "Base", "Dynamic", "change [95%]", "95% by task", "lost")]
     lines += [
         _run_row(
-            "--" if run.rank is None else f"{run.rank:g}",
+            rank_text(run),
+            rank_set_text(run),
             run.name,
             percent(run.base_success.value),
             percent(run.dynamic_success.value),
@@ -92,6 +96,7 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
         )
         for run in sorted(runs, key=lambda run: run.rank or len(runs) + 1)
     ]
+    lines.append(OPEN_RANKS)
     lines += ["", *_contrast_lines("Dynamic success", comparison.contrasts)]
     lines += ["", *_contrast_lines("Base success", comparison.base_contrasts)]
     lines += ["", *_contrast_lines("Paired change", comparison.change_contrasts)]
@@ -120,8 +125,22 @@ def with_short_names(comparison: Comparison) -> Comparison:
     return replace(shown, flips=flips)
 
 
-def _run_row(rank: str, name: str, base: str, dynamic: str, change: str, by_task: str, lost: str) -> str:
-    return f"{rank:>4}  {name:<22} {base:>6} {dynamic:>7} {change:>24} {by_task:>15} {lost:>11}"
+def rank_text(run: ComparedRun) -> str:
+    """Return the rank of a run; two hyphens for none."""
+    return "--" if run.rank is None else f"{run.rank:g}"
+
+
+def rank_set_text(run: ComparedRun) -> str:
+    """Return the ranks that the cases leave open to a run; two hyphens for none."""
+    if run.highest_rank == run.lowest_rank:
+        return "--" if run.highest_rank is None else str(run.highest_rank)
+    return f"{run.highest_rank}-{run.lowest_rank}"
+
+
+def _run_row(
+    rank: str, ranks: str, name: str, base: str, dynamic: str, change: str, by_task: str, lost: str
+) -> str:
+    return f"{rank:>4} {ranks:>6}  {name:<22} {base:>6} {dynamic:>7} {change:>24} {by_task:>15} {lost:>11}"
 
 
 def _difference_lines(differences: Sequence[RunDifference]) -> Iterator[str]:
@@ -192,13 +211,15 @@ def _event_lines(by_event: Mapping[str, EventContrasts]) -> Iterator[str]:
 
 
 def _profile_lines(comparison: Comparison) -> Iterator[str]:
-    """Yield the events of least and largest loss of each run, and the agreement of the runs."""
-    yield f"{'Paired change by event':<28} {'smallest loss':<34} largest loss"
-    for run in comparison.runs:
-        smallest, largest = (
-            f"{event} {points(run.by_event[event].value)}" for event in (run.smallest_loss, run.largest_loss)
-        )
-        yield f"  {run.name:<26} {smallest:<34} {largest}"
+    """Yield the event of the lowest paired change of each run, and the agreement of the runs."""
+    if len(comparison.by_event) > 1:
+        yield f"{'Lowest paired change of an event':<34} {'value':>7} {'by chance':>10}  event"
+        for run in comparison.runs:
+            lowest = run.lowest_event
+            yield (
+                f"  {run.name:<32} {points(lowest.value):>7} {points(lowest.by_chance):>10}  "
+                f"{lowest.event or 'none stands out'}"
+            )
     if len(comparison.runs) > 2:
         yield f"{'Paired change by event':<28} {'median':>7}  quartiles over the runs  range"
         for event, over_runs in comparison.events.items():

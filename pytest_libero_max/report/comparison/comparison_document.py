@@ -58,6 +58,20 @@ class RunDifference(Block, frozen=True, kw_only=True):
     values: dict[str, Any]
 
 
+class LowestEvent(Block, frozen=True, kw_only=True):
+    """The lowest paired change of a run in an event, and what chance makes of it.
+
+    Attributes:
+        event: The event; None where chance explains the value, or several events have it.
+        value: Its paired change.
+        by_chance: Its mean if the outcomes were dealt to the events at random.
+    """
+
+    event: Text | None
+    value: Difference
+    by_chance: Difference
+
+
 class ComparedRun(Block, frozen=True, kw_only=True):
     """One run on the common cases.
 
@@ -65,6 +79,9 @@ class ComparedRun(Block, frozen=True, kw_only=True):
         name: Name of the run: its path as given.
         rank: Rank by Dynamic success on the common cases, 1 for the highest; equal runs share the mean of
             their ranks. None for a run whose policy does not support all of its cases.
+        highest_rank: Highest rank that the cases leave open, by the simultaneous intervals of the contrasts:
+            one below the runs that they show to be better. Whole, without shared ranks.
+        lowest_rank: Lowest rank that they leave open: one above the runs that they show to be worse.
         policy: The policy's spec as played, as in its records.
         replay: Plays a case of this run again once its item id is appended.
         base_success: Base success rate on the common cases.
@@ -75,12 +92,13 @@ class ComparedRun(Block, frozen=True, kw_only=True):
         trigger_coverage: Pairs whose event fired.
         response_coverage: Pairs in which the policy was queried after the event.
         by_event: Paired change by event.
-        smallest_loss: The event of highest paired change.
-        largest_loss: The event of lowest paired change.
+        lowest_event: The lowest paired change in an event.
     """
 
     name: Text
     rank: Annotated[float, Meta(ge=1)] | None
+    highest_rank: Positive | None
+    lowest_rank: Positive | None
     policy: dict[str, Any] | None
     replay: list[str]
     base_success: Rate
@@ -91,8 +109,7 @@ class ComparedRun(Block, frozen=True, kw_only=True):
     trigger_coverage: Rate
     response_coverage: Rate
     by_event: dict[str, Change]
-    smallest_loss: Text
-    largest_loss: Text
+    lowest_event: LowestEvent
 
 
 class SuccessDifference(Block, frozen=True, kw_only=True):

@@ -56,6 +56,28 @@ def test_a_comparison_finds_the_flips_and_ranks_the_runs() -> None:
     assert plain(comparison)["substrate"]["scores_comparable_with_published"] is False
 
 
+def test_an_event_is_named_where_chance_does_not_explain_its_loss() -> None:
+    lost = [(True, pair.event != "camera_shift") for pair in PAIRS]
+    old, new = plain(compare_runs({"old": _run(ALWAYS), "new": _run(lost)}))["runs"]
+    assert old["lowest_event"] == {"event": None, "value": 0.0, "by_chance": 0.0}
+    assert new["lowest_event"]["event"] == "camera_shift"
+    assert new["lowest_event"]["value"] == -1.0
+    assert -0.5 < new["lowest_event"]["by_chance"] < -0.25
+    one = [pair for pair in PAIRS if pair.event == "camera_shift"]
+    failed = [(True, False)] * len(one)
+    (only, _) = plain(compare_runs({"a": _run(failed, one), "b": _run(failed, one)}))["runs"]
+    assert only["lowest_event"]["event"] is None, "one event is no lowest of several"
+
+
+def test_arms_that_were_added_are_no_difference_of_what_is_compared() -> None:
+    protocol = PROVENANCE["protocol"]
+    added = _run(ALWAYS, protocol={**protocol, "noise_floor": 4, "sham": 2})
+    assert compare_runs({"old": _run(ALWAYS), "new": added}).differences == []
+    other = _run(ALWAYS, protocol={**protocol, "prefix": "replay"})
+    (difference,) = compare_runs({"old": _run(ALWAYS), "new": other}).differences
+    assert difference.field == "protocol.prefix"
+
+
 def test_the_replay_command_plays_one_case_of_that_run() -> None:
     run = _run(ALWAYS, policy={"reference": "a.py", "horizon": None, "query_interval": 2})
     assert replay_command(run) == [
@@ -210,9 +232,10 @@ COMPARISON = """\
 2 runs on 32 common cases
 Scores on the embedded substrate are not comparable with published ones.
 
-rank  run                      Base Dynamic             change [95%]     95% by task        lost
-   1  old                    100.0%  100.0%      +0.0 [-10.9, +10.9]             n/a        0/32
-   2  new                    100.0%   87.5%      -12.5 [-29.0, +2.8]             n/a        4/32
+rank   open  run                      Base Dynamic             change [95%]     95% by task        lost
+   1    1-2  old                    100.0%  100.0%      +0.0 [-10.9, +10.9]             n/a        0/32
+   2    1-2  new                    100.0%   87.5%      -12.5 [-29.0, +2.8]             n/a        4/32
+Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.
 
 Dynamic success, second against first     change      95% interval     95% by task   Holm p
 new against old                            -12.5     [-29.0, +2.8]             n/a    0.125
@@ -243,9 +266,9 @@ distractor_burst                           -50.0  [-172.6, +105.9]              
 obstacle_insertion                         -50.0  [-172.6, +105.9]                    1.000
 Holm's correction and the simultaneous intervals are over all events and pairs of runs.
 
-Paired change by event       smallest loss                      largest loss
-  old                        illumination_switch +0.0           illumination_switch +0.0
-  new                        illumination_switch +0.0           distractor_burst -50.0
+Lowest paired change of an event     value  by chance  event
+  old                                 +0.0       +0.0  none stands out
+  new                                -50.0      -38.1  none stands out
 Agreement of the event profiles: n/a, no two runs have profiles that vary
 
 4 cases changed, (Base, Dynamic) in old, new:
