@@ -2,8 +2,7 @@
 
 The file format is that of the manifests that the authors of LIBERO-MAX released as version 3.0.0 and that are
 scored by the completion of the task; a manifest that is read and written again has the same bytes. Not played
-are their pairs that are scored by the policy's intent (``intent_96.json``), and their cases of version 1.0.0,
-which have a third draw of the parameters (``core.json``).
+are their pairs that are scored by the policy's intent (``intent_96.json``), and their files of version 1.0.0.
 
 Format 2 adds cases that the authors' format cannot express: those with a ``program`` of their own
 (:mod:`pytest_libero_max.benchmark.programs`), or with a trigger other than ``on_proximity``. A manifest
@@ -24,7 +23,7 @@ from msgspec import Struct
 from pytest_libero_max.benchmark.cases import PROXIMITY, Case, parse_case
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
 from pytest_libero_max.benchmark.programs import Program
-from pytest_libero_max.benchmark.releases import Recognition, recognise
+from pytest_libero_max.benchmark.releases import NOT_PLAYED, Recognition, recognise
 from pytest_libero_max.benchmark.structs import Positive, Word, checked, require_fields
 from pytest_libero_max.errors import ManifestError
 
@@ -115,6 +114,13 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
         ) from error
     named = document.get("benchmark_id") if isinstance(document, dict) else None
     recognition = recognise(content, path, named)
+    released = None if recognition is None else recognition.released
+    if released is not None and released.version in NOT_PLAYED and released.benchmark_id == named:
+        raise ManifestError(
+            f"{path} ({recognition}): version {released.version} is not played. Give a manifest of version "
+            "3.0.0 or 2.0.0.",
+            path=path,
+        )
     try:
         return replace(parse_manifest(document), recognition=recognition)
     except ManifestError as error:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import LiberoMaxError, OptionError
@@ -96,15 +97,18 @@ def _refusal(
 
 
 def _supported_tracks(substrate: str, options: SubstrateOptions) -> list[str]:
-    """Return the tracks of which every case may play, as they are asked for."""
+    """Return the tracks of which every case may play, as they are asked for.
+
+    All of a substrate that has tracks of its own; else the first, the defaults before others.
+    """
     from pytest_libero_max.benchmark.tracks import FOLDER, track_names
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
     tracks = SUBSTRATES[substrate].tracks(options)
-    if not tracks.folder:
-        return list(tracks.defaults)
-    names = dict.fromkeys((*track_names(FOLDER / tracks.folder), *tracks.defaults))
-    return [name for name in names if _all_supported(tracks.name(name), substrate, options)]
+    own, defaults = track_names(FOLDER / tracks.folder), tracks.defaults
+    names = dict.fromkeys((*own, *defaults) if tracks.folder else (*defaults, *own))
+    fit = (name for name in names if _all_supported(tracks.name(name), substrate, options))
+    return list(fit) if tracks.folder else list(islice(fit, 1))
 
 
 def _all_supported(name: str, substrate: str, options: SubstrateOptions) -> bool:

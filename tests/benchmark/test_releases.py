@@ -71,3 +71,15 @@ def test_a_released_file_that_is_not_played_is_named_in_the_refusal(tmp_path: Pa
         ManifestError, match=r"pairs.json \(like the authors' intent_96.json 3.0.0.*only 'phys"
     ):
         load_manifest(tmp_path / "pairs.json")
+
+
+@pytest.mark.parametrize("benchmark_id", ["libero-max-v1-core", "libero-max-v1-intent-core"])
+def test_version_1_is_refused_in_one_sentence(benchmark_id: str, tmp_path: Path) -> None:
+    write_manifest(tmp_path / "mine.json", benchmark_id=benchmark_id, benchmark_version="1.0.0")
+    with pytest.raises(ManifestError, match=r"version 1\.0\.0 is not played\. Give a manifest of version 3"):
+        load_manifest(tmp_path / "mine.json")
+
+
+def test_a_file_of_ones_own_may_be_called_like_one_of_version_1(tmp_path: Path) -> None:
+    write_manifest(tmp_path / "core.json", benchmark_id="mine")
+    assert len(load_manifest(tmp_path / "core.json")) == 1

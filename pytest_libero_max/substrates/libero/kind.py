@@ -56,10 +56,10 @@ def _catalogue(options: SubstrateOptions) -> Catalogue:
 
 
 def _lacking(options: SubstrateOptions, cases: Sequence[Case]) -> Mapping[str, str]:
-    from pytest_libero_max.substrates.libero.lacking import lacking
+    from pytest_libero_max.substrates.libero.lacking import lacking, lacking_own
 
     if options.variations == "own":
-        return {}
+        return lacking_own(cases)
     return lacking(_installations(options), cases)
 
 

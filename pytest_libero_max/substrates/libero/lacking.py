@@ -20,6 +20,7 @@ from pytest_libero_max.substrates.libero.plus import plus_task
 from pytest_libero_max.substrates.libero.pro_config import check_category
 from pytest_libero_max.substrates.libero.pro_tasks import has_own_files, pro_task
 from pytest_libero_max.substrates.libero.tasks import task_name, task_of
+from pytest_libero_max.substrates.registry import own_variation
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -48,6 +49,13 @@ OTHER_VARIATIONS = (
     "embedded scenes do; --libero-max-source-variations=own plays those of this package's own that change a "
     "scene at reset alone"
 )
+
+OTHER_TASKS = (
+    "they name tasks of the genuine LIBERO-Plus or LIBERO-PRO, which are played without "
+    "--libero-max-source-variations=own"
+)
+
+_AT_RESET = "--libero-max-source-variations=own changes LIBERO's scenes at reset alone"
 
 _ADDED_OBJECTS = re.compile(r"_add_\d+$")
 _MOTION_BLUR = range(1, 11)
@@ -122,6 +130,22 @@ def lacking(installations: Sequence[Installation], cases: Iterable[Case]) -> dic
     needs = None if plus is None else PlusNeeds.of(plus)
     reasons = {case.case_id: _reason(case, first_of(installations, case.source), needs) for case in cases}
     return {case_id: reason for case_id, reason in reasons.items() if reason}
+
+
+def lacking_own(cases: Iterable[Case]) -> dict[str, str]:
+    """Return the reasons why cases cannot play with the source variations of this package's own, by id."""
+    reasons = {case.case_id: _reason_of_own(case) for case in cases if case.source != "libero"}
+    return {case_id: reason for case_id, reason in reasons.items() if reason}
+
+
+def _reason_of_own(case: Case) -> str:
+    try:
+        variation = own_variation(case)
+    except SubstrateError:
+        return OTHER_TASKS
+    if not variation.scene:
+        return ""
+    return f"{case.source_category}. They need scenes of their own, and {_AT_RESET}"
 
 
 def _reason(case: Case, found: Installation | None, needs: PlusNeeds | None) -> str:

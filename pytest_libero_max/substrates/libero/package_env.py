@@ -92,7 +92,14 @@ def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: b
         except Exception as error:  # the package raises whatever it likes
             if _NO_MEMORY in str(error):
                 raise MemoryError(str(error)) from error
-            raise SubstrateError(_explained(error, installation, Path(bddl).name)) from error
+            task = Path(bddl).name
+            missing = _missing(error, installation, task)
+            if missing:
+                raise SubstrateError(missing) from None
+            raise SubstrateError(
+                f"The environment of {task} could not be built by {installation}: "
+                f"{type(error).__name__}: {error}"
+            ) from error
     return Built(wrapper, env)
 
 
@@ -103,8 +110,8 @@ def _keep_assets() -> None:
         mujoco.mj_setCacheCapacity(mujoco.mj_getCache(), ASSET_CACHE_BYTES)
 
 
-def _explained(error: Exception, installation: Installation, task: str) -> str:
-    """Reason why an environment could not be built, as far as the package's error says it."""
+def _missing(error: Exception, installation: Installation, task: str) -> str:
+    """Return what an installation lacks for a task, with the cure; empty where the error is another."""
     named = re.search(r"'(.+?)'", str(error))
     if named is not None and Path(named.group(1)).is_relative_to(installation.assets):
         return (
@@ -116,7 +123,7 @@ def _explained(error: Exception, installation: Installation, task: str) -> str:
             f"{installation} knows no {named.group(1)!r}, which {task} asks for. Play it with the LIBERO "
             "that it was made for (pytest --libero-max-libero, libero-max --libero)."
         )
-    return f"The environment of {task} could not be built by {installation}: {type(error).__name__}: {error}"
+    return ""
 
 
 def _retried(action: Callable[[], Any], randomization_error: type[Exception]) -> Any:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import pytest
 
+import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.sampling import stratified
@@ -22,6 +25,7 @@ from pytest_libero_max.worlds.contract import NOOP_ACTION
 from tests.construction.test_official import MANIFEST, OFFICIAL
 from tests.substrates.libero.made_up import pro_case
 
+PACKAGE = Path(pytest_libero_max.__file__).parent
 SUITE = "libero_object"
 CLASSIFICATION = OFFICIAL.parent / "libero_plus" / "task_classification.json"
 
@@ -89,6 +93,20 @@ def test_the_frozen_genuine_cases_play_but_for_those_that_were_not_examined() ->
         lacks = lacking(installations, cases)
         without_wand = {case_id for case_id, reason in lacks.items() if "Wand" in reason}
         assert lacks.keys() - without_wand == {case.case_id for case in cases} & unexamined.keys()
+
+
+@pytest.mark.parametrize(
+    ("works", "counts"), [(True, "598 of lite and 5,924 of max"), (False, "583 and 5,774")]
+)
+def test_the_documentation_counts_the_cases_that_play_with_and_without_imagemagick(
+    works: bool, counts: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pytest_libero_max.substrates.libero.lacking.usable", lambda module: works)
+    tracks = [load_track(f"{GENUINE}/{name}").cases for name in ("lite", "max")]
+    play = [len(cases) - len(lacking(LiberoSubstrate().installations, cases)) for cases in tracks]
+    assert play == [int(number.replace(",", "")) for number in re.findall(r"\d,?\d+", counts)]
+    page = (PACKAGE / "substrates" / "README.md").read_text()
+    assert counts in " ".join(page.replace("`", "").split())
 
 
 def _made_again(
