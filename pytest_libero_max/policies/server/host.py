@@ -121,6 +121,7 @@ class Host:
         self._episode: tuple[Episode, Cadence | None] | None = None
         self._at: tuple[str, str | None] | None = None
         self._clients = 0
+        self._connection = threading.local()  # each has a thread of its own
         self._lock = threading.Lock()
         self._queue: BatchQueue[InferenceRequest, InferenceResult] = BatchQueue(
             batching, lambda: self._clients, self._answer
@@ -152,12 +153,19 @@ class Host:
 
     @contextmanager
     def client(self) -> Iterator[None]:
-        """Count a client while the block lasts."""
+        """Count a connection while the block lasts; what it asks is asked by this thread.
+
+        Memories of its clients are kept for a while, for they may connect again.
+        """
         self._count(1)
+        named: set[str] = set()
+        self._connection.clients = named
         try:
             yield
         finally:
             self._count(-1)
+            if self._memories is not None:
+                self._memories.leave(named)
 
     def ask(self, request: InferenceRequest) -> InferenceResult:
         """Wait for the answer.
@@ -165,6 +173,8 @@ class Host:
         Raises:
             LiberoMaxError: The policy raised, its actions cannot be played, or the memory is not here.
         """
+        if request.place is not None and hasattr(self._connection, "clients"):
+            self._connection.clients.add(request.place.client)
         return self._queue.ask(request)
 
     def refused(self, error: BaseException) -> None:

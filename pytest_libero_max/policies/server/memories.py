@@ -6,19 +6,24 @@ one after it; so it can ask a query again, and go back to any memory that it has
 
 from __future__ import annotations
 
+import math
 import secrets
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients.address import PATIENCE_S
 
 MOST_KEPT = 64
 """Number of memories that a client may keep."""
 
 MOST_CLIENTS = 256
 """Number of clients whose memories are kept; the one heard least recently is forgotten first."""
+
+RECONNECT_S = 2 * PATIENCE_S
+"""Time after the end of a connection in which its clients may ask again, s: twice as long as they try to."""
 
 FORGOTTEN_AFTER_S = 3600.0
 """Time without queries after which a client is forgotten, s."""
@@ -63,11 +68,12 @@ class Place:
 @dataclass
 class _Client:
     heard: float
+    left: float = math.inf
     memories: dict[str, object] = field(default_factory=dict)
 
 
 class Memories:
-    """The memories of all clients. One thread uses it.
+    """The memories of all clients. One thread uses it; others may say that clients left.
 
     Args:
         clock: Seconds, growing.
@@ -91,10 +97,18 @@ class Memories:
         client = self._clients.get(place.client)
         if client is None or place.at not in client.memories:
             raise ServerError(
-                f"the memory {place.at!r} is not here: the server was started again, or has not heard of "
-                f"this client for {FORGOTTEN_AFTER_S:.0f} s"
+                f"the memory {place.at!r} is not here: the server was started again, has not heard of this "
+                f"client for {FORGOTTEN_AFTER_S:.0f} s, or {RECONNECT_S:.0f} s after its connection ended"
             )
         return client.memories[place.at]
+
+    def leave(self, names: Iterable[str]) -> None:
+        """Forget clients after a while, unless they ask again: their connection has ended."""
+        now = self._clock()
+        for name in names:
+            client = self._clients.get(name)
+            if client is not None:
+                client.left = now
 
     def add(self, place: Place, memory: object) -> str:
         """Keep the memory after a query and those that the client still needs; return its name."""
@@ -102,12 +116,13 @@ class Memories:
         self._clients = {
             name: client
             for name, client in self._clients.items()
-            if name == place.client or now - client.heard <= FORGOTTEN_AFTER_S
+            if name == place.client
+            or (now - client.heard <= FORGOTTEN_AFTER_S and now - client.left <= RECONNECT_S)
         }
         if place.client not in self._clients and len(self._clients) >= MOST_CLIENTS:
             del self._clients[min(self._clients, key=lambda name: self._clients[name].heard)]
         client = self._clients.setdefault(place.client, _Client(now))
-        client.heard = now
+        client.heard, client.left = now, math.inf
         needed = {place.at, *place.keep}
         client.memories = {name: kept for name, kept in client.memories.items() if name in needed}
         self._count += 1

@@ -11,6 +11,7 @@ import pytest
 
 from pytest_libero_max.errors import ActionError, AdapterError, ServerError
 from pytest_libero_max.policies.contract import BatchItem, PolicySpec
+from pytest_libero_max.policies.server import memories
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host, InferenceRequest, InferenceResult
 from pytest_libero_max.policies.server.memories import Place
@@ -91,6 +92,16 @@ def test_each_client_has_its_own_memory() -> None:
             at[client] = answer.memory
             seen[client].append(tuple(np.rint(100 * answer.actions[0, :2])))
     assert seen == {client: [(n, ord(client)) for n in range(4)] for client in "ab"}
+
+
+def test_memories_of_connections_that_end_do_not_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memories, "RECONNECT_S", -1.0)
+    with hosted(Counting()) as host:
+        for number in range(20):
+            with host.client():
+                host.ask(request(0, Place(f"client {number}")))
+        assert host._memories is not None
+        assert len(host._memories) == 1
 
 
 def test_a_query_can_be_asked_again_from_the_memory_before_it() -> None:

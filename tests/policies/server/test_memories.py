@@ -9,6 +9,7 @@ from pytest_libero_max.policies.server.memories import (
     FORGOTTEN_AFTER_S,
     MOST_CLIENTS,
     MOST_KEPT,
+    RECONNECT_S,
     Memories,
     Place,
 )
@@ -53,6 +54,21 @@ def test_a_client_that_is_silent_for_long_is_forgotten() -> None:
     now[0] += 1.0
     memories.add(Place("b"), "three")
     assert len(memories) == 1
+
+
+def test_a_client_whose_connection_ended_is_forgotten_soon_unless_it_asks_again() -> None:
+    now = [0.0]
+    memories = Memories(lambda: now[0])
+    names = {client: memories.add(Place(client), client) for client in "ab"}
+    memories.leave([*names, "unknown"])
+    now[0] = RECONNECT_S
+    memories.add(Place("a", names["a"]), "again")
+    assert memories.find(Place("b", names["b"])) == "b"
+    now[0] += 1.0
+    memories.add(Place("c"), "other")
+    assert memories.find(Place("a", names["a"])) == "a"
+    with pytest.raises(ServerError, match=r"or 600 s after its connection ended"):
+        memories.find(Place("b", names["b"]))
 
 
 @pytest.mark.parametrize(
