@@ -52,11 +52,16 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
         raise ManifestError(
             f"{folder} has no tracks. The installation is incomplete: install the package again."
         )
-    known = (*track_names(folder), *(f"{GENUINE}/{one}" for one in track_names(folder / GENUINE)))
+    known = all_track_names(folder)
     if name not in known:
         raise OptionError.seen("track", name, f" is not a track. {did_you_mean(name, known)}")
     plain = folder / f"{name}.json"
     return plain if plain.exists() else folder / f"{name}.json.gz"
+
+
+def all_track_names(folder: Path = FOLDER) -> tuple[str, ...]:
+    """Return the names of the tracks, then of the genuine ones, as ``--libero-max-track`` takes them."""
+    return (*track_names(folder), *(f"{GENUINE}/{one}" for one in track_names(folder / GENUINE)))
 
 
 def load_track(name: str, folder: Path = FOLDER) -> Manifest:

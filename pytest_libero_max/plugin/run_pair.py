@@ -16,6 +16,7 @@ from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, text_of
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
+from pytest_libero_max.plugin.first_pair import require_first_pair_again
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
 from pytest_libero_max.plugin.run_stop import stop_run
@@ -104,14 +105,31 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
     notes = _keep(pair, case, world, settings_of(request.config))
     if notes:
         request.node.stash[NOTE] = "; ".join(notes)
+    _require_first_pair_again(request, case, pair.record, policy, process)
     return pair.record
+
+
+def _require_first_pair_again(
+    request: pytest.FixtureRequest, case: Case, record: PairRecord, policy: Policy, process: PairProcess
+) -> None:
+    """Play the first pair of this process again, once it has played some; see :mod:`.first_pair`."""
+    substrate = request.getfixturevalue("libero_max_substrate")
+
+    def play_again(first: Case) -> PairRecord:
+        return _measure_arms(first, substrate.world(first), policy, request.config, process, {}).record
+
+    if policy.spec.repeatable:
+        with process.watchdog.pair():
+            try:
+                require_first_pair_again(request.config, case, record, play_again)
+            except AdapterError:
+                process.enter(POLICY_PHASE)
+                raise
 
 
 def _measure(
     request: pytest.FixtureRequest, case: Case, process: PairProcess, policy: Policy
 ) -> tuple[Pair, World]:
-    from pytest_libero_max.pairing.probes.registry import probes_called
-    from pytest_libero_max.pairing.runner import PairSettings, measure_pair
     from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
     from pytest_libero_max.policies.adapter_digest import adapter_digest
     from pytest_libero_max.policies.check import check_cameras
@@ -135,17 +153,32 @@ def _measure(
     if settings.strength != 1.0:
         fingerprints["strength"] = f"{settings.strength:g}"
     _require_declared_spec(request.config, policy)
-    pair = measure_pair(
+    pair = _measure_arms(case, world, policy, request.config, process, fingerprints)
+    if settings.study is not None:
+        settings.study.check(pair)
+    return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin}), world
+
+
+def _measure_arms(
+    case: Case,
+    world: World,
+    policy: Policy,
+    config: pytest.Config,
+    process: PairProcess,
+    fingerprints: Mapping[str, str],
+) -> Pair:
+    from pytest_libero_max.pairing.probes.registry import probes_called
+    from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+
+    settings = settings_of(config)
+    return measure_pair(
         case,
         world,
         policy,
         PairSettings(settings.prefix, fingerprints, process.watchdog, probes_called(settings.probe)),
         process.enter,
-        _arms(case, policy, request.config),
+        _arms(case, policy, config),
     )
-    if settings.study is not None:
-        settings.study.check(pair)
-    return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin}), world
 
 
 def _timed(pair: Pair, seconds: Mapping[str, float]) -> Pair:

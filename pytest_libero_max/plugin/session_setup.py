@@ -76,7 +76,15 @@ def choose_distribution(config: pytest.Config) -> None:
     Where the order of play matters, it hands out one pair after another. What the user chooses stays. Where
     gates are to be decided the pairs are played by a worker: what a policy does to its own process, such as
     ``os._exit(0)``, must not end the session.
+
+    Raises:
+        pytest.UsageError: A debugger is to stop in pairs, and there are gates.
     """
+    if _decides_what_it_plays(config) and config.option.usepdb:
+        raise pytest.UsageError(
+            "--pdb plays pairs in the process that decides the gates, and a policy could end it. Leave the "
+            "gates away; where the ini file has them, add -o libero_max_gate="
+        )
     if _decides_what_it_plays(config) and config.pluginmanager.hasplugin("xdist"):
         config.option.numprocesses = 1
         config.option.tx = ["popen"]
@@ -97,8 +105,7 @@ def _decides_what_it_plays(config: pytest.Config) -> bool:
     option = config.option
     workers = getattr(option, "tx", None) or getattr(option, "numprocesses", None)
     elsewhere = workers or options.given(config, "ray") or options.given(config, "isolate")
-    shown = option.usepdb or collection.only_lists(config)
-    return options.given(config, "gate") and not (elsewhere or shown)
+    return options.given(config, "gate") and not (elsewhere or collection.only_lists(config))
 
 
 def keep_status(config: pytest.Config) -> Generator[None, Any, Any]:

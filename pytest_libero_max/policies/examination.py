@@ -267,14 +267,17 @@ def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
     fresh = _ask(policy, shown, 0)
     for index in range(1, QUERIES):
         _ask(policy, shown, index)
+    another = replace(shown.episode, task_index=shown.episode.task_index + 1, seed=shown.episode.seed + 1)
+    start(policy, another)
+    _ask(policy, shown, 0)
     start(policy, shown.episode)
     if _ask(policy, shown, 0).tobytes() != fresh.tobytes():
         yield Finding(
             "wrong",
             "reset",
-            "the first answer of an episode depends on the episode before",
+            "the first answer of an episode depends on the episodes before",
             "a new episode forgets everything",
-            "Let reset() empty queues, histories and generators.",
+            "Let reset() empty queues, histories, counters and generators.",
         )
     after = _ask(policy, shown, 1)
     start(policy, shown.episode)

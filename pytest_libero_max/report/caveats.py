@@ -7,10 +7,12 @@ number.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 
+from pytest_libero_max.events.schedules import BASE
 from pytest_libero_max.pairing.record import PROGRAM, PairRecord
+from pytest_libero_max.pairing.scene_fingerprints import START
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.report.report_document import Caveat
 
@@ -73,6 +75,13 @@ RULES = (
         lambda record: PROGRAM in record.fingerprints,
         "The arms are those of a program (its name ends the id): Dynamic is what the program makes of the "
         "event. All numbers are of Base and Dynamic; further arms are counted apart.",
+    ),
+    Rule(
+        "not_repeatable",
+        lambda record: not record.policy.get("repeatable", True),
+        "The policy draws noise of its own and cannot be given a seed, so that a pair may end otherwise when "
+        "it is played again: what changed holds this chance as well as the event. --libero-max-noise-floor "
+        "counts how often Base alone ends otherwise.",
     ),
     Rule(
         "interrupted_server",
@@ -148,15 +157,44 @@ RULES = (
 )
 
 
+UNEQUAL_BASES = (
+    "Base was played twice, or begins in the same state with the same seed and instruction as that of an "
+    "earlier pair, and was another rollout, although the policy says that it answers alike. It remembers "
+    "something from episode to episode, so that results depend on what was played before."
+)
+
+
 def caveats_of(records: Iterable[PairRecord]) -> list[Caveat]:
     """Return the rules that concern a pair, with how many they concern; in the order of :data:`RULES`."""
     pairs = list(records)
-    counts = {rule: sum(map(rule.concerns, pairs)) for rule in RULES}
+    counts = [("unequal_bases", _unequal_bases(pairs), UNEQUAL_BASES)]
+    counts += [(rule.name, sum(map(rule.concerns, pairs)), rule.text) for rule in RULES]
     return [
-        Caveat(name=rule.name, pairs=count, played=len(pairs), text=rule.text)
-        for rule, count in counts.items()
-        if count
+        Caveat(name=name, pairs=count, played=len(pairs), text=text) for name, count, text in counts if count
     ]
+
+
+def _unequal_bases(records: Iterable[PairRecord]) -> int:
+    """Count the pairs whose Base differs from its repetition, or from that of a pair that begins alike.
+
+    What an event brings in is taken out of the scene before Base begins: pairs with such events are left out.
+    """
+    bases: dict[tuple[Hashable, ...], str] = {}
+    unequal = 0
+    for record in records:
+        if not record.policy.get("repeatable", True):
+            continue
+        repeated = record.base_repeat
+        if repeated is not None and not repeated["identical"]:
+            unequal += 1
+        elif START in record.fingerprints and {PROGRAM, record.event}.isdisjoint(
+            (*record.fingerprints, *_INSERTIONS)
+        ):
+            played = frozenset(record.fingerprints.items())
+            key = (played, record.policy_seed, record.instruction, record.max_steps)
+            proof = record.arms[BASE].proof or ""
+            unequal += bases.setdefault(key, proof) != proof
+    return unequal
 
 
 def caveat_text(caveat: Caveat) -> str:

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
+from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.blocks import Result, TaskInterval
@@ -232,7 +233,7 @@ def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:
 def evaluate_gate(
     gate: Gate, report: Report, contrasts: Mapping[str, SuccessContrast | str] | None = None
 ) -> GateResult:
-    """Decide a gate. Pure: reads nothing but its arguments.
+    """Decide a gate. Pure: reads nothing but its arguments and the frozen tracks.
 
     Args:
         gate: Result of :func:`parse_gate`.
@@ -398,6 +399,9 @@ def _whole_track(report: Report) -> tuple[float | None, str]:
     selection = report.selection
     if selection is None:
         return None, "the run does not say what part of its track it is"
+    name = report.provenance["case_set"]["name"].removeprefix("track ")
+    if selection.whole and name in all_track_names() and selection.of != len(load_track(name)):
+        return None, f"the run says that {name} has {selection.of} cases, but it has {len(load_track(name))}"
     return int(selection.whole and not report.pairs.unsupported), ""
 
 

@@ -160,6 +160,12 @@ def test_no_policy(run: Run) -> None:
     assert run(f"--libero-max-gate={GATE}", policy=None, subprocess=False).ret == pytest.ExitCode.USAGE_ERROR
 
 
+def test_a_debugger_in_the_process_that_decides(run: Run) -> None:
+    result = run(f"--libero-max-gate={GATE}", "--pdb", subprocess=True)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["ERROR: --pdb plays pairs in the process that decides the gates*"])
+
+
 def test_a_folder_with_the_name_of_the_pairs(run: Run, pytester: pytest.Pytester) -> None:
     pytester.mkdir("libero-max")
     pytester.makeini(f"[pytest]\nlibero_max_policy = adapter.py\nlibero_max_gate = {GATE}\n")

@@ -84,17 +84,17 @@ def page_cases(page: str) -> Json:
 
 
 def selected(whole: bool) -> PlayedSelection:
-    """A selection of two cases, which are all or not."""
+    """A selection of all cases of the track smoke, or of all but one."""
     return PlayedSelection(
         asked=[],
-        chosen=2,
-        of=2 if whole else 3,
+        chosen=32 if whole else 31,
+        of=32,
         digest="0" * 64,
         shards=None,
         merged=False,
         whole=whole,
         missing_shards=[],
-        text="two cases",
+        text="cases",
     )
 
 

@@ -12,7 +12,7 @@ from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plain, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, POLICY, PROVENANCE, plain, plan, record_of
 
 PROMPT = "pick up the black bowl on the stove and place it on the plate"
 
@@ -134,3 +134,24 @@ def test_a_program_is_found_by_its_record_and_not_by_the_name_of_the_pair() -> N
     played = pair(fingerprints={"substrate": "embedded", "program": "transient ab12"})
     assert names(named) == {}
     assert names(named, played) == {"program": 1}
+
+
+def starting(base_digest: str, event: str = "camera_shift", **changes: Any) -> PairRecord:
+    """A pair that says in which state it begins."""
+    start = {"substrate": "embedded", "scene": "embedded/libero_goal/1 ab", "start": "cd"}
+    return pair(event=event, base_digest=base_digest, fingerprints=start, **changes)
+
+
+def test_pairs_with_equal_starts_have_equal_bases() -> None:
+    one, same, other = (
+        starting("aa"),
+        starting("aa", "sensor_noise_onset"),
+        starting("bb", "target_relocation"),
+    )
+    assert names(one, same) == {}
+    assert names(one, same, other) == {"unequal_bases": 1}
+    assert names(one, starting("bb", policy_seed=196)) == {}
+    assert names(one, starting("bb", "obstacle_insertion")) == {}, "taken out before Base"
+    noisy = {**POLICY, "repeatable": False}
+    assert names(one, starting("bb", policy=noisy)) == {"not_repeatable": 1}
+    assert names(pair(base_digest="aa"), pair(base_digest="bb")) == {}, "records of earlier versions"

@@ -288,6 +288,13 @@ def test_only_a_whole_track_is_one(whole: bool, verdict: str) -> None:
     assert evaluate_gate(parse_gate("whole_track == 1"), report).verdict == verdict
 
 
+def test_a_run_that_takes_a_part_for_its_track_is_undecidable() -> None:
+    report = replace(REPORT, selection=replace(selected(True), of=3, chosen=3))
+    result = evaluate_gate(parse_gate("whole_track == 1"), report)
+    assert result.verdict == "undecidable"
+    assert "the run says that smoke has 3 cases, but it has 32" in result.reason
+
+
 def test_a_run_that_does_not_say_its_selection_decides_nothing_about_it() -> None:
     report = replace(REPORT, selection=None)
     result = evaluate_gate(parse_gate("whole_track == 1"), report)

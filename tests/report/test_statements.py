@@ -16,3 +16,9 @@ def test_what_is_said_of_screening_holds_for_the_cases_of_the_run() -> None:
     assert statements_of("track genuine/lite", examined)["screening"] == embedded
     own = statements_of("manifest mine.json", ids)["screening"]
     assert own.startswith("Nothing is known here about how the cases of this manifest were screened")
+
+
+def test_genuine_tracks_are_said_to_be_other_cases_than_the_authors() -> None:
+    assert "not the authors' cases" in statements_of("track genuine/smoke", [])["cases"]
+    assert "cases" not in statements_of("track lite", [])
+    assert "cases" not in statements_of("manifest libero_max_8000.json", [])
