@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.documents import Json
@@ -14,8 +12,9 @@ from pytest_libero_max.changes.change import Change, Evidence
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError
+from pytest_libero_max.pairing.kept_images import KeptImages
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, ImageSize, World, alterable
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, World, alterable
 
 
 def begin_world(case: Case, world: World, control: Control = "delta") -> None:
@@ -59,7 +58,13 @@ class Applied:
         return {**self.evidence.to_dict(), "pixel_change": dict(self.pixel_change)}
 
 
-def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id: str) -> Applied:
+def apply_change(
+    change: Change,
+    world: World,
+    spec: PolicySpec | None,
+    item_id: str,
+    images: KeptImages | None = None,
+) -> Applied:
     """Apply a change to the world now, once, and measure its effect.
 
     Args:
@@ -67,6 +72,7 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
         world: The world.
         spec: Policy spec with the cameras in which to measure the change of pixels; None to render nothing.
         item_id: The case, for messages.
+        images: Images of this world that are kept, so that none is drawn again.
 
     Raises:
         ProtocolError: The change left the world bit for bit as it was.
@@ -76,7 +82,8 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
         cameras = spec.cameras if spec else ()
         return Applied(change, change.apply(alterable(world)), dict.fromkeys(cameras, 0.0))
     cameras, size = (spec.cameras, spec.image_size) if spec else ((), 1)
-    images = _look(world, cameras, size)
+    kept = KeptImages() if images is None else images
+    shown = kept.observe(world, cameras, size)
     before = world.digest()
     evidence = change.apply(alterable(world))
     if world.digest() == before:
@@ -84,18 +91,13 @@ def apply_change(change: Change, world: World, spec: PolicySpec | None, item_id:
             f"{item_id}: {change.operation} left the world bit for bit as it was, so the arm would equal the "
             "one without it. Its parameters describe no change; repair the manifest."
         )
+    after = kept.observe(world, cameras, size)
+    names = {camera: f"{camera}_image" for camera in cameras}
     return Applied(
         change,
         evidence,
         {
-            camera: float(np.abs(image.astype(np.int16) - images[camera]).mean())
-            for camera, image in _look(world, cameras, size).items()
+            camera: float(np.abs(after[name].astype(np.int16) - shown[name]).mean())
+            for camera, name in names.items()
         },
     )
-
-
-def _look(world: World, cameras: tuple[str, ...], size: ImageSize) -> dict[str, NDArray[Any]]:
-    if not cameras:
-        return {}
-    observation = world.observe(cameras, size)
-    return {camera: observation[f"{camera}_image"] for camera in cameras}

@@ -354,7 +354,7 @@ class Rollout:
                 change = earlier.change.reverted(earlier.evidence)
             else:
                 change = action
-            applied = apply_change(change, stage.world, stage.spec, stage.case.item_id)
+            applied = apply_change(change, stage.world, stage.spec, stage.case.item_id, stage.images)
         self.trajectory = self.trajectory.fired(entry, applied, stage.world.digest())
 
     def _part(self, happening: list[Entry]) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import AdapterError, ProbeError
 from pytest_libero_max.pairing.changing import begin_world
+from pytest_libero_max.pairing.kept_images import KeptImages
 from pytest_libero_max.pairing.probes.probe import Probes
 from pytest_libero_max.pairing.probes.standard import STANDARD
 from pytest_libero_max.pairing.trajectory import QueryResult
@@ -39,6 +40,7 @@ class Stage:
         watch: Notified of each call that may take too long.
         probes: The probes that read every arm.
         spec: A copy of the policy's spec, which must stay the same.
+        images: The images of the arms, each of which is drawn once.
     """
 
     case: Case
@@ -48,6 +50,7 @@ class Stage:
     watch: Watch = NO_WATCH
     probes: Probes = STANDARD
     spec: PolicySpec = field(init=False)
+    images: KeptImages = field(init=False, default_factory=KeptImages, repr=False)
     _words_at_reset: list[str | None] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
@@ -175,7 +178,7 @@ class Stage:
         """Return the observation of the world as it is now."""
         self.watch.step()
         with self.clock("observe_s"):
-            return self.world.observe(self.spec.cameras, self.spec.image_size)
+            return self.images.observe(self.world, self.spec.cameras, self.spec.image_size)
 
     @contextmanager
     def _policy_acts(self, where: str) -> Iterator[None]:
