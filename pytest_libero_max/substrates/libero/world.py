@@ -368,7 +368,7 @@ class LiberoWorld(RobosuiteWorld):
 
     def _new_renderer(self) -> Renderer:
         self._view = mujoco.MjData(self._model)
-        return Renderer(self._model, self._view, reflections=True)
+        return Renderer(self._model, self._view, reflections=True, thrifty=True)
 
     def _image(self, camera: str, size: ImageSize) -> Image:
         self._look()

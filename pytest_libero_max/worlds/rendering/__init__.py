@@ -2,10 +2,11 @@
 
 **Drawing several worlds together.** A world draws one image at a time: ``MujocoWorld.observe`` calls
 ``_image`` for each camera, that calls :meth:`.renderer.Renderer.render`, and its pixels pass through the
-world's filters. ``Renderer.render`` has two halves, and the seam for a batch is between them: ``_aim``
-copies poses, lights and the camera of one world into an ``MjvScene`` (processor alone, no GL), and
-``_draw`` renders that scene and reads it back. Whoever plays several rollouts in step, under one
-``predict_batch``, knows which of them need an image before any is drawn. Then it takes:
+world's filters. ``Renderer.render`` has two halves, and the seam for a batch is between them: ``_aim`` sets
+the camera and ``_passes`` decides what is drawn (processor alone, no GL; see :mod:`.visibility`), and
+``_draw`` copies poses, lights and camera into an ``MjvScene``, renders that and reads it back. Whoever plays
+several rollouts in step, under one ``predict_batch``, knows which of them need an image before any is drawn.
+Then it takes:
 
 1. ``observe`` in two steps, also in the contract: one that returns an aimed scene for each camera, and one
    that takes pixels and returns the observation, filters and noise included. A genuine world aims at its

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 from weakref import WeakSet
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Image, ImageSize, height_and_width
 from pytest_libero_max.worlds.rendering import egl, gl
+from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part
 
 gl.prepare()
 
@@ -36,6 +38,18 @@ SHADOW_REACH = 3.0
 """Half the width of the area of a directional light's shadow map, in extents of the model: the whole room.
 A narrower one leaves the map's own texels as shadows on everything."""
 
+_LEFT_OUT = 5
+"""Geom group of what is out of view, while a scene is put together."""
+
+_SHAPE_WORK, _IMAGE_WORK = 1000, 15000
+"""Triangles in whose time a box is drawn, and an image that shows nothing."""
+
+_OUT_OF_VIEW = 0.4
+"""Time that a triangle beside the image takes, of the time of one in it."""
+
+_BOX = mujoco.mjtGeom.mjGEOM_BOX
+_NOTHING = np.array([], np.intp)
+
 
 class Renderer:
     """Draws one model from its cameras.
@@ -47,13 +61,23 @@ class Renderer:
     Args:
         model: Its textures and meshes are uploaded with the first image and not again.
         data: Its derived values must be up to date whenever :meth:`render` is called.
-        reflections: True to let reflective surfaces reflect; each of them draws the whole scene once more.
+        reflections: True to let a reflective surface reflect, the first of them, as MuJoCo does.
+        thrifty: True to leave out geoms that are out of view, and to draw reflections only around the mirror.
+            No pixel depends on it. To find those geoms takes longer than to draw a small scene.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, reflections: bool = False) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        reflections: bool = False,
+        *,
+        thrifty: bool = False,
+    ) -> None:
         self._model = model
         self._data = data
         self._reflections = reflections
+        self._thrifty = thrifty
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
 
@@ -66,7 +90,14 @@ class Renderer:
         """
         height, width = height_and_width(size)
         self._aim(camera, height, width)
-        return self._draw(height, width)
+        whole, *rest = self._passes(height, width)
+        image = self._draw(height, width, whole)
+        for one in rest:
+            assert one.part is not None
+            left, bottom, right, top = rectangle = one.part.rectangle((width, height))
+            shown = one.part.pixels(rectangle)
+            image[bottom:top, left:right][shown] = self._draw(height, width, one, rectangle)[shown]
+        return image
 
     def segment(self, camera: str, size: int) -> NDArray[np.intp]:
         """Return the geom that each pixel shows, (size, size), bottom row first; -1 where there is none.
@@ -77,12 +108,13 @@ class Renderer:
         self._aim(camera, size, size)
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        codes = self._draw(size, size).astype(np.intp) @ (1, 2**8, 2**16)  # 0 is the background
+        drawn = self._draw(size, size, _Pass(_NOTHING)).astype(np.intp)
+        codes = drawn @ (1, 2**8, 2**16)  # 0 is the background
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         shown = np.full(self._scene.ngeom + 1, -1, dtype=np.intp)
-        for drawn in self._scene.geoms[: self._scene.ngeom]:
-            if drawn.objtype == mujoco.mjtObj.mjOBJ_GEOM:
-                shown[drawn.segid + 1] = drawn.objid
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                shown[geom.segid + 1] = geom.objid
         found: NDArray[np.intp] = shown[codes]
         return found
 
@@ -99,16 +131,92 @@ class Renderer:
             )
         self._prepare(max(height, width))
         self._camera.fixedcamid = number
-        mujoco.mjv_updateScene(
-            self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
-        )
+        mujoco.mjv_updateCamera(self._model, self._data, self._camera, self._scene)
 
-    def _draw(self, height: int, width: int) -> Image:
+    def _passes(self, height: int, width: int) -> list[_Pass]:
+        """Return what has to be drawn: an image, and then perhaps the part of it that shows a mirror."""
+        model, data = self._model, self._data
+        all_of_it = [_Pass(_NOTHING, self._reflections)]
+        camera = Camera.of(mujoco.mjv_averageCamera(*self._scene.camera), height, width)
+        if camera is None or not self._thrifty or self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]:
+            return all_of_it  # shadows of what is out of view may be in view
+        geoms = np.flatnonzero(np.isin(model.geom_group, DRAWN_GROUPS))
+        reflectors = self._reflectors(geoms) if self._reflections else _NOTHING
+        if reflectors.size and (reflectors.size > 1 or model.geom_type[reflectors] != _BOX):
+            return all_of_it
+        boxes = Boxes.of(model, data, geoms)
+        screens = boxes.chosen(self._are_screens(geoms) & boxes.wide)
+        seen = _seen(boxes, screens, camera.image, camera)
+        direct = _Pass(geoms[~seen], False)
+        if not reflectors.size or reflectors[0] in direct.unseen:
+            return [direct]
+        number = reflectors[0]
+        mirror = Mirror.of(data.geom_xpos[number], data.geom_xmat[number], model.geom_size[number])
+        if not mirror.faces(camera.eye):
+            return [direct]
+        part = mirror.part(camera)
+        if part is None:
+            return all_of_it
+        left, bottom, right, top = part.rectangle(camera.size)
+        if left >= right or bottom >= top:
+            return [direct]
+        shown = boxes.mirrored(mirror).may_be_in(part, camera)
+        near = _seen(boxes, screens, part, camera)
+        work = self._work(geoms)
+        again = work[near].sum() + _OUT_OF_VIEW * work[shown ^ near].sum() + _IMAGE_WORK
+        if again > _OUT_OF_VIEW * work[shown ^ seen].sum():
+            return [_Pass(geoms[~(seen | shown)], True)]
+        return [direct, _Pass(geoms[~(near | shown)], True, part)]
+
+    def _reflectors(self, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return those geoms of which MuJoCo lets the first that is opaque reflect."""
+        model = self._model
+        if not (model.mat_reflectance > 0).any():
+            return _NOTHING
+        materials, kinds = model.geom_matid[geoms], model.geom_type[geoms]
+        flat = (kinds == mujoco.mjtGeom.mjGEOM_PLANE) | (kinds == _BOX)
+        found: NDArray[np.intp] = geoms[flat & (materials >= 0) & (model.mat_reflectance[materials] > 0)]
+        return found
+
+    def _are_screens(self, geoms: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return for each of some geoms whether it hides what is behind it: an opaque box."""
+        model = self._model
+        materials = model.geom_matid[geoms]
+        found: NDArray[np.bool_] = (model.geom_type[geoms] == _BOX) & (model.geom_rgba[geoms, 3] == 1)
+        if model.nmat:
+            found &= (materials < 0) | (model.mat_rgba[materials, 3] == 1)
+        return found
+
+    def _work(self, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return roughly how many triangles some geoms are drawn with."""
+        model = self._model
+        meshes = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_MESH
+        work = np.full(geoms.size, _SHAPE_WORK, np.intp)
+        work[meshes] += model.mesh_facenum[model.geom_dataid[geoms[meshes]]]
+        return work
+
+    def _draw(
+        self, height: int, width: int, drawn: _Pass, rectangle: tuple[int, int, int, int] | None = None
+    ) -> Image:
+        """Draw an image, and return it or a rectangle of it: left, bottom, right, top."""
         viewport = mujoco.MjrRect(0, 0, width, height)
+        left, bottom, right, top = rectangle or (0, 0, width, height)
         assert self._uploaded is not None
-        mujoco.mjr_render(viewport, self._scene, self._uploaded.context)
-        image: Image = np.empty((height, width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(image, None, viewport, self._uploaded.context)
+        groups = self._model.geom_group
+        kept = groups[drawn.unseen]
+        groups[drawn.unseen] = _LEFT_OUT
+        scene, everything = self._scene, mujoco.mjtCatBit.mjCAT_ALL
+        try:
+            mujoco.mjv_updateScene(
+                self._model, self._data, self._option, None, self._camera, everything, scene
+            )
+        finally:
+            groups[drawn.unseen] = kept
+        scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = drawn.reflections
+        mujoco.mjr_render(viewport, scene, self._uploaded.context)
+        image: Image = np.empty((top - bottom, right - left, 3), dtype=np.uint8)
+        read = mujoco.MjrRect(left, bottom, right - left, top - bottom)
+        mujoco.mjr_readPixels(image, None, read, self._uploaded.context)
         return image
 
     def close(self) -> None:
@@ -131,11 +239,33 @@ class Renderer:
         self._uploaded = _uploaded_for(self._model, side, shadows)
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = self._reflections
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """One drawing of an image.
+
+    Attributes:
+        unseen: Geoms that are left out.
+        reflections: True if a mirror reflects.
+        part: Part of the image that it is for; None: all of it.
+    """
+
+    unseen: NDArray[np.intp]
+    reflections: bool = False
+    part: Part | None = None
+
+
+def _seen(boxes: Boxes, screens: Boxes, part: Part, camera: Camera) -> NDArray[np.bool_]:
+    """Return for each box whether some of it may be seen in a part of an image."""
+    seen = boxes.may_be_in(part, camera)
+    there = np.flatnonzero(seen)
+    seen[there] = ~boxes.chosen(there).hidden_by(screens, part, camera)
+    return seen
 
 
 class _Uploaded:

@@ -14,8 +14,9 @@ from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.package_env import build
 from pytest_libero_max.substrates.libero.tasks import task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Semantics, World
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Semantics, World
 from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
+from pytest_libero_max.worlds.rendering.renderer import Renderer
 from tests.substrates.libero.data import DATA, TASKS, needs_package
 from tests.substrates.libero.reference import Reference, assert_same
 from tests.worlds.states import differing, every_array, random_actions, random_poses
@@ -52,8 +53,26 @@ def test_states_observations_and_success_are_those_of_the_packages_own_step(
         reference.step(action)
         world.step(action)
         assert_same(world, reference, f"step {number}")
+    assert_nothing_visible_is_left_out(world)
     reference.close()
     world.close()
+
+
+def assert_nothing_visible_is_left_out(world: LiberoWorld) -> None:
+    """Compare images with those of a renderer that draws everything, also of a moved stove and camera."""
+    stoves = [name for name in world.entities if "stove" in name]
+    camera = world.model.camera("agentview").id
+    for moved in (False, True):
+        for name in stoves if moved else ():
+            world.place(name, world.position(name) + np.array([0.1, -0.15, 0.05]), (0.95, 0.1, 0.05, 0.2948))
+        if moved:
+            world.alter("cam_pos", camera, world.model.cam_pos[camera] + np.array([0.1, 0.2, -0.15]))
+        images = world.observe(size=128)
+        assert world._view is not None
+        plain = Renderer(world.model, world._view, reflections=True)
+        for name in CAMERAS:
+            assert np.array_equal(images[f"{name}_image"], plain.render(name, 128)), (name, moved)
+        plain.close()
 
 
 @pytest.mark.parametrize(("suite", "index"), [("libero_spatial", 4), ("libero_object", 3), ("libero_10", 2)])
