@@ -79,8 +79,13 @@ def plain(document: Block) -> Json:
 def page_cases(page: str) -> Json:
     """The data of the table of cases in a page, as its script reads them."""
     (data,) = re.findall(r"id='cases-data'>(.*?)</script>", page, re.S)
-    values: Json = json.loads(gzip.decompress(base64.b64decode(data, validate=True)))
-    return values
+    parts = re.findall(r"class='details-data'>(.*?)</script>", page, re.S)
+    values: Json = _unpacked(data)
+    return {**values, "details": [details for part in parts for details in _unpacked(part)]}
+
+
+def _unpacked(data: str) -> Any:
+    return json.loads(gzip.decompress(base64.b64decode(data, validate=True)))
 
 
 def selected(whole: bool) -> PlayedSelection:

@@ -91,4 +91,4 @@ def _content(path: Path) -> tuple[str, object]:
     text = path.read_text(encoding="utf-8")
     if path.suffix != ".html":
         return text, None
-    return re.sub(r"(?<=id='cases-data'>)[^<]*", "", text), page_cases(text)
+    return re.sub(r"(?<=-data'>)[^<]*", "", text), page_cases(text)

@@ -26,6 +26,9 @@ from pytest_libero_max.report.writers.svg import (
 )
 
 _LABEL, _PLOT, _NOTE, _MARGIN = 190, 480, 190, 12
+_LEAST_BOXED = 5
+"""Number of runs from which on median, quartiles and range say something of them."""
+
 _LANE = 7
 """Height of one run within the row of an event."""
 
@@ -61,23 +64,37 @@ def event_changes(comparison: Comparison) -> str:
     for index, (event, over_runs) in enumerate(events.items()):
         begin = top + row * index + 5
         middle, height = begin + (row - 10) / 2, row - 10
-        lower, upper = place(over_runs.lower_quartile), place(over_runs.upper_quartile)
-        median = place(over_runs.median)
+        changes = [run.by_event[event].value or 0.0 for run in runs]
+        if len(runs) == 2:
+            worse = changes[1] < changes[0]
+            shapes.append(
+                line(place(changes[0]), middle, place(changes[1]), middle, LOSS if worse else GAIN, 3)
+            )
+            note = " to ".join(map(points, changes))
+        elif len(runs) < _LEAST_BOXED:
+            note = f"{points(over_runs.lowest)} to {points(over_runs.highest)}"
+        else:
+            lower, upper = place(over_runs.lower_quartile), place(over_runs.upper_quartile)
+            median = place(over_runs.median)
+            shapes += [
+                line(place(over_runs.lowest), middle, place(over_runs.highest), middle, MUTED),
+                rectangle(lower, begin, max(upper - lower, 1), height, "#eceff2"),
+                line(median, begin, median, begin + height, INK, 2),
+            ]
+            note = _over_runs_text(over_runs)
         shapes += [
-            line(place(over_runs.lowest), middle, place(over_runs.highest), middle, MUTED),
-            rectangle(lower, begin, max(upper - lower, 1), height, "#eceff2"),
-            line(median, begin, median, begin + height, INK, 2),
             text(_LABEL - 10, middle + 4, event, "end"),
-            text(_LABEL + _PLOT + 14, middle + 4, _over_runs_text(over_runs), color=MUTED),
+            text(_LABEL + _PLOT + 14, middle + 4, note, color=MUTED),
         ]
-        for lane, (run, color) in enumerate(zip(runs, colors, strict=True)):
-            change = run.by_event[event].value
-            shapes.append(circle(place(change or 0.0), begin + 4 + _LANE * (lane + 0.5), 3.5, color))
+        for lane, (change, color) in enumerate(zip(changes, colors, strict=True)):
+            y = middle if len(runs) == 2 else begin + 4 + _LANE * (lane + 0.5)
+            shapes.append(circle(place(change), y, 5 if len(runs) == 2 else 3.5, color))
     for number, (run, color) in enumerate(zip(runs, colors, strict=True)):
         y = bottom + 22 + 18 * number
         shapes += [circle(_LABEL + 6, y - 4, 4.5, color), text(_LABEL + 18, y, str(run.name))]
     height = bottom + 22 + 18 * len(runs)
-    title = "Paired change by event, percentage points: runs, median, quartiles and range"
+    title = "Paired change by event, percentage points: runs"
+    title += ", median, quartiles and range" if len(runs) >= _LEAST_BOXED else ""
     return document(_LABEL + _PLOT + _NOTE, height, title, shapes)
 
 
@@ -110,8 +127,9 @@ COMPARISON_FIGURES: Mapping[str, Callable[[Comparison], str]] = {
 """Every figure of a comparison by the stem of its file name."""
 
 CAPTIONS = {
-    "event-changes": "Paired change by event. A dot is a run; the line is the range over the runs, the box "
-    "reaches from the lower to the upper quartile, and the bar in it is the median.",
+    "event-changes": "Paired change by event in percentage points. A dot is a run. The line between two runs "
+    "is red where the second loses more, blue where it loses less. From five runs on the line is their "
+    "range, the box reaches from the lower to the upper quartile, and the bar in it is the median.",
     "outcome-shares": "Outcomes of the pairs (Base, Dynamic) of every run, as shares of the common cases.",
 }
 """Captions of the figures."""
@@ -137,9 +155,9 @@ def _limits(comparison: Comparison) -> tuple[float, float]:
 
 
 def _colors(count: int) -> list[str]:
-    """Distinct colours: hues in turn, dark and light."""
-    colors = []
-    for number in range(count):
-        channels = colorsys.hls_to_rgb(0.03 + number / count, (0.36, 0.52)[number % 2], 0.65)
+    """Return distinct colours, dark and light in turn, none of them the red of a loss."""
+    colors = ["#1f2933", "#2b6fd6"]
+    for number in range(count - len(colors)):
+        channels = colorsys.hls_to_rgb(0.15 + 0.7 * number / count, (0.36, 0.52)[number % 2], 0.65)
         colors.append("#" + "".join(f"{round(255 * channel):02x}" for channel in channels))
     return colors

@@ -8,16 +8,17 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from pytest_libero_max.report.comparison.compare import CommonCases
-from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
+from pytest_libero_max.report.comparison.compare_tables import contrast_tables
 from pytest_libero_max.report.comparison.compare_text import (
+    OPEN_RANKS,
     comparison_title,
     rank_set_text,
     rank_text,
-    result_lines,
     with_short_names,
 )
 from pytest_libero_max.report.comparison.comparison_document import ComparedRun, Comparison
-from pytest_libero_max.report.formats import change_text, count_text, rate_text
+from pytest_libero_max.report.formats import change_text, count_text, interval_text, points, rate_text
+from pytest_libero_max.report.page.charts import RUN_COLOURS, direction, outcome_bar, runs_by_event
 from pytest_libero_max.report.page.comparison_cases import beside, comparison_cases
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.page_frame import page
@@ -52,12 +53,29 @@ def comparison_html(
         substrate_note=comparison.substrate.note,
         warnings=[*_warnings(shown)],
         runs=[_run_row(run) for run in sorted(shown.runs, key=_rank)],
-        figures=[(svg, CAPTIONS[stem]) for stem, svg in drawn(comparison).items()],
-        results="\n".join(result_lines(comparison)),
+        open_ranks=OPEN_RANKS,
+        headline=_headline(shown) if len(shown.runs) == 2 else None,
+        plot=runs_by_event(shown),
+        colours=[(f"run{number % RUN_COLOURS}", run.name) for number, run in enumerate(shown.runs)],
+        shares=[(run.name, outcome_bar(run.outcomes)) for run in shown.runs],
+        contrasts=[*contrast_tables(shown)],
         events=[] if common is None else events_of(common.planned),
         limits_title=LIMITS_TITLE,
         statements=comparison.statements.values(),
     )
+
+
+def _headline(comparison: Comparison) -> tuple[str, str, str, str]:
+    """Return the difference of two runs in Dynamic success: number, interval, class of its colour, words."""
+    (contrast,) = comparison.contrasts
+    difference = contrast.difference
+    kind = direction(difference)
+    words = {
+        "loss": f"{contrast.second} succeeds less often than {contrast.first} when the event happens.",
+        "gain": f"{contrast.second} succeeds more often than {contrast.first} when the event happens.",
+        "neutral": "No difference is shown: the interval holds 0.",
+    }
+    return f"{points(difference.value)} pp", interval_text(difference, signed=True), kind, words[kind]
 
 
 def _run_row(run: ComparedRun) -> tuple[str, ...]:

@@ -34,6 +34,9 @@ _MOST_EVENT_CONTRASTS = 1
 
 _LEVEL = 0.05
 
+_MOST_NAMES = 4
+"""Number of runs whose names are in a title."""
+
 _NAMES = ("name", "first", "second")
 """Fields that hold the name of a run."""
 
@@ -59,8 +62,12 @@ def comparison_lines(comparison: Comparison, flips: int = 20) -> list[str]:
 
 
 def comparison_title(comparison: Comparison) -> str:
-    """Return a title with the number of runs and cases."""
-    return f"Comparison of {len(comparison.runs)} runs on {comparison.pairs.common} common cases"
+    """Return a title: the names of the runs, or their number where they are many, and the number of cases."""
+    *others, last = [run.name for run in with_short_names(replace(comparison, flips=[])).runs]
+    names = f"{', '.join(others)} and {last}"
+    if len(others) + 1 > _MOST_NAMES:
+        names = f"Comparison of {len(others) + 1} runs"
+    return f"{names} on {comparison.pairs.common} common cases"
 
 
 def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
@@ -156,7 +163,7 @@ def _contrast_lines(title: str, contrasts: Sequence[AnyContrast]) -> Iterator[st
     interval = _SIMULTANEOUS if len(contrasts) > 1 else "95% interval"
     yield _row(f"{title}, second against first", "change", interval, "95% by task", "Holm p")
     for contrast in contrasts:
-        yield _contrast_line(contrast, _names(contrast))
+        yield _contrast_line(contrast, names_of(contrast))
     if len(contrasts) > 1:
         yield from wrap(
             f"All {len(contrasts)} intervals together hold the differences with 95% (Bonferroni). Holm's p "
@@ -166,7 +173,8 @@ def _contrast_lines(title: str, contrasts: Sequence[AnyContrast]) -> Iterator[st
         )
 
 
-def _names(contrast: AnyContrast) -> str:
+def names_of(contrast: AnyContrast) -> str:
+    """Return the names of the two runs of a contrast, the second one first."""
     return f"{contrast.second} against {contrast.first}"
 
 
@@ -203,7 +211,7 @@ def _event_lines(by_event: Mapping[str, EventContrasts]) -> Iterator[str]:
             if few:
                 for contrast in contrasts:
                     single = len(contrasts) == 1
-                    yield _contrast_line(contrast, event if single else f"{event}: {_names(contrast)}")
+                    yield _contrast_line(contrast, event if single else f"{event}: {names_of(contrast)}")
             else:
                 found = sum(10 ** (contrast.log10_p_value_holm or 0.0) < _LEVEL for contrast in contrasts)
                 yield f"  {event:<24} {found} of {len(contrasts)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -11,24 +12,17 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.trace import trace_name
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
+from pytest_libero_max.report.page.charts import OUTCOME_TITLES
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
-from pytest_libero_max.runs.media import PICTURES_NAME, caption_of
+from pytest_libero_max.report.page.timeline import timeline_of
+from pytest_libero_max.runs.media import PICTURES_NAME, TRACES_NAME, caption_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.substrates.registry import SUBSTRATES
-
-OUTCOME_TITLES = {
-    "preserved_success": "preserved",
-    "change_associated_success": "change-associated",
-    "regression": "regression",
-    "persistent_failure": "persistent failure",
-    "invalid": "invalid",
-    "missing": "missing",
-    "unsupported": "unsupported",
-}
-"""Titles of the outcomes; the last three are of pairs without a record."""
+from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _FILMED = ("yes", "no")
 
@@ -37,7 +31,7 @@ def run_cases(
     stored: StoredRun,
     films: Mapping[str, Sequence[str]],
     pictures: Mapping[str, Sequence[str]],
-    traced: bool = False,
+    folder: Path | None = None,
 ) -> Json:
     """Return the data of the table of cases of a run.
 
@@ -45,13 +39,15 @@ def run_cases(
         stored: The run.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         pictures: Paths of the pictures of each pair that has some, in the same way.
-        traced: True if traces lie beside the pairs, so that they can be filmed.
+        folder: Folder of the run, for its traces; None for none.
 
     Returns:
         ``items``: the item ids in their order; everything else is in the same order, or by the place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
-        :func:`number_column`. ``details``: the tables of each case. ``films`` and ``pictures``:
-        captions and addresses. ``commands``: captions with the texts before and after the item id.
+        :func:`number_column`. ``details``: of each case, see
+        :func:`~pytest_libero_max.report.page.evidence.details_of`. ``films`` and ``pictures``: captions and
+        addresses. ``has``: what there is of a case. ``commands``: see :func:`command`. ``hz``: policy steps
+        in a second of a film.
     """
     records = {record.item_id: record for record in stored.records}
     errors = {error.item_id: error for error in stored.errors}
@@ -63,34 +59,53 @@ def run_cases(
         record.outcome if record else _without_record(pair.item_id, errors, unsupported)
         for pair, record in zip(planned, found, strict=True)
     ]
-    filmed = [_FILMED[pair.item_id not in films] for pair in planned]
+    steps = {
+        f"{arm}_steps": [record and getattr(record, f"{arm}_steps") for record in found]
+        for arm in (BASE, DYNAMIC)
+    }
+    outcome = label_column("outcome", "Outcome", outcomes, [*OUTCOME_TITLES], OUTCOME_TITLES)
     columns = [
         *label_columns(planned),
-        {**label_column("outcome", "Outcome", outcomes, [*OUTCOME_TITLES], OUTCOME_TITLES), "outcome": True},
+        {**outcome, "outcome": True, "chips": True},
         *_causes(found),
-        number_column(
-            "base_steps", "Base steps", [record and record.base_steps for record in found], secondary=True
-        ),
-        number_column(
-            "dynamic_steps",
-            "Dynamic steps",
-            [record and record.dynamic_steps for record in found],
-            secondary=True,
-        ),
+        number_column("base_steps", "Base steps", steps["base_steps"], secondary=True),
+        number_column("dynamic_steps", "Dynamic steps", steps["dynamic_steps"], secondary=True),
         number_column("stale", "Stale actions", [record and record.stale_actions for record in found]),
     ]
     if films:
+        filmed = [_FILMED[pair.item_id not in films] for pair in planned]
         columns.append(label_column("film", "Film", filmed, _FILMED))
+    traces = set() if folder is None else {path.name for path in (folder / TRACES_NAME).glob("*.npz")}
+    has = {
+        str(place): [
+            *(["record"] if record else []),
+            *(["trace"] if trace_name(pair.item_id) in traces else []),
+            *_views(films.get(pair.item_id, ())),
+            *(["pictures"] if pair.item_id in pictures else []),
+        ]
+        for place, (pair, record) in enumerate(zip(planned, found, strict=True))
+    }
+    details = [_details(pair, records, errors) for pair in planned]
+    for pair, record, detail in zip(planned, found, details, strict=True):
+        if record is not None and pair.item_id in films:
+            detail["timeline"] = timeline_of(record, folder)
     return {
         "items": [pair.item_id for pair in planned],
         "columns": columns,
         "case_ids": [pair.case_id for pair in planned],
         "instructions": [record.instruction if record else "" for record in found],
-        "details": [_details(pair, records, errors) for pair in planned],
+        "details": details,
         "films": media_by_place(planned, films),
         "pictures": media_by_place(planned, pictures),
-        "commands": [*_commands(stored, traced)],
+        "has": has,
+        "commands": [*_commands(stored)],
+        "hz": CONTROL_HZ,
     }
+
+
+def _views(films: Sequence[str]) -> set[str]:
+    """Return the views of films: ``film`` of the world, ``policy view`` of what the policy saw."""
+    return {"policy view" if film.rpartition(".")[0].endswith("--policy") else "film" for film in films}
 
 
 def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
@@ -101,27 +116,50 @@ def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
     ]
     causes = [why.cause if why else "none" for why in whys]
     if {*causes} - {"none", NOT_RECORDED}:
-        yield label_column("cause", "Cause", causes, [*CAUSES, "none"])
+        titles = {cause: cause.replace("_", " ") for cause in causes} | {"none": "no arm failed"}
+        yield {**label_column("cause", "Cause", causes, [*CAUSES, "none"], titles), "chips": True}
 
 
-def _commands(stored: StoredRun, traced: bool) -> Iterator[list[str]]:
-    """Yield the commands on a case: caption, and the texts before and after its item id."""
-    yield [
-        "Play it again, in the folder in which the run was started:",
-        shlex.join(replay_command(stored)),
-        "",
-    ]
+def _commands(stored: StoredRun) -> Iterator[Json]:
+    """Yield the commands on a case, each for the cases that lack what it makes."""
+    replay, there = replay_command(stored), "in the folder in which the run was started:"
+    yield command(f"Play it, {there}", shlex.join(replay), unless=["record"])
+    yield command(f"Play it again, {there}", shlex.join(replay), needs=["record"])
+    filming = shlex.join([*replay[:-1], "--libero-max-film=all", replay[-1]])
+    yield command(f"Play it again and film it, {there}", filming, needs=["record"], unless=["film", "trace"])
     after = "in the folder of this page; libero-max report . then shows it here:"
-    if traced:
-        yield [f"Film it, {after}", "libero-max film .", ""]
+    yield command(f"Film it, {after}", "libero-max film .", needs=["trace"], unless=["film"])
+    yield command(
+        f"Film what the policy saw, {after}",
+        "libero-max film .",
+        "--view=policy",
+        needs=["trace", "film"],
+        unless=["policy view"],
+    )
     kind, _, track = stored.run.provenance["case_set"]["name"].partition(" ")
     substrate = stored.run.provenance["substrate"]["name"]
     if kind == "track" and substrate in SUBSTRATES and SUBSTRATES[substrate].plays_frozen:
-        yield [
+        yield command(
             f"Draw its event before and after, {after}",
             f"libero-max show {track}",
             f"--substrate={substrate} --pictures={PICTURES_NAME}",
-        ]
+            unless=["film", "pictures"],
+        )
+
+
+def command(
+    caption: str, before: str, after: str = "", needs: Sequence[str] = (), unless: Sequence[str] = ()
+) -> Json:
+    """Return a command on a case.
+
+    Args:
+        caption: Purpose and place.
+        before: Text before the item id.
+        after: Text behind it.
+        needs: It is offered where the case has all of these ...
+        unless: ... and none of these, in the words of ``has``.
+    """
+    return {"caption": caption, "before": before, "after": after, "needs": needs, "unless": unless}
 
 
 def media_by_place(planned: Sequence[PlannedPair], paths: Mapping[str, Sequence[str]]) -> Json:
@@ -134,20 +172,23 @@ def media_by_place(planned: Sequence[PlannedPair], paths: Mapping[str, Sequence[
 
 
 def label_columns(planned: Sequence[PlannedPair]) -> Iterator[Json]:
-    """Yield the columns that a plan tells: those of the table, and three that can only be filtered by."""
-    yield label_column("source", "Source", [pair.source for pair in planned], secondary=True)
-    yield label_column("suite", "Suite", [pair.suite for pair in planned], secondary=True)
-    yield label_column("category", "Source category", [pair.category for pair in planned], secondary=True)
+    """Yield the columns that a plan tells: two of the table, and those that can only be filtered by."""
     yield label_column("event", "Event", [pair.event for pair in planned], [*EVENTS], secondary=True)
-    yield label_column("variant", "Variant", [str(pair.variant) for pair in planned], secondary=True)
-    more = {
-        "family": [pair.family for pair in planned],
-        "severity": [pair.severity for pair in planned],
-        "difficulty": ["none" if pair.difficulty is None else str(pair.difficulty) for pair in planned],
-    }
-    order = {"severity": ("low", "medium", "high")}
-    for key, names in more.items():
-        yield {**label_column(key, key.capitalize(), names, order.get(key, ())), "shown": False, "more": True}
+    yield label_column("category", "Source category", [pair.category for pair in planned], secondary=True)
+    for key, names, more in (
+        ("suite", [pair.suite for pair in planned], False),
+        ("source", [pair.source for pair in planned], True),
+        ("variant", [str(pair.variant) for pair in planned], True),
+        ("family", [pair.family for pair in planned], True),
+        ("severity", [pair.severity for pair in planned], True),
+        (
+            "difficulty",
+            ["none" if pair.difficulty is None else str(pair.difficulty) for pair in planned],
+            True,
+        ),
+    ):
+        order = ("low", "medium", "high") if key == "severity" else ()
+        yield {**label_column(key, key.capitalize(), names, order), "shown": False, "more": more}
 
 
 def label_column(

@@ -12,7 +12,8 @@ from urllib.parse import quote
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
-from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, label_column, label_columns
+from pytest_libero_max.report.page.case_table import command, label_column, label_columns
+from pytest_libero_max.report.page.charts import OUTCOME_TITLES
 from pytest_libero_max.runs.media import films_in
 
 _CHANGED = ("yes", "no")
@@ -48,7 +49,11 @@ def comparison_cases(
         column = label_column(f"run{number}", names[run], found, OUTCOMES, OUTCOME_TITLES)
         columns.append({**column, "outcome": True})
     details = [
-        {"Runs": {names[run]: _of_run(outcomes[run][place], stale[run][place]) for run in outcomes}}
+        {
+            "tables": {
+                "Runs": {names[run]: _of_run(outcomes[run][place], stale[run][place]) for run in outcomes}
+            }
+        }
         for place in range(len(planned))
     ]
     films = {
@@ -66,8 +71,7 @@ def comparison_cases(
         "details": details,
         "films": {place: found for place, found in films.items() if found},
         "commands": [
-            [f"Play it again as in {names[run]}:", shlex.join(command), ""]
-            for run, command in replays.items()
+            command(f"Play it again as in {names[run]}:", shlex.join(words)) for run, words in replays.items()
         ],
         "pages": [[names[run], page] for run, page in beside["pages"].items()],
         "start": {"changed": _CHANGED[0]} if _CHANGED[0] in changed else {},

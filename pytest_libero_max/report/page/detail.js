@@ -1,4 +1,4 @@
-// What is shown of one case: its films, pictures of its event, its numbers, and commands to copy.
+// What is shown of one case: its sentence, its films, its numbers, and commands to copy.
 
 function words(value) {
   if (value === null || value === undefined) return "–";
@@ -25,31 +25,30 @@ function valueTable(values) {
     ),
   );
   const table = element("table", {}, ...(nested ? [head] : []), element("tbody", {}, ...rows));
-  return element("div", { class: "wide words" }, table);
+  return element("div", { class: "words" }, table);
 }
 
 function film(caption, path) {
-  const moving = /\.mp4$/i.test(path)
-    ? element("video", { src: path, controls: true, preload: "metadata", muted: true, loop: true, playsinline: true })
-    : element("img", { src: path, alt: caption, loading: "lazy" });
-  const link = element("a", { href: path }, caption);
-  return element("figure", {}, moving, element("figcaption", {}, link));
+  const moving = /\.webp$/i.test(path)
+    ? element("img", { src: path, alt: caption, loading: "lazy" })
+    : element("video", { src: path, preload: "auto", muted: true, playsinline: true });
+  return element("figure", {}, moving, element("figcaption", {}, element("a", { href: path }, caption)));
 }
 
 function picturesOf(pictures) {
-  const figures = pictures.map(([caption, path]) => film(caption, path));
-  return element("section", {}, element("h4", {}, "Before and after the event"), element("div", { class: "films" }, ...figures));
+  const figures = pictures.map(([caption, path]) =>
+    element("figure", {}, element("img", { src: path, alt: caption, loading: "lazy" }), element("figcaption", {}, caption)),
+  );
+  return element("section", {}, element("h4", {}, "Before and after the event"), element("div", { class: "pictures" }, ...figures));
 }
 
-function filmsOf(films) {
-  const figures = films.map(([caption, path]) => film(caption, path));
-  const section = element("section", {}, element("h4", {}, "Films"), element("div", { class: "films" }, ...figures));
-  const videos = figures.map((figure) => figure.querySelector("video")).filter(Boolean);
-  if (videos.length > 1) {
-    const playAll = () => videos.forEach((video) => ((video.currentTime = 0), video.play()));
-    section.append(element("button", { type: "button", onclick: playAll }, "Play all from the start"));
-  }
-  return section;
+// The films, and what moves through them.
+function filmsOf(films, timeline, hz) {
+  const place = element("div", { class: "films" }, ...films.map(([caption, path]) => film(caption, path)));
+  const videos = [...place.querySelectorAll("video")];
+  if (!timeline) videos.forEach((video) => (video.controls = true));
+  const parts = !timeline ? [] : videos.length ? player(videos, timeline, hz) : [drawn(timeline), legend(timeline)];
+  return [place, element("section", {}, ...parts)];
 }
 
 async function copyText(text, button) {
@@ -81,28 +80,51 @@ function eventPicture(name) {
   return [element("section", {}, element("h4", {}, "Such an event, on another case"), picture)];
 }
 
-function detail(data, table, row) {
+// The commands that make sense for what there is of a case.
+function commandsOf(data, row) {
+  const has = new Set(data.has?.[row]);
+  return data.commands
+    .filter(({ needs, unless }) => needs.every((name) => has.has(name)) && !unless.some((name) => has.has(name)))
+    .map(({ caption, before, after }) => command(caption, [before, data.items[row], after].filter(Boolean).join(" ")));
+}
+
+function tablesOf(tables) {
+  return Object.entries(tables).map(([title, part]) => element("section", {}, element("h4", {}, title), valueTable(part)));
+}
+
+function detail(data, table, row, values) {
   const item = data.items[row];
-  const values = data.details[row];
-  const films = data.films[row] ?? [];
   const pictures = data.pictures?.[row] ?? [];
   const columns = data.columns.filter((column) => column.labels && !column.outcome);
   const labels = Object.fromEntries(columns.map((column) => [column.title, table.text(column, row)]));
-  const tables = { ...values, Case: { "Case id": data.case_ids[row], ...labels, ...values.Case } };
+  const more = { ...values.more, Case: { "Case id": data.case_ids[row], ...labels, ...values.more?.Case } };
   const [event, variant] = ["event", "variant"].map((key) => table.text(table.byKey[key], row));
-  const commands = data.commands.map(([caption, before, after]) => command(caption, [before, item, after].filter(Boolean).join(" ")));
-  const sections = Object.entries(tables).map(([title, part]) => element("section", {}, element("h4", {}, title), valueTable(part)));
+  const said = (values.says ?? []).map(([arm, cause, sentence]) =>
+    element("p", { class: "said" }, element("b", {}, `${arm}: ${cause.replaceAll("_", " ")}. `), sentence),
+  );
   const links = (data.pages ?? []).map(([caption, path]) =>
     element("li", {}, element("a", { href: `${path}${PREFIX}${new URLSearchParams({ q: item, case: item })}` }, caption)),
   );
+  const [films, moments] = data.films[row] ? filmsOf(data.films[row], values.timeline, data.hz) : [];
   return element(
     "div",
     { class: "detail" },
-    ...(films.length ? [filmsOf(films)] : []),
-    ...(pictures.length ? [picturesOf(pictures)] : []),
-    element("section", {}, element("h4", {}, "Commands"), ...commands),
-    element("div", { class: "facts" }, ...sections),
-    ...(pictures.length ? [] : eventPicture(`${event}-v${variant}`)),
-    ...(links.length ? [element("section", {}, element("h4", {}, "In the reports of the runs"), element("ul", {}, ...links))] : []),
+    ...said,
+    element(
+      "div",
+      { class: films ? "beside" : null },
+      ...(films ? [films] : []),
+      element(
+        "div",
+        { class: "facts" },
+        ...(moments ? [moments] : []),
+        ...(pictures.length ? [picturesOf(pictures)] : []),
+        element("section", {}, element("h4", {}, "Commands"), ...commandsOf(data, row)),
+        ...tablesOf(values.tables),
+        ...(pictures.length || films ? [] : eventPicture(`${event}-v${variant}`)),
+        ...(links.length ? [element("section", {}, element("h4", {}, "In the reports of the runs"), element("ul", {}, ...links))] : []),
+      ),
+    ),
+    element("details", {}, element("summary", {}, "Case, parameters and evidence"), element("div", { class: "facts columns" }, ...tablesOf(more))),
   );
 }

@@ -16,7 +16,12 @@ _DIGITS = 16
 
 
 def details_of(pair: PlannedPair, record: PairRecord) -> Json:
-    """Return the tables of a measured pair: case, arms, event, and values before and after the event."""
+    """Return what is shown of a measured pair.
+
+    Returns:
+        ``says``: arm, cause and sentence of each arm that failed. ``tables``: arms and event by their titles.
+        ``more``: tables of the case, of parameters, and of values before and after the event.
+    """
     case = _case(pair) | {
         "Instruction": record.instruction,
         "Initial state": record.init_state_index,
@@ -24,31 +29,33 @@ def details_of(pair: PlannedPair, record: PairRecord) -> Json:
         "Steps at most": record.max_steps,
         "Trigger entity": record.trigger_entity,
     }
-    return {"Case": case, **_happened(record), "Arms": _arms(record), **dict(_event(record))}
-
-
-def _happened(record: PairRecord) -> Json:
-    """Return the cause of each failed arm and its sentence, where there are stages."""
-    found = {name: diagnose(record, name) for name in record.arms}
-    rows = {
-        f"{name}: {why.cause}": why.sentence
-        for name, why in found.items()
-        if why and why.cause != NOT_RECORDED
+    tables = dict(_event(record))
+    return {
+        "says": _happened(record),
+        "tables": {"Arms": _arms(record), "Event": tables.pop("Event")},
+        "more": {"Case": case, **tables},
     }
-    return {"What happened": rows} if rows else {}
+
+
+def _happened(record: PairRecord) -> list[tuple[str, str, str]]:
+    """Return arm, cause and sentence of each failed arm, where there are stages."""
+    found = {name: diagnose(record, name) for name in record.arms}
+    return [
+        (name, why.cause, why.sentence)
+        for name, why in found.items()
+        if why is not None and why.cause != NOT_RECORDED
+    ]
 
 
 def error_details(pair: PlannedPair, error: PairError) -> Json:
     """Return the tables of a pair that could not be measured."""
-    return {
-        "Case": _case(pair),
-        "Error": {"Phase": error.phase, "Kind": error.kind, "Message": error.message},
-    }
+    row = {"Phase": error.phase, "Kind": error.kind, "Message": error.message}
+    return {"tables": {"Error": row}, "more": {"Case": _case(pair)}}
 
 
 def plan_details(pair: PlannedPair) -> Json:
-    """Return the tables of a pair of which only the plan is known."""
-    return {"Case": _case(pair)}
+    """Return the table of a pair of which only the plan is known."""
+    return {"tables": {}, "more": {"Case": _case(pair)}}
 
 
 def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:

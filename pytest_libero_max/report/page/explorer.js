@@ -8,6 +8,7 @@ class Explorer {
     this.start = { ...emptyView(), chosen: data.start ?? {} };
     this.place = place;
     this.inputs = new Map();
+    this.parts = [];
     this.status = element("p", { role: "status" });
     this.head = element("tr");
     this.body = element("tbody");
@@ -16,7 +17,7 @@ class Explorer {
     place.append(
       this.controls(),
       this.status,
-      element("div", { class: "wide" }, element("table", { class: "cases" }, caption, element("thead", {}, this.head), this.body)),
+      element("table", { class: "cases" }, caption, element("thead", {}, this.head), this.body),
       this.pages,
     );
     window.addEventListener("hashchange", () => {
@@ -30,7 +31,9 @@ class Explorer {
     this.view = location.hash.startsWith(PREFIX) ? this.table.view(location.hash) : { ...this.start };
     if (this.view.open) this.view.page = this.pageOf(this.view.open);
     this.draw();
-    if (location.hash.startsWith(PREFIX)) (this.body.querySelector(".open") ?? this.place).scrollIntoView();
+    if (!location.hash.startsWith(PREFIX)) return;
+    const show = () => (this.body.querySelector(".open") ?? this.place).scrollIntoView();
+    this.view.open ? this.drawn.then(show) : show();
   }
 
   change(changes) {
@@ -67,11 +70,40 @@ class Explorer {
       "div",
       { class: "filters", role: "search", "aria-label": "Cases" },
       labelled("Text", text, "search"),
-      ...filtered.filter((column) => !column.more).map(control),
+      ...filtered.filter((column) => column.chips).map((column) => this.chips(column)),
+      ...filtered.filter((column) => !column.more && !column.chips).map(control),
       labelled("Order", order, "narrow-only"),
       reset,
       ...(more.length ? [this.more] : []),
     );
+  }
+
+  // A button for every name, pressed where it is chosen.
+  chips(column) {
+    const place = element("div", { class: "chips" });
+    this.inputs.set(column.key, place);
+    return element("fieldset", { class: "control" }, element("legend", {}, column.title), place);
+  }
+
+  chip(column, place, count) {
+    const label = column.labels[place];
+    const pressed = this.view.chosen[column.key] === label;
+    const title = column.titles?.[place] ?? label;
+    const mark = column.outcome ? [element("span", { class: `outcome ${label}` })] : [];
+    const properties = { type: "button", "data-label": label, "aria-pressed": String(pressed), disabled: !count && !pressed };
+    const button = element("button", properties, ...mark, `${title} ${count}`);
+    button.addEventListener("click", () => {
+      const { [column.key]: _, ...others } = this.view.chosen;
+      this.change({ chosen: pressed ? others : { ...others, [column.key]: label } });
+    });
+    return button;
+  }
+
+  fillChips(column, counts) {
+    const place = this.inputs.get(column.key);
+    const focused = place.contains(document.activeElement) ? document.activeElement.dataset.label : null;
+    place.replaceChildren(...column.labels.map((_, number) => this.chip(column, number, counts[number])));
+    if (focused) place.querySelector(`[data-label="${CSS.escape(focused)}"]`)?.focus();
   }
 
   choice(column) {
@@ -117,6 +149,10 @@ class Explorer {
       }
       if (column.filter !== "choice") continue;
       const counts = this.table.counts(this.view, column.key);
+      if (column.chips) {
+        this.fillChips(column, counts);
+        continue;
+      }
       const options = column.labels.map((label, place) =>
         element("option", { value: label }, `${column.titles?.[place] ?? label} (${counts[place]})`),
       );
@@ -167,11 +203,22 @@ class Explorer {
     const cells = this.shown.map((column) => {
       const text = this.table.text(column, row);
       const label = column.labels?.[column.at[row]];
-      return element("td", { class: this.kind(column) }, column.outcome ? element("span", { class: `outcome ${label}` }, text) : element("span", {}, ...breakable(text)));
+      const named = column.outcome || column.chips ? null : column.title;
+      return element("td", { class: this.kind(column), "data-title": named }, column.outcome ? element("span", { class: `outcome ${label}` }, text) : element("span", {}, ...breakable(text)));
     });
     const shown = element("tr", { class: open ? "open" : null }, element("th", { scope: "row" }, button), ...cells);
     if (!open) return [shown];
-    return [shown, element("tr", {}, element("td", { colspan: cells.length + 1 }, detail(this.data, this.table, row)))];
+    const place = element("td", { colspan: cells.length + 1 });
+    this.drawn = this.details(row).then((values) => place.append(detail(this.data, this.table, row, values)));
+    return [shown, element("tr", { class: "opened" }, place)];
+  }
+
+  // The details of a case, from the part of them that holds it.
+  async details(row) {
+    const size = this.data.part;
+    const number = Math.floor(row / size);
+    this.parts[number] ??= unpack(document.getElementsByClassName("details-data")[number]);
+    return (await this.parts[number])[row % size];
   }
 
   toggle(item) {
@@ -211,15 +258,30 @@ function linkViews() {
   }
 }
 
-// The data of the table, which the page holds as gzip in base64.
-function readCases() {
-  const text = document.getElementById("cases-data").textContent;
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+// JSON that the page holds as gzip in base64.
+function unpack(script) {
+  const bytes = Uint8Array.from(atob(script.textContent), (letter) => letter.charCodeAt(0));
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
 }
 
+// Films on the first screen play while they are pointed at.
+function playPosters() {
+  for (const poster of document.querySelectorAll(".poster")) {
+    const video = poster.querySelector("video");
+    poster.addEventListener("mouseenter", () => video?.play());
+    poster.addEventListener("mouseleave", () => video?.pause());
+  }
+}
+
+// Waits until the first screen is drawn; a page in the background draws nothing.
+function painted() {
+  return document.hidden ? null : new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+}
+
 async function start() {
-  const data = await readCases();
+  playPosters();
+  await painted();
+  const data = await unpack(document.getElementById("cases-data"));
   const shown = document.documentElement.classList;
   shown.add("scripted"); // shows what needs the script, hides what it replaces
   try {

@@ -15,7 +15,10 @@ from markupsafe import Markup
 
 from pytest_libero_max.benchmark.documents import Json
 
-_SCRIPTS = ("table.js", "detail.js", "explorer.js")
+_SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
+
+DETAILS_IN_A_PART = 100
+"""Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
 
 
 class Viewed(NamedTuple):
@@ -45,7 +48,10 @@ def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
         .get_template(template)
         .render(
             title=title,
-            cases=None if cases is None else compressed(cases),
+            cases=None
+            if cases is None
+            else compressed({**cases, "details": None, "part": DETAILS_IN_A_PART}),
+            details=[] if cases is None else [*map(compressed, _parts(cases["details"]))],
             security_policy=_security_policy(cases is not None),
             style=Markup(_file("style.css")),
             script=_script(),
@@ -54,10 +60,14 @@ def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
     )
 
 
-def compressed(values: Json) -> str:
+def compressed(values: Any) -> str:
     """Return JSON as gzip in base64, which ``explorer.js`` reads."""
     text = json.dumps(values, separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+
+
+def _parts(details: list[Any]) -> list[list[Any]]:
+    return [details[begin : begin + DETAILS_IN_A_PART] for begin in range(0, len(details), DETAILS_IN_A_PART)]
 
 
 @cache

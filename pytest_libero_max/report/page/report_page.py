@@ -9,13 +9,14 @@ from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights
-from pytest_libero_max.report.blocks import Rate, Result
+from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.formats import percent, rate_text
-from pytest_libero_max.report.measurable import warning_of
-from pytest_libero_max.report.page.case_table import OUTCOME_TITLES
+from pytest_libero_max.report.formats import interval_text, points, rate_text
+from pytest_libero_max.report.measurable import lacks_of, warning_of
+from pytest_libero_max.report.page.broken_cards import broken_sections
+from pytest_libero_max.report.page.charts import category_map, direction, forest, histogram, outcome_bar
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import Viewed, page
@@ -24,7 +25,6 @@ from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
-from pytest_libero_max.report.writers.figures import arrow_plot, category_map, change_profile, stale_histogram
 from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -40,6 +40,19 @@ from pytest_libero_max.report.writers.summary import (
     unsupported_text,
 )
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
+
+SHOWN_FIRST = (
+    "base_success",
+    "dynamic_success",
+    "paired_change",
+    "conditional_regression",
+    "preserved_success",
+    "change_associated_success",
+    "regression",
+    "persistent_failure",
+    "played",
+)
+"""Quantities that the first screen shows; the table of quantities has the others."""
 
 
 class Groups(NamedTuple):
@@ -82,7 +95,7 @@ def html(
     if not pairs.complete:
         incomplete = f"{incomplete_text(pairs)} All rates are over the played pairs."
     alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall)]
-    notes = [repaired_text(pairs), report.substrate.note, *map(caveat_text, report.caveats)]
+    notes = [repaired_text(pairs), *map(caveat_text, report.caveats)]
     faults = [(pair.item_id, pair.phase, pair.kind, pair.message) for pair in pairs.invalid_pairs]
     return page(
         "run.html",
@@ -90,7 +103,8 @@ def html(
         cases,
         report=report,
         pairs=pairs,
-        parts=("Events", "Figures", "Breakdowns", "Provenance") if pairs.played else ("Events", "Provenance"),
+        broken=broken_sections(report, films or {}, _event_steps(stored)),
+        parts=("Breakdowns", "Events", "Provenance") if pairs.played else ("Events", "Provenance"),
         alarms=[text for text in alarms if text],
         notes=[text for text in notes if text],
         events=[] if stored is None else events_of(stored.run.planned, stored.records),
@@ -105,7 +119,6 @@ def html(
         limits_title=LIMITS_TITLE,
         provenance=[*_provenance(report, stored)],
         floor_note=FLOOR_NOTE,
-        outcome_titles=OUTCOME_TITLES,
         **(_results(report) if pairs.played else {}),
     )
 
@@ -119,17 +132,26 @@ def _results(report: Report) -> dict[str, Any]:
         clipping_text(report),
     ]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
+    change = overall.paired_change
     return {
-        "cards": [
-            _card("Base success", overall.base_success),
-            _card("Dynamic success", overall.dynamic_success),
-            _card("Base successes lost", overall.conditional_regression),
+        "verdict": _verdict(overall),
+        "direction": direction(change),
+        "change": f"{points(change.value)} pp",
+        "interval": interval_text(change, signed=True),
+        "rates": [
+            (column.title, *_number_and_rest(rate_text(column.value(overall))))
+            for column in columns_in("groups")
+            if column.key in ("base_success", "dynamic_success", "conditional_regression")
         ],
-        "quantities": [(column.title, column.long(overall)) for column in columns_in("summary")],
-        "arrow_plot": arrow_plot(report),
-        "change_profile": change_profile(report),
+        "outcomes": outcome_bar(overall.outcomes),
+        "forest": forest(overall, report.by["event"]),
+        "quantities": [
+            (column.title, column.long(overall))
+            for column in columns_in("summary")
+            if column.key not in SHOWN_FIRST
+        ],
         "category_map": category_map(report),
-        "stale_histogram": stale_histogram(report),
+        "stale_histogram": histogram(overall.stale_actions.histogram),
         "coverage": _groups("coverage", "Event", by_event),
         "remarks": [text for text in remarks if text],
         "given_response_note": GIVEN_RESPONSE_NOTE,
@@ -140,6 +162,28 @@ def _results(report: Report) -> dict[str, Any]:
             for key, dimension in DIMENSIONS.items()
         ],
     }
+
+
+def _verdict(overall: Result) -> str:
+    """Return what the paired change shows, in words."""
+    if lacks_of(overall):
+        return "These pairs cannot show what the events do; see the note above."
+    return {
+        "loss": "Success falls when the event happens.",
+        "gain": "Success rises when the event happens.",
+        "neutral": "No change of success is shown: the interval holds 0.",
+    }[direction(overall.paired_change)]
+
+
+def _number_and_rest(text: str) -> tuple[str, str]:
+    number, _, rest = text.partition(" ")
+    return number, rest.strip()
+
+
+def _event_steps(stored: StoredRun | None) -> dict[str, int]:
+    """Return the policy steps before the event of each pair in which it happened, by item id."""
+    records = () if stored is None else stored.records
+    return {record.item_id: record.trigger.step for record in records if record.trigger is not None}
 
 
 def _groups(kind: Table, title: str, groups: Mapping[str, Result], dimension: str = "event") -> Groups:
@@ -173,8 +217,3 @@ def _provenance(report: Report, stored: StoredRun | None) -> Iterator[tuple[str,
         yield "selection", f"{selection_text(report)}, {report.selection.digest[:12]}"
     yield "MUJOCO_GL", origin.get("gl_backend") or "not set"
     yield "command", shlex.join(origin["command"])
-
-
-def _card(name: str, rate: Rate) -> tuple[str, str, str]:
-    value = percent(rate.value)
-    return name, value, rate_text(rate).removeprefix(value).strip()

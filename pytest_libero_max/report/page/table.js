@@ -24,13 +24,16 @@ class Table {
     this.items = data.items;
     this.columns = data.columns;
     this.byKey = Object.fromEntries(data.columns.map((column) => [column.key, column]));
-    const labels = data.columns.filter((column) => column.labels);
-    const { case_ids: ids, instructions } = data;
-    this.haystack = this.items.map((item, row) =>
-      [item, ids[row], instructions?.[row], ...labels.map((column) => this.text(column, row))]
-        .join(" ")
-        .toLowerCase(),
-    );
+    this.data = data;
+  }
+
+  // The words of each row, made when somebody looks for some.
+  get haystack() {
+    const labels = this.columns.filter((column) => column.labels);
+    const { case_ids: ids, instructions } = this.data;
+    return (this.words ??= this.items.map((item, row) =>
+      [item, ids[row], instructions?.[row], ...labels.map((column) => this.text(column, row))].join(" ").toLowerCase(),
+    ));
   }
 
   text(column, row) {

@@ -22,7 +22,7 @@ from pytest_libero_max.report.writers import raster
 from pytest_libero_max.report.writers.figures import FIGURES
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.lock import require_ended
-from pytest_libero_max.runs.media import TRACES_NAME, VIEWS, films_in, kept_beside, pictures_in
+from pytest_libero_max.runs.media import VIEWS, films_in, pictures_in
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 
@@ -91,7 +91,7 @@ def run_page(report: Report, stored: StoredRun, folder: Path) -> str:
             films.setdefault(item, []).append(film)
     measured = {record.item_id for record in stored.records}
     films = {item: films[item] for item in sorted(measured & films.keys())}
-    cases = run_cases(stored, films, pictures_in(folder), TRACES_NAME in kept_beside(folder))
+    cases = run_cases(stored, films, pictures_in(folder), folder)
     return html(report, regressions, replay_command(stored), films, stored, cases, pairs_file(folder).name)
 
 

@@ -18,6 +18,7 @@ from pytest_libero_max.report.comparison.compare_files import comparison_markdow
 from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.writers.svg import LOSS
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import StoredRun
 from tests.report.made_up import PROVENANCE, page_cases, plain, plan, record_of
@@ -61,11 +62,21 @@ def test_every_figure_is_well_formed_and_inside_its_frame(figure: str, runs: int
     assert "run 1 & <co>" in [shape.text for shape in root.iter(f"{SVG}text")]
 
 
-def test_the_figure_of_events_has_a_dot_for_every_run_and_the_quartiles_over_them() -> None:
-    root = ElementTree.fromstring(event_changes(THREE))
-    assert len(root.findall(f"{SVG}circle")) == 3 * 8 + 3  # and those of the legend
-    notes = [shape.text for shape in root.iter(f"{SVG}text") if shape.text and "[" in shape.text]
-    assert len(notes) == 8
+@pytest.mark.parametrize(("count", "boxes"), [(2, 0), (3, 0), (5, 8)])
+def test_the_figure_of_events_has_a_dot_for_every_run(count: int, boxes: int) -> None:
+    """Two runs are joined by a line; quartiles say something from five runs on."""
+    comparison = compare_runs(dict(reversed([*_runs(count).items()])))
+    figure = event_changes(comparison)
+    root = ElementTree.fromstring(figure)
+    assert len(root.findall(f"{SVG}circle")) == count * 8 + count  # and those of the legend
+    assert len(root.findall(f"{SVG}rect")) == boxes
+    first, second = (run.by_event for run in comparison.runs[:2])
+    worse = sum((second[event].value or 0) < (first[event].value or 0) for event in first)
+    assert worse
+    assert figure.count(f"stroke='{LOSS}'") == (worse if count == 2 else 0)
+
+
+def test_the_quartiles_are_over_the_runs() -> None:
     for event, over_runs in plain(THREE)["events"].items():
         changes = sorted(run["by_event"][event]["value"] for run in plain(THREE)["runs"])
         assert [over_runs[key] for key in ("lowest", "median", "highest")] == changes
@@ -104,7 +115,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 def test_the_page_of_a_comparison_needs_no_network_and_escapes_names() -> None:
     page = comparison_html(THREE)
-    assert page.count("<svg") == page.count("</svg>") == 2
+    assert page.count("<svg") == page.count("</svg>") == 1 + len(THREE.events)
     assert not re.search(r"<script|<link|url\(|src=|<co>", page)
 
 
@@ -137,7 +148,7 @@ def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every
     ]
     assert data["pages"] == [["run1", "../run1/report.html"]]
     assert data["start"] == {"changed": "yes"}
-    assert data["details"][int(place)]["Runs"]["run0"]["outcome"] == "regression"
+    assert data["details"][int(place)]["tables"]["Runs"]["run0"]["outcome"] == "regression"
 
 
 def test_a_comparison_in_which_nothing_changed_shows_all_cases() -> None:

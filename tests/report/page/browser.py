@@ -66,6 +66,8 @@ class Shown:
         self.page.goto(f"{path.as_uri()}{fragment}")
         if script:  # the table is drawn once its data are unpacked
             self.page.locator("[role=status]").wait_for()
+        if "case=" in fragment:  # and a case once its details are
+            self.page.locator(".detail").wait_for()
 
     def cases(self) -> list[str]:
         """The names of the cases in the table, from top to bottom."""

@@ -5,18 +5,23 @@ from __future__ import annotations
 import base64
 import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.pairing.trace import trace_name
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.page.case_table import OUTCOME_TITLES, label_column, run_cases
+from pytest_libero_max.report.page.case_table import label_column, run_cases
+from pytest_libero_max.report.page.charts import OUTCOME_TITLES
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.evidence import flat
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import compressed
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import run_page
 from pytest_libero_max.runs.plan import PlannedPair, Run
@@ -63,13 +68,65 @@ def test_every_planned_pair_is_in_the_table_whatever_became_of_it() -> None:
     assert _column(cases, "stale")[PAIRS[2].item_id] is None
     assert _column(cases, "dynamic_steps")[PAIRS[10].item_id] == 95
     details = dict(zip(cases["items"], cases["details"], strict=True))
-    assert details[PAIRS[1].item_id]["Error"]["Message"] == "qpos is not finite"
-    assert details[PAIRS[2].item_id]["Event"] == {"Happened": False}
-    assert details[PAIRS[10].item_id]["Arms"]["Success"] == {"base": True, "dynamic": True}
-    (play, draw) = cases["commands"]
-    assert (play[1].split()[0], play[1].split()[-1], play[2]) == ("pytest", "-k", "")
-    assert draw[1:] == ["libero-max show smoke", "--substrate=embedded --pictures=pictures"]
-    assert run_cases(run, {}, {}, traced=True)["commands"][1][1] == "libero-max film ."
+    assert details[PAIRS[1].item_id]["tables"]["Error"]["Message"] == "qpos is not finite"
+    assert details[PAIRS[2].item_id]["tables"]["Event"] == {"Happened": False}
+    assert details[PAIRS[10].item_id]["tables"]["Arms"]["Success"] == {"base": True, "dynamic": True}
+
+
+def _offered(cases: Json, item: str) -> list[str]:
+    """The first words of the commands that the page offers for a case."""
+    has = {*cases["has"][str(cases["items"].index(item))]}
+    return [
+        command["caption"].partition(",")[0]
+        for command in cases["commands"]
+        if has >= {*command["needs"]} and not has & {*command["unless"]}
+    ]
+
+
+def test_commands_are_those_that_make_what_is_not_there(tmp_path: Path) -> None:
+    run, item, draw = _run(), PAIRS[10].item_id, "Draw its event before and after"
+    (tmp_path / "traces").mkdir()
+    (tmp_path / "traces" / trace_name(item)).touch()
+    film, seen = f"films/{item}--base-dynamic.mp4", f"films/{item}--base-dynamic--policy.mp4"
+    assert _offered(run_cases(run, {}, {}), item) == ["Play it again", "Play it again and film it", draw]
+    assert _offered(run_cases(run, {}, {}), PAIRS[1].item_id) == ["Play it", draw]
+    assert _offered(run_cases(run, {}, {}, tmp_path), item) == ["Play it again", "Film it", draw]
+    filmed = run_cases(run, {item: [film]}, {}, tmp_path)
+    assert _offered(filmed, item) == ["Play it again", "Film what the policy saw"]
+    assert _offered(run_cases(run, {item: [film, seen]}, {}, tmp_path), item) == ["Play it again"]
+    pictured = run_cases(run, {}, {item: [f"pictures/{item}--a-before.png"]}, tmp_path)
+    assert _offered(pictured, item) == ["Play it again", "Film it"]
+    (play, _, with_film, from_trace, *_) = filmed["commands"]
+    assert (play["before"].split()[0], play["before"].split()[-1], play["after"]) == ("pytest", "-k", "")
+    assert with_film["before"].endswith(" --libero-max-film=all -k")
+    assert from_trace["before"] == "libero-max film ."
+
+
+def test_a_filmed_pair_has_the_moments_of_its_film_and_the_curves_of_its_trace(tmp_path: Path) -> None:
+    record = record_of(PAIRS[10], True, False, dynamic_steps=220)
+    assert record.trigger is not None
+    assert timeline_of(record) == {
+        "steps": 220,
+        "arms": {
+            "base": {"end": record.base_steps, "success": True, "events": [], "stale": 0},
+            "dynamic": {"end": 220, "success": False, "events": [record.trigger.step], "stale": 2},
+        },
+    }
+    (tmp_path / "traces").mkdir()
+    path = tmp_path / "traces" / trace_name(record.item_id)
+    arrays: dict[str, Any] = {}
+    for name, arm in record.arms.items():
+        steps = arm.steps or 0
+        arrays |= {f"{name}_actions": np.zeros((steps, 7)), f"{name}_query_steps": np.zeros(1, int)}
+        arrays |= {
+            f"{name}_end_effector": np.full((steps, 3), [0.3, 0, 0.4]),
+            f"{name}_entity": np.zeros((steps, 3)),
+        }
+    np.savez(path, **arrays)
+    drawn = timeline_of(record, tmp_path)["arms"]["dynamic"]
+    assert (drawn["every"], drawn["curve"]) == (2, [500] * 110)
+    path.write_bytes(b"no trace")
+    assert "curve" not in timeline_of(record, tmp_path)["arms"]["dynamic"]
 
 
 def test_media_are_named_by_what_tells_them_apart_and_addressed_as_a_browser_wants_it() -> None:
@@ -138,7 +195,7 @@ def test_the_origin_says_what_was_recorded_and_what_was_not() -> None:
 
 def test_a_page_may_run_its_own_script_and_load_from_its_own_folder_alone() -> None:
     page = run_page(_report(), _run(), Path("nowhere"))
-    assert page.count("data:image/webp;base64,") == page.count("<article") == 16
+    assert page.count("data:image/webp;base64,") == page.count("<article class='event'") == 16
     assert "default-src 'none'" in page
     assert "script-src 'sha256-" in page
     assert set(re.findall(r"https?://[^'\"<\s]*", page)) <= {"http://www.w3.org/2000/svg"}

@@ -98,14 +98,22 @@ def test_cases_are_filtered_and_the_address_says_so(browser: Any, page: Path) ->
     assert shown.status.startswith("128 of 128 cases; 1 to 50 ")
     assert len(shown.cases()) == 50
     shown.page.get_by_label("Event", exact=True).select_option("camera_shift")
-    shown.page.get_by_label("Outcome", exact=True).select_option("regression")
+    chip = shown.page.get_by_role("group", name="Outcome").get_by_role("button", name="regression")
+    assert chip.get_attribute("aria-pressed") == "false"
+    chip.focus()
+    shown.page.keyboard.press("Enter")
+    assert chip.get_attribute("aria-pressed") == "true"
+    assert chip.evaluate("(button) => button === document.activeElement")
     chosen = shown.cases()
     assert chosen
     assert all("camera_shift" in name for name in chosen)
     assert shown.fragment == "#cases?event=camera_shift&outcome=regression"
     again = Shown(browser, page, shown.fragment)
     assert again.cases() == chosen
-    assert again.page.get_by_label("Outcome", exact=True).input_value() == "regression"
+    chip = again.page.get_by_role("group", name="Outcome").get_by_role("button", name="regression")
+    assert chip.inner_text() == f"regression {len(chosen)}"
+    chip.click()
+    assert again.fragment == "#cases?event=camera_shift"
     again.page.get_by_role("button", name="Show all").click()
     assert again.status.startswith("128 of 128")
 
@@ -154,7 +162,7 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
     can_be_played = "document.querySelector('.detail video').readyState >= 2"
     shown.page.wait_for_function(can_be_played)
     assert "-k " + FIRST.item_id in detail.locator("code").first.inner_text()
-    assert detail.locator("img").get_attribute("alt").startswith(FIRST.event_variant)
+    detail.get_by_text("Case, parameters and evidence").click()
     assert HOSTILE in detail.inner_text()  # as text, and nothing of it ran
     assert shown.page.locator("b", has_text="put it down").count() == 0
     assert detail.get_by_role("rowheader", name="Steps", exact=True).is_visible()
@@ -163,11 +171,60 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
     shown.page.get_by_role("button", name=FIRST.item_id).click()
     assert detail.count() == 0
     assert shown.complaints == []
+    other = Shown(browser, page, f"#cases?case={PAIRS[6].item_id}").page.locator(".detail")
+    assert other.locator("img").get_attribute("alt").startswith(PAIRS[6].event_variant)
     pictures = Shown(browser, page, f"#cases?case={NEVER.item_id}").page.locator(".detail figure")
     captions = ["agentview-before", "agentview-after", "robot0_eye_in_hand-before"]
     assert pictures.all_inner_texts()[:3] == captions
     error = Shown(browser, page, f"#cases?case={INVALID.item_id}").page.locator(".detail")
     assert "qpos is not finite" in error.inner_text()
+
+
+def test_a_film_is_stepped_through_and_its_event_is_found(browser: Any, page: Path) -> None:
+    shown = Shown(browser, page, f"#cases?case={FIRST.item_id}")
+    card = shown.page.locator(".detail")
+    shown.page.wait_for_function("document.querySelector('.detail video').readyState >= 2")
+    seek, said, now = card.get_by_label("Policy step"), card.locator("output"), "(video) => video.currentTime"
+    record = record_of(FIRST, True, False)
+    assert record.trigger is not None
+    event, steps = record.trigger.step, record.dynamic_steps or 0
+    assert said.inner_text().startswith(f"step {event} of {steps}, ")
+    assert said.inner_text().endswith(", 0 after the event")
+    for back in range(1, event - 5):
+        card.get_by_role("button", name="One step back").click()
+        assert said.inner_text().startswith(f"step {event - back} of ")
+    assert card.locator("video").evaluate(now) == pytest.approx(6.5 / 20, abs=1e-3)
+    seek.focus()
+    shown.page.keyboard.press("ArrowRight")
+    assert seek.input_value() == "7"
+    assert card.locator("video").evaluate(now) == pytest.approx(7.5 / 20, abs=1e-3)
+    card.get_by_role("button", name="To the event").click()
+    assert seek.input_value() == str(event)
+    assert card.locator("line.event").count() == 1
+    assert f"dynamic: failed after {steps} steps" in card.inner_text()
+    assert shown.complaints == []
+
+
+def test_the_first_screen_shows_what_broke_with_its_film(browser: Any, page: Path) -> None:
+    shown = Shown(browser, page)
+    headline = shown.page.locator(".headline").inner_text()
+    assert re.fullmatch(r"[-+]\d+\.\d pp", headline)
+    assert shown.page.locator("body").inner_text().count(headline) == 1
+    assert shown.page.locator(".verdict").bounding_box()["y"] < 400
+    film = shown.page.locator(".poster video")
+    assert film.get_attribute("src").startswith(f"films/{FIRST.item_id}--base-dynamic.mp4#t=")
+    shown.page.locator(".poster a").click()
+    assert shown.page.locator(".detail video").is_visible()
+    rows = shown.page.locator(".plot tbody tr")
+    assert rows.count() == 9
+    rows.nth(1).get_by_role("link").click()
+    assert shown.fragment == f"#cases?event={rows.nth(1).get_by_role('link').inner_text()}"
+
+
+def test_details_are_unpacked_when_a_case_of_their_part_is_opened(browser: Any, page: Path) -> None:
+    shown = Shown(browser, page, f"#cases?case={sorted(pair.item_id for pair in PAIRS)[-1]}")
+    assert shown.page.locator(".details-data").count() == 2  # of 100 cases, and of the others
+    assert shown.page.locator(".detail").get_by_role("heading", name="Commands").is_visible()
 
 
 def test_pages_are_turned_and_groups_lead_to_their_cases(browser: Any, page: Path) -> None:
@@ -206,6 +263,7 @@ def test_a_comparison_fits_its_window_and_shows_what_changed(
     again = Shown(browser, tmp_path / "comparison.html", shown.fragment, width=width)
     assert again.cases() == shown.cases()
     shown.page.locator(".cases > tbody button").first.click()
+    shown.page.locator(".detail").wait_for()
     assert shown.page.locator(".detail .command").count() == 3
     assert shown.too_wide() == []
     assert shown.complaints == []
@@ -225,7 +283,9 @@ def test_text_stands_out_from_its_background(browser: Any, page: Path, dark: boo
 
 
 _LOW_CONTRAST = """() => {
-  const channels = (color) => color.match(/[\\d.]+/g).map(Number);
+  const unit = (color) => (color.startsWith("color(") ? 255 : 1);
+  const channels = (color) =>
+    color.match(/[\\d.]+/g).map((part, place) => Number(part) * (place < 3 ? unit(color) : 1));
   const linear = (c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
   const luminance = (color) =>
     channels(color).slice(0, 3).reduce((sum, c, i) => sum + linear(c / 255) * [0.2126, 0.7152, 0.0722][i], 0);

@@ -1,0 +1,98 @@
+"""Pairs that broke or were gained as cards of a page: a card a cause and event, with a film where one is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+from urllib.parse import quote, urlencode
+
+from pytest_libero_max.report.diagnosis import NOT_RECORDED
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.writers.broken import LETTERS, Group, groups_of, title_of
+from pytest_libero_max.worlds.contract import CONTROL_HZ
+
+_MOST = {"regression": 8, "change_associated_success": 4}
+"""Number of cards of an outcome."""
+
+
+class Card(NamedTuple):
+    """Pairs of one cause under one event.
+
+    Attributes:
+        outcome: Their outcome, which is the class of their colour.
+        number: Number of pairs.
+        cause: In words; empty where it was not recorded.
+        event: The event.
+        view: View of the table of cases that has them alone.
+        sentence: What happened in the pair that is shown; empty where that was not recorded.
+        case: View of the table that shows this pair.
+        film: Address of its film, from half a second before the event; empty without one.
+    """
+
+    outcome: str
+    number: int
+    cause: str
+    event: str
+    view: str
+    sentence: str
+    case: str
+    film: str
+
+
+class Section(NamedTuple):
+    """The pairs of an outcome.
+
+    Attributes:
+        title: Heading.
+        cards: The largest groups.
+        more: Number of pairs in other groups.
+        view: View of the table of cases with all of them.
+    """
+
+    title: str
+    cards: Sequence[Card]
+    more: int
+    view: str
+
+
+def broken_sections(
+    report: Report, films: Mapping[str, Sequence[str]], event_steps: Mapping[str, int]
+) -> list[Section]:
+    """Return the pairs that were lost, then those that were gained; nothing for an outcome without pairs.
+
+    Args:
+        report: Of the run.
+        films: Paths of the films of each pair that has some, relative to the page, by item id.
+        event_steps: Policy steps before the event, by item id.
+    """
+    sections = []
+    for outcome in LETTERS:
+        groups = groups_of(report.changed_pairs, outcome)
+        if groups:
+            shown, others = groups[: _MOST[outcome]], groups[_MOST[outcome] :]
+            cards = [_card(outcome, group, films, event_steps) for group in shown]
+            more = sum(len(group.pairs) for group in others)
+            sections.append(Section(title_of(report, outcome), cards, more, urlencode({"outcome": outcome})))
+    return sections
+
+
+def _card(
+    outcome: str, group: Group, films: Mapping[str, Sequence[str]], event_steps: Mapping[str, int]
+) -> Card:
+    known = group.cause != NOT_RECORDED
+    pair = next((pair for pair in group.pairs if pair.item_id in films), group.pairs[0])
+    film = ""
+    if pair.item_id in films:
+        begin = max(event_steps.get(pair.item_id, 0) / CONTROL_HZ - 0.5, 0.0)
+        film = f"{quote(films[pair.item_id][0])}#t={begin:g}"
+    chosen = {"event": group.event, "outcome": outcome} | ({"cause": group.cause} if known else {})
+    return Card(
+        outcome=outcome,
+        number=len(group.pairs),
+        cause=group.cause.replace("_", " ") if known else "",
+        event=group.event,
+        view=urlencode(chosen),
+        sentence=pair.sentence if known else "",
+        case=urlencode({**chosen, "case": pair.item_id}),
+        film=film,
+    )

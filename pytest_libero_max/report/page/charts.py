@@ -1,0 +1,245 @@
+"""Charts of a page, as numbers for its templates: places along an axis in percent fit every window."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+from urllib.parse import urlencode
+
+from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.report.blocks import Outcomes, Result
+from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.formats import Ends, interval_text, points
+from pytest_libero_max.report.page.page_frame import Viewed
+from pytest_libero_max.report.report_document import Cell, Report
+
+OUTCOME_TITLES = {
+    "preserved_success": "preserved",
+    "change_associated_success": "change-associated",
+    "regression": "regression",
+    "persistent_failure": "persistent failure",
+    "invalid": "invalid",
+    "missing": "missing",
+    "unsupported": "unsupported",
+}
+"""Titles of the outcomes; the last three are of pairs without a record."""
+
+_MEASURED = [*OUTCOME_TITLES][:4]
+
+RUN_COLOURS = 8
+"""Number of colours of runs in the style sheet; they begin again after the last."""
+
+_MOST_TICKS = 5
+_STEPS = (0.05, 0.1, 0.2, 0.25, 0.5)
+_MOST_LABELS = 12
+
+
+class Row(NamedTuple):
+    """A row of a plot.
+
+    Attributes:
+        name: Of the row; it may lead to its cases.
+        note: Number of pairs.
+        text: The numbers.
+        dots: Places with the class of their colour.
+        span: Places of the two ends of a line, and the class of its colour; None for no line.
+    """
+
+    name: Viewed | str
+    note: str
+    text: str
+    dots: Sequence[tuple[float, str]]
+    span: tuple[float, float, str] | None
+
+
+class Plot(NamedTuple):
+    """Rows over one axis in percentage points.
+
+    Attributes:
+        head: Headings of the names and of the numbers.
+        ticks: Places and labels.
+        zero: Place of no change.
+        rows: From top to bottom.
+    """
+
+    head: tuple[str, str]
+    ticks: Sequence[tuple[float, str]]
+    zero: float
+    rows: Sequence[Row]
+
+
+class Segment(NamedTuple):
+    """An outcome in a bar of outcomes.
+
+    Attributes:
+        outcome: Its key, which is the class of its colour.
+        title: For people.
+        pairs: Number of them.
+        width: Share of the bar, percent.
+    """
+
+    outcome: str
+    title: str
+    pairs: int
+    width: float
+
+
+class _Axis:
+    """An axis of shares with zero on it; its ends are ticks."""
+
+    def __init__(self, values: Iterable[float]) -> None:
+        found = [0.0, *values]
+        low, high = min(found), max(found)
+        step = next((step for step in _STEPS if (high - low) / step < _MOST_TICKS), _STEPS[-1])
+        self.first = math.floor(low / step + 1e-9)
+        self.last = max(math.ceil(high / step - 1e-9), self.first + 1)
+        self.step = step
+
+    def at(self, value: float) -> float:
+        return round(100 * (value / self.step - self.first) / (self.last - self.first), 2)
+
+    def plot(self, head: tuple[str, str], rows: Sequence[Row]) -> Plot:
+        numbers = range(self.first, self.last + 1)
+        ticks = [
+            (self.at(number * self.step), f"{100 * number * self.step:+g}".replace("+0", "0"))
+            for number in numbers
+        ]
+        return Plot(head, ticks, self.at(0.0), rows)
+
+
+def direction(change: Ends) -> str:
+    """Return ``loss`` or ``gain`` where the interval of a change excludes zero, otherwise ``neutral``."""
+    if change.lower is None or change.upper is None or change.lower <= 0 <= change.upper:
+        return "neutral"
+    return "loss" if change.upper < 0 else "gain"
+
+
+def forest(overall: Result, events: Mapping[str, Result]) -> Plot:
+    """Return the paired change of all pairs and of the events, the lowest first, with their intervals."""
+    shown = sorted(events.items(), key=lambda item: (item[1].paired_change.value or 0.0, item[0]))
+    results = [(Viewed("all pairs", ""), overall)]
+    results += [
+        (Viewed(f"{name}{' *' * bool(row.floor)}", urlencode({"event": name})), row) for name, row in shown
+    ]
+    changes = [row.paired_change for _, row in results]
+    axis = _Axis(
+        end for change in changes for end in (change.value, change.lower, change.upper) if end is not None
+    )
+    rows = []
+    for name, row in results:
+        change, pairs = row.paired_change, str(row.played)
+        if row.played != row.planned:
+            pairs += f"/{row.planned}"
+        if change.value is None:
+            rows.append(Row(name, pairs, "n/a", [], None))
+            continue
+        kind = direction(change)
+        span = None
+        if change.lower is not None and change.upper is not None:
+            span = (axis.at(change.lower), axis.at(change.upper), kind)
+        text = f"{points(change.value)} {interval_text(change, signed=True)}"
+        rows.append(Row(name, pairs, text, [(axis.at(change.value), kind)], span))
+    return axis.plot(("Event (pairs)", "pp [95%]"), rows)
+
+
+def runs_by_event(comparison: Comparison) -> Plot:
+    """Return the paired changes of runs by event: a dot a run, and for two runs the line between them."""
+    runs = comparison.runs
+    axis = _Axis(run.by_event[event].value or 0.0 for run in runs for event in comparison.events)
+    rows = []
+    for event, over_runs in comparison.events.items():
+        values = [run.by_event[event].value or 0.0 for run in runs]
+        dots = [(axis.at(value), f"run{number % RUN_COLOURS}") for number, value in enumerate(values)]
+        if len(runs) == 2:
+            first, second = values
+            kind = "loss" if second < first else "gain"
+            span = (dots[0][0], dots[1][0], kind) if first != second else None
+            rows.append(
+                Row(
+                    Viewed(event, urlencode({"event": event})),
+                    "",
+                    " to ".join(map(points, values)),
+                    dots,
+                    span,
+                )
+            )
+        else:
+            text = f"{points(over_runs.lowest)} to {points(over_runs.highest)}"
+            rows.append(Row(Viewed(event, urlencode({"event": event})), "", text, dots, None))
+    numbers = "First to second, pp" if len(runs) == 2 else "Lowest to highest, pp"
+    return axis.plot(("Event", numbers), rows)
+
+
+def outcome_bar(outcomes: Outcomes) -> list[Segment]:
+    """Return the outcomes of pairs as parts of a bar, those without a pair included."""
+    counts = {key: getattr(outcomes, key) for key in _MEASURED}
+    total = sum(counts.values()) or 1
+    return [
+        Segment(key, OUTCOME_TITLES[key], count, round(100 * count / total, 2))
+        for key, count in counts.items()
+    ]
+
+
+class Heat(NamedTuple):
+    """A cell of the map of source categories and events.
+
+    Attributes:
+        text: Paired change in whole percentage points.
+        pairs: Number of pairs.
+        view: View of the table of cases.
+        kind: ``loss`` or ``gain``.
+        weight: Strength of its colour, percent.
+    """
+
+    text: str
+    pairs: int
+    view: str
+    kind: str
+    weight: int
+
+
+def category_map(report: Report) -> tuple[list[str], list[tuple[Viewed, list[Heat | None]]]]:
+    """Return the events, and for each source category a cell an event; None where no pair was played."""
+    events = [event for event in EVENTS if event in report.by["event"]]
+    rows = [
+        (
+            Viewed(category, urlencode({"category": category})),
+            [_heat(category, event, cells.get(event)) for event in events],
+        )
+        for category, cells in report.category_by_event.items()
+    ]
+    return events, rows
+
+
+def _heat(category: str, event: str, cell: Cell | None) -> Heat | None:
+    if cell is None or cell.paired_change.value is None:
+        return None
+    change = cell.paired_change
+    value = change.value or 0.0
+    return Heat(
+        f"{100 * value:+.0f}" if value else "0",
+        change.of,
+        urlencode({"category": category, "event": event}),
+        "loss" if value < 0 else "gain",
+        round(min(1.0, 2 * abs(value)) * 50),
+    )
+
+
+def histogram(counts: Mapping[str, int]) -> list[tuple[str, int, float]]:
+    """Return a bar for every whole number up to the last: its label, its count, and its height in percent.
+
+    Args:
+        counts: Pairs by number, written as text.
+    """
+    found = {int(number): pairs for number, pairs in counts.items()}
+    last, most = max(found, default=0), max(found.values(), default=1)
+    every = 1 + last // _MOST_LABELS
+    return [
+        (
+            "" if number % every else str(number),
+            found.get(number, 0),
+            round(100 * found.get(number, 0) / most, 1),
+        )
+        for number in range(last + 1)
+    ]
