@@ -49,14 +49,14 @@ def add_command(commands: Commands) -> None:
 
 def _serve(options: argparse.Namespace) -> None:
     from pytest_libero_max.policies.adapter_digest import adapter_digest, shown_identity
-    from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE, is_address, server_token
+    from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE, is_served, server_token
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.policies.server.batching import Batching
     from pytest_libero_max.policies.server.host import Host
     from pytest_libero_max.policies.server.metrics import Metrics
     from pytest_libero_max.policies.server.sockets import serving
 
-    if is_address(options.adapter):
+    if is_served(options.adapter):
         raise AdapterError.seen(
             "policy", options.adapter, " is a server already. Give its address to pytest."
         )

@@ -23,7 +23,7 @@ from pytest_libero_max.films.replay import Look, View, opening_m
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.policies.adapter_digest import adapter_digest, shown_identity
-from pytest_libero_max.policies.clients.address import is_address
+from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
@@ -70,7 +70,7 @@ def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) 
     """
     if adapter is not None:
         return _by_adapter(ran, adapter)
-    if not is_address(str(ran["reference"])):
+    if not is_served(str(ran["reference"])):
         if profile is not None:
             raise AdapterError.seen(
                 "profile", profile, f", but policy {ran['reference']!r} is no server's address."

@@ -232,7 +232,8 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
             the event: ``snapshot``, or what it was shown again (``queries``, ``frames``).
         fingerprints: Everything else that could change a result: versions, substrate, the policy's code, the
             digests of the scene and of the state in which the pair starts, the case's program if it has one.
-        timings: Wall-clock seconds, and server_batch, a count; the only fields that differ between runs.
+        timings: Wall-clock seconds, server_batch (a count) and server (an address); the only fields that
+            differ between runs.
             ``pair_s`` is the whole pair, ``world_s`` the building of its scene. ``reset_s``, ``prefix_s``, an
             ``arm_..._s`` for each arm and ``asked_again_s`` (the check of a policy's answer) are its parts;
             ``observe_s`` (images), ``policy_s`` and ``event_s`` are again parts of these.

@@ -322,7 +322,13 @@ def parametrize(metafunc: pytest.Metafunc) -> None:
     cases = cases_of(metafunc.config)
     _register_sources(metafunc.config, cases)
     metafunc.parametrize(
-        CASE_FIXTURE, [pytest.param(case, id=case.item_id, marks=_marks(case)) for case in cases]
+        CASE_FIXTURE,
+        [
+            pytest.param(
+                case, id=case.item_id, marks=[getattr(pytest.mark, name) for name in markers_of(case)]
+            )
+            for case in cases
+        ],
     )
 
 
@@ -355,8 +361,9 @@ def case_of_item(item: pytest.Item) -> str | None:
     return item.case.item_id if isinstance(item, PairItem) else None
 
 
-def _marks(case: Case) -> list[Any]:
-    names = (
+def markers_of(case: Case) -> tuple[str, ...]:
+    """Names of the markers of a pair."""
+    return (
         case.event.name,
         family_of(case.event.name),
         case.suite,
@@ -364,7 +371,6 @@ def _marks(case: Case) -> list[Any]:
         f"source_{case.source}",
         _category_marker(case),
     )
-    return [getattr(pytest.mark, name) for name in names]
 
 
 def _category_marker(case: Case) -> str:

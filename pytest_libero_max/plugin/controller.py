@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import (
@@ -21,6 +21,7 @@ from pytest_libero_max.errors import (
     class_name,
     text_of,
 )
+from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error
 from pytest_libero_max.plugin.case_support import require_support
 from pytest_libero_max.plugin.collection import (
@@ -31,6 +32,7 @@ from pytest_libero_max.plugin.collection import (
     check_ids,
     chosen_by_hand,
     manifest_of,
+    markers_of,
     only_lists,
     settings_of,
 )
@@ -48,6 +50,8 @@ from pytest_libero_max.plugin.stash_keys import (
     STOP_ATTRIBUTE,
 )
 from pytest_libero_max.policies.adapter_digest import adapter_digest
+from pytest_libero_max.policies.clients.address import is_served
+from pytest_libero_max.policies.clients.servers import Servers, read_servers, require_known_marks
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.exit_status import INCOMPLETE
@@ -92,7 +96,8 @@ class RunController:
         self._hook_raised = False
         self._broken_policy: str | None = None
         try:
-            check_reference(self.settings.reference, self.settings.profile)
+            check_reference(self.settings.reference, self.settings.profile, self.settings.revision)
+            self.servers = self._read_servers()
             if self.settings.ray is None:  # otherwise its nodes draw
                 gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
@@ -104,6 +109,20 @@ class RunController:
     def measured(self) -> tuple[str, ...]:
         """Item ids of the pairs that a resumed run holds already."""
         return self.config.stash.get(MEASURED, ())
+
+    def _read_servers(self) -> Servers | None:
+        """Return the servers of the policy; None for a single one, and for a policy that is no server's.
+
+        Raises:
+            AdapterError: Some are for a marker that no pair can have.
+        """
+        settings = self.settings
+        if not is_served(settings.reference):
+            return None
+        servers = read_servers(settings.reference, settings.profile, settings.revision).resolved()
+        known = {*SUITE_BUDGETS, *EVENTS, *families()}
+        require_known_marks(servers, known.union(*map(markers_of, manifest_of(self.config).cases)))
+        return servers if len(servers.addresses) > 1 or servers.groups[0].marks else None
 
     def _require_support(self) -> None:
         """Refuse cases that cannot play here, unless they are left out or the user has chosen the pairs."""
@@ -156,6 +175,7 @@ class RunController:
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
             f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}",
+            *([] if self.servers is None else [_servers_line(self.servers)]),
             *([] if note is None else [note]),
         ]
 
@@ -232,10 +252,11 @@ class RunController:
         return provenance.collect(
             policy={
                 "reference": settings.reference,
-                "code": adapter_digest(settings.reference, settings.profile),
+                "code": adapter_digest(settings.reference, settings.profile, settings.revision),
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
                 **({} if settings.profile is None else {"profile": settings.profile}),
+                **self._servers_said(),
                 **({} if settings.restore == "native" else {"restore": settings.restore}),
                 **({} if settings.adaptive is None else {"adaptive": settings.adaptive}),
             },
@@ -257,6 +278,14 @@ class RunController:
             command=["pytest", *map(str, self.config.invocation_params.args)],
             folder=self.config.rootpath,
         )
+
+    def _servers_said(self) -> Json:
+        """Return the servers and the weights that the user declares, for the provenance of the run."""
+        revision = self.settings.revision
+        return {
+            **({} if self.servers is None else {"servers": self.servers.to_list()}),
+            **({} if revision is None else {"revision": revision}),
+        }
 
     # What arrives.
 
@@ -351,3 +380,12 @@ def _origin(substrate: Json) -> str:
     if substrate["source_variations"] == "own":
         origin.append("own source variations")
     return f"{substrate['name']} ({', '.join(origin)})"
+
+
+def _servers_line(servers: Servers) -> str:
+    """Return the servers of a run for pytest's header."""
+    groups = [
+        f"{', '.join(group.addresses)}" + (f" for {' '.join(group.marks)}" if group.marks else "")
+        for group in servers.groups
+    ]
+    return f"libero-max: {len(servers.addresses)} servers: {'; '.join(groups)}"

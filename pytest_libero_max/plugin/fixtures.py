@@ -56,6 +56,8 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
             horizon=settings.horizon,
             query_interval=settings.query_interval,
             profile=settings.profile,
+            revision=settings.revision,
+            seat=_seat(pytestconfig, settings),
         )
         policy = with_adaptive_queries(with_restoration(policy, settings.restore), settings.adaptive)
     except BaseException as error:
@@ -68,6 +70,13 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
         ) from error
     pytestconfig.stash[LOADED] = policy
     return policy
+
+
+def _seat(config: pytest.Config, settings: Settings) -> int:
+    """Return the number of this process among those that play, also of other shards."""
+    name = str(getattr(config, "workerinput", {}).get("workerid", ""))
+    number = "".join(letter for letter in name if letter.isdigit())
+    return (int(number) if number else 0) + (0 if settings.shard is None else settings.shard[0] - 1)
 
 
 @pytest.fixture(scope="session")

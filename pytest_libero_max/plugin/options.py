@@ -76,14 +76,22 @@ OPTIONS = (
         "ADAPTER",
         "Policy to test: the name of a policy (expert, stale_expert, servo, noop, random), FILE.py, "
         "FILE.py:NAME or PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a "
-        "profile); given on the command line without test paths, every pair of the track is "
-        "collected; given in the ini file, pytest libero-max plays them, and so does testpaths = libero-max",
+        "profile), several equal ones with commas between, or a .toml file that lists them; given "
+        "on the command line without test paths, every pair of the track is collected; given in the ini "
+        "file, pytest libero-max plays them, and so does testpaths = libero-max",
         read.text,
     ),
     Option(
         "profile",
         "NAME|PATH",
         "Profile of the policy behind a server's address: one of this package, or a TOML file",
+        read.text,
+    ),
+    Option(
+        "revision",
+        "TEXT",
+        "Identity of the weights behind servers, for example a checkpoint's digest; runs over other "
+        "addresses that declare the same are one measurement",
         read.text,
     ),
     Option(
@@ -384,6 +392,7 @@ class Settings:
 
     policy: str | None
     profile: str | None
+    revision: str | None
     track: str
     manifest: Path | None
     program: Program | None

@@ -17,6 +17,7 @@ from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import END_STATUS
+from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.runs.media import films_in
@@ -237,9 +238,11 @@ def _text(error: Exception) -> str:
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:
-    """Return a line for the first failure beside the pairs, and the number of others."""
-    more = f" ({len(notes) - 1} more like this)" if len(notes) > 1 else ""
-    return [f"Beside the pairs, which are measured: {note}{more}" for note in notes[:1]]
+    """Return lines for servers that were left out, and for the first other failure beside the pairs."""
+    servers = [note for note in dict.fromkeys(notes) if note.startswith(LEFT_OUT)]
+    others = [note for note in notes if not note.startswith(LEFT_OUT)]
+    more = f" ({len(others) - 1} more like this)" if len(others) > 1 else ""
+    return [*servers, *(f"Beside the pairs, which are measured: {note}{more}" for note in others[:1])]
 
 
 def _append_step_summary(markdown: Path, gates: list[str]) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import pytest
 from msgspec import structs
@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, text_of
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.plugin.collection import noise_cases_of, settings_of
+from pytest_libero_max.plugin.collection import markers_of, noise_cases_of, settings_of
 from pytest_libero_max.plugin.first_pair import require_first_pair_again
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
@@ -28,6 +28,11 @@ if TYPE_CHECKING:
     from pytest_libero_max.pairing.runner import Pair
     from pytest_libero_max.policies.contract import Policy
     from pytest_libero_max.worlds.contract import World
+
+Result = TypeVar("Result")
+
+SERVER = "server"
+"""Among the timings of a pair: address of the policy server that answered last."""
 
 BROKEN_POLICY = "the policy cannot be played"
 """Reason of a stop: every other pair would end in the same way."""
@@ -100,9 +105,13 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
         suites = ", ".join(policy.spec.suites or ())
         raise Unsupported(f"unsupported: policy {policy.spec.name!r} declares the suites {suites}")
     process.enter("setup")
+    troubles: list[str] = getattr(policy, "troubles", [])
     with process.watchdog.pair():
-        pair, world = _measure(request, case, process, policy)
-    notes = _keep(pair, case, world, settings_of(request.config))
+        pair, world = _on_servers(policy, case, lambda: _measure(request, case, process, policy))
+    server = getattr(policy, "server", None)
+    pair = pair if server is None else _timed(pair, {SERVER: server})
+    notes = [*troubles, *_keep(pair, case, world, settings_of(request.config))]
+    troubles.clear()
     if notes:
         request.node.stash[NOTE] = "; ".join(notes)
     _require_first_pair_again(request, case, pair.record, policy, process)
@@ -116,7 +125,10 @@ def _require_first_pair_again(
     substrate = request.getfixturevalue("libero_max_substrate")
 
     def play_again(first: Case) -> PairRecord:
-        return _measure_arms(first, substrate.world(first), policy, request.config, process, {}).record
+        world = substrate.world(first)
+        return _on_servers(
+            policy, first, lambda: _measure_arms(first, world, policy, request.config, process, {})
+        ).record
 
     if policy.spec.repeatable:
         with process.watchdog.pair():
@@ -125,6 +137,19 @@ def _require_first_pair_again(
             except AdapterError:
                 process.enter(POLICY_PHASE)
                 raise
+
+
+def _on_servers(policy: Policy, case: Case, measure: Callable[[], Result]) -> Result:
+    """Measure a pair; again where the server that kept the policy's memory was left out for another one."""
+    from pytest_libero_max.policies.clients.fleet import OtherServer
+
+    if hasattr(policy, "begin_pair"):
+        policy.begin_pair(markers_of(case))
+    while True:
+        try:
+            return measure()
+        except OtherServer:  # each time one server less is left, and then another error is raised
+            continue
 
 
 def _measure(
@@ -143,7 +168,9 @@ def _measure(
         check_cameras(policy, world)
         if settings.study is not None:
             settings.study.check_policy(policy.spec)
-        request.config.stash[ADAPTER_DIGEST] = adapter_digest(settings.reference, settings.profile)
+        request.config.stash[ADAPTER_DIGEST] = adapter_digest(
+            settings.reference, settings.profile, settings.revision
+        )
         process.enter("setup")
     fingerprints = {
         **substrate.fingerprint(),
@@ -181,9 +208,10 @@ def _measure_arms(
     )
 
 
-def _timed(pair: Pair, seconds: Mapping[str, float]) -> Pair:
+def _timed(pair: Pair, said: Mapping[str, float | str]) -> Pair:
     """Return the pair with more timings in its record."""
-    timings = pair.record.timings | {name: round(value, 6) for name, value in seconds.items()}
+    rounded = {name: round(value, 6) if isinstance(value, float) else value for name, value in said.items()}
+    timings = pair.record.timings | rounded
     return replace(pair, record=structs.replace(pair.record, timings=dict(sorted(timings.items()))))
 
 

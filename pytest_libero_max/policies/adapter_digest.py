@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError
-from pytest_libero_max.policies.clients.address import is_address
+from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.references import (
     BUILT_IN,
     DEFAULT_NAME,
@@ -28,7 +28,7 @@ from pytest_libero_max.policies.references import (
 _SHIPPED = f"{__name__.partition('.')[0]}.experts"
 
 
-def adapter_digest(text: str, profile: str | None = None) -> str:
+def adapter_digest(text: str, profile: str | None = None, revision: str | None = None) -> str:
     """Identity of the policy that a reference leads to. Nothing is imported.
 
     For a policy that ships with the package it is a name and a version, for example ``expert version 1``
@@ -44,14 +44,15 @@ def adapter_digest(text: str, profile: str | None = None) -> str:
     Args:
         text: The reference as the user typed it.
         profile: Name or path of the profile, for the address of a server.
+        revision: Identity of the weights behind servers.
 
     Raises:
         AdapterError: The reference leads nowhere, or a file cannot be read.
     """
-    if is_address(text):
-        from pytest_libero_max.policies.clients.opening import require_profile
+    if is_served(text):
+        from pytest_libero_max.policies.clients.servers import read_servers
 
-        return require_profile(text, profile).digest
+        return read_servers(text, profile, revision).digest
     reference = parse_reference(text)
     package, _, module = reference.target.rpartition(".")
     if package == _SHIPPED and module in BUILT_IN:

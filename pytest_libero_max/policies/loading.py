@@ -16,7 +16,7 @@ from typing import Any
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.check import check_policy, locate
-from pytest_libero_max.policies.clients.address import is_address
+from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.references import Reference, file_of, find_spec, no_module, parse_reference
 
@@ -27,12 +27,19 @@ _PRIVATE = "_pytest_libero_max_adapter_"
 
 
 def load_policy(
-    text: str, *, horizon: int | None = None, query_interval: int | None = None, profile: str | None = None
+    text: str,
+    *,
+    horizon: int | None = None,
+    query_interval: int | None = None,
+    profile: str | None = None,
+    revision: str | None = None,
+    seat: int = 0,
 ) -> Policy:
     """Load the policy that a reference names.
 
     The address of a server (``openpi://host:8000``) is connected to; ``profile`` is the profile of the policy
-    behind it.
+    behind it. Several addresses with commas between them, or a ``.toml`` file that lists them,
+    are equal servers, or one group of servers for each suite.
 
     The reference is the name of a built-in or installed policy (``expert``), a file (``adapter.py``) or an
     importable module (``package.module``); the latter two with ``:name`` for anything but the default name
@@ -51,6 +58,8 @@ def load_policy(
         horizon: Replaces H of the adapter's spec.
         query_interval: Replaces Q of the adapter's spec.
         profile: Name or path of the profile of a policy behind a server.
+        revision: Identity of the weights behind servers.
+        seat: Number of this process among those that play; spreads them over several servers.
 
     Returns:
         The policy. With H or Q replaced, its ``spec`` attribute is set to the new spec before anything else
@@ -61,11 +70,19 @@ def load_policy(
         AdapterError: Nothing can be loaded from there, or it is no policy; names the missing part.
         ServerError: The server cannot be reached, or does not speak its protocol.
     """
-    if is_address(text):
-        from pytest_libero_max.policies.clients.opening import load_served
+    if is_served(text):
+        from pytest_libero_max.policies.clients.fleet import open_fleet
+        from pytest_libero_max.policies.clients.opening import open_server, parse_address
+        from pytest_libero_max.policies.clients.servers import read_servers
 
-        return load_served(text, profile, horizon, query_interval)
-    _refuse_profile(text, profile)
+        servers = read_servers(text, profile, revision).resolved()
+        if len(servers.addresses) > 1 or servers.groups[0].marks or servers.name:
+            return open_fleet(servers, seat, horizon, query_interval)
+        (only,) = servers.groups
+        return open_server(
+            parse_address(only.addresses[0]), only.profile, horizon, query_interval, only.revision
+        )
+    _refuse_server_options(text, profile, revision)
     reference = parse_reference(text)
     path = file_of(reference)
     if reference.is_file:
@@ -77,7 +94,7 @@ def load_policy(
     return _override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
 
 
-def check_reference(text: str, profile: str | None = None) -> None:
+def check_reference(text: str, profile: str | None = None, revision: str | None = None) -> None:
     """Check a reference without executing anything or connecting to a server.
 
     For processes that only hand out the work: the weights belong into those that play.
@@ -86,12 +103,12 @@ def check_reference(text: str, profile: str | None = None) -> None:
         AdapterError: The file, module or name does not exist, cannot be read, or is not Python; or
             the address or its profile cannot be used.
     """
-    if is_address(text):
-        from pytest_libero_max.policies.clients.opening import require_profile
+    if is_served(text):
+        from pytest_libero_max.policies.clients.servers import read_servers
 
-        require_profile(text, profile)
+        read_servers(text, profile, revision)
         return
-    _refuse_profile(text, profile)
+    _refuse_server_options(text, profile, revision)
     reference = parse_reference(text)
     path = file_of(reference)
     if not reference.is_file:
@@ -110,7 +127,14 @@ def check_reference(text: str, profile: str | None = None) -> None:
         raise _no_such_name(reference, [known for known in defined if known[:1] != "_"])
 
 
-def _refuse_profile(text: str, profile: str | None) -> None:
+def _refuse_server_options(text: str, profile: str | None, revision: str | None) -> None:
+    if revision is not None:
+        raise AdapterError.seen(
+            "policy",
+            text,
+            f" with revision={revision!r}: that declares the weights behind servers, and this one is no "
+            "address. Let the adapter declare PolicySpec(revision=...), and leave --libero-max-revision out.",
+        )
     if profile is not None:
         raise AdapterError.seen(
             "policy",

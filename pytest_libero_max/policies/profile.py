@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,6 +19,9 @@ from typing import Annotated, Any
 
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, Texts, fits, rule, shown, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
+
+PROFILE_ALONE = "profile"
+"""Begins the revision of a policy whose weights nobody has declared."""
 
 UNKNOWN = "?"
 """A value that could not be established."""
@@ -48,6 +52,7 @@ SECTIONS: Mapping[str, Mapping[str, Any]] = {
         "declared_by_server": Flag,
         "every_step": Flag,
         "suites": Texts,
+        "unnorm_key": Text,
     },
     "inputs": {},
     "instruction": {"steps": _List},
@@ -112,6 +117,18 @@ class Profile:
         said = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
+    @property
+    def suites(self) -> tuple[str, ...] | None:
+        """The suites that it is for; None for all.
+
+        A server that was started with the statistics of one suite (``policy.unnorm_key``) plays that alone.
+        """
+        told = self.get("policy", "suites")
+        if told is not None:
+            return tuple(told)
+        one = suite_of_key(self.get("policy", "unnorm_key") or self.get("actions", "statistics_key"))
+        return None if one is None else (one,)
+
     def unknown(self) -> tuple[str, ...]:
         """Return the fields that could not be established, for example ``policy.horizon``."""
         played = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
@@ -135,6 +152,20 @@ class Profile:
                 f'so. Write a file with `extends = "{self.name}"` and these fields, and name it with '
                 f"--libero-max-profile{hint}."
             )
+
+
+def suite_of_key(key: str | None) -> str | None:
+    """Return the suite that a key of normalisation statistics names, for example ``libero_goal_no_noops``.
+
+    None where it names none, or several.
+    """
+    found = [] if key is None else re.findall(r"libero_(?:spatial|object|goal|10|90)(?![0-9])", key)
+    return found[0] if len(set(found)) == 1 else None
+
+
+def declares_weights(revision: str) -> bool:
+    """Return True if a revision says more than by which profiles the servers were asked."""
+    return re.search(rf"(?:^|; |: ){PROFILE_ALONE} \S+ [0-9a-f]{{12}}(?:;|$)", revision) is None
 
 
 def profile_names() -> tuple[str, ...]:

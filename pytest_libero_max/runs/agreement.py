@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 from pytest_libero_max.benchmark.documents import Json
@@ -10,6 +10,8 @@ from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OtherRunError, ReportError
 from pytest_libero_max.pairing.record import PROGRAM, PairError, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
+from pytest_libero_max.policies.clients.address import is_served
+from pytest_libero_max.policies.profile import declares_weights
 from pytest_libero_max.runs.plan import PlannedPair, Run
 
 _IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in PairRecord.__struct_fields__)
@@ -30,6 +32,10 @@ _MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
 
 PLACES = ("case_set.path", "case_set.program", "policy.profile", "substrate.roots", "substrate.assets")
 """Paths in the provenance; they may differ between machines, because digests identify the content."""
+
+
+ADDRESSES = ("policy.reference", "policy.servers")
+"""Places of the policy's servers in the provenance; they may differ where the records name the weights."""
 
 
 class Agreement:
@@ -182,13 +188,33 @@ def _require_header(run: Run, record: Played) -> None:
             )
 
 
-def run_differences(one: Run, other: Run) -> list[str]:
-    """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``."""
-    return [
+def run_differences(one: Run, other: Run, *, declared: bool = False) -> list[str]:
+    """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``.
+
+    Args:
+        one: A run.
+        other: Another run.
+        declared: True if both say by which weights their pairs were played (:func:`declare_weights`). Then
+            the addresses of their servers may differ, because their records say whether the weights do.
+    """
+    asked = [run.provenance["policy"] for run in (one, other)]
+    served = all(is_served(policy["reference"]) for policy in asked)
+    ignored = (*PLACES, *ADDRESSES) if served and declared else PLACES
+    found = [
         text
         for part in _MUST_AGREE
-        for text in differences(part, one.provenance.get(part, {}), other.provenance.get(part, {}), PLACES)
+        for text in differences(part, one.provenance.get(part, {}), other.provenance.get(part, {}), ignored)
     ]
+    if served and found and not declared and all(text.startswith(ADDRESSES) for text in found):
+        found[-1] += (
+            " (to play one measurement over other addresses, declare the weights: --libero-max-revision)"
+        )
+    return found
+
+
+def declare_weights(records: Iterable[PairRecord]) -> bool:
+    """Return True if all records name the weights by which they were played, and not only a profile."""
+    return all(declares_weights(str(record.policy.get("revision"))) for record in records)
 
 
 def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) -> list[str]:

@@ -9,7 +9,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection, merged_selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.runs.agreement import SamePlay, run_differences
+from pytest_libero_max.runs.agreement import SamePlay, declare_weights, run_differences
 from pytest_libero_max.runs.lock import read_mark
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun, pairs_file, read_pairs
@@ -42,7 +42,8 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     errors: dict[str, PairError] = {}
     same_play = SamePlay()
     for name, run in runs.items():
-        different = run_differences(run.run, first.run)
+        declared = declare_weights((*run.records, *first.records))
+        different = run_differences(run.run, first.run, declared=declared)
         if different:
             raise ReportError(
                 f"{name!r} and {first_name!r} are not pieces of one measurement: {'; '.join(different)}. "
@@ -118,9 +119,23 @@ def _provenance(runs: Mapping[str, StoredRun], planned: Iterable[str]) -> Json:
         merged["started"] = min(part.get("started") or merged["started"] for part in parts)
     for name in ("selection", "order", "stopping_rule"):  # the pieces were played beside each other
         merged.pop(name, None)
+    policies = [part["policy"] for part in parts]
+    if any(policy != policies[0] for policy in policies):
+        merged["policy"] = _over_all_servers(policies)
     gates = sorted({gate for part in parts for gate in part.get("gates") or ()})
     merged |= {"gates": gates} if gates else {}
     selections = [part["selection"] for part in parts if "selection" in part]
     if len(selections) == len(parts):
         merged["selection"] = merged_selection(list(map(Selection.from_dict, selections)), planned).to_dict()
+    return merged
+
+
+def _over_all_servers(policies: Iterable[Json]) -> Json:
+    """Return the policy of runs that were played over several addresses; their order does not matter."""
+    ordered = sorted(policies, key=lambda policy: str(policy["reference"]))
+    merged = dict(ordered[0])
+    references = dict.fromkeys(str(policy["reference"]) for policy in ordered)
+    if len(references) > 1:
+        merged["reference"] = ",".join(references)
+        merged.pop("servers", None)  # each record names its own
     return merged

@@ -31,6 +31,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     policy, cases, substrate = (provenance[name] for name in ("policy", "case_set", "substrate"))
     kind, _, name = cases["name"].partition(" ")
     options: list[tuple[str, object]] = [("policy", policy["reference"]), ("profile", policy.get("profile"))]
+    options.append(("revision", policy.get("revision")))
     if kind in ("track", "manifest") and name:
         options.append((kind, cases.get("path", name)))
     options.append(("program", cases.get("program")))

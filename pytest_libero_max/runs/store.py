@@ -23,7 +23,7 @@ from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
-from pytest_libero_max.runs.agreement import Agreement, run_differences
+from pytest_libero_max.runs.agreement import Agreement, declare_weights, run_differences
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
@@ -124,7 +124,7 @@ class PairStore:
         stored = stored or read_to_resume(folder)
         if stored is None:
             return store, None
-        _require_same_run(stored.run, run, store.path)
+        _require_same_run(stored, run, store.path)
         for record in stored.records:
             store._agreement.add(record, str(store.path))
         store._append_to_existing = True
@@ -430,19 +430,20 @@ def _kind_of(line: bytes) -> object:
     return _HEAD.decode(line).line
 
 
-def _require_same_run(stored: Run, wanted: Run, path: Path) -> None:
-    then, now = (run.provenance.get("order", SORTED_NAME) for run in (stored, wanted))
+def _require_same_run(stored: StoredRun, wanted: Run, path: Path) -> None:
+    before = stored.run
+    then, now = (run.provenance.get("order", SORTED_NAME) for run in (before, wanted))
     if then != now:
         raise ReportError(
             f"{path} was begun in the order {then}, and now the order is {now}. Resume with "
             f"--libero-max-order={then}, or choose another output folder."
         )
-    if stored.planned != wanted.planned:
+    if before.planned != wanted.planned:
         raise ReportError(
-            f"{path} was planned with other cases ({len(stored.planned)} then, {len(wanted.planned)} now). "
+            f"{path} was planned with other cases ({len(before.planned)} then, {len(wanted.planned)} now). "
             "Resume with the same track, manifest, program and selection, or choose another output folder."
         )
-    different = run_differences(stored, wanted)
+    different = run_differences(before, wanted, declared=declare_weights(stored.records))
     if different:
         raise ReportError(
             f"{path} was played with something else than now (then, now): {'; '.join(different)}. Resume "

@@ -114,7 +114,7 @@ def identity(config: pytest.Config) -> Json:
     """Digests that have to be the same wherever pairs of a run are played, by name."""
     settings = settings_of(config)
     try:
-        adapter = adapter_digest(settings.reference, settings.profile)
+        adapter = adapter_digest(settings.reference, settings.profile, settings.revision)
     except LiberoMaxError as error:
         adapter = str(error)
     return {

@@ -15,6 +15,12 @@ PATIENCE_S = 300.0
 TOKEN_VARIABLE = "LIBERO_MAX_SERVER_TOKEN"
 """Environment variable with the token of servers that ask for one."""
 
+LEFT_OUT = "Policy server"
+"""Begins the sentences about servers that were left out of a list of equal ones."""
+
+SERVER_FILE = ".toml"
+"""Ending of a file that lists servers."""
+
 _ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 
 
@@ -56,5 +62,10 @@ def server_token() -> str | None:
 
 
 def is_address(text: str) -> bool:
-    """Return True if a reference is the address of a server."""
+    """Return True if a reference is the address of a server, or a list that begins with one."""
     return _ADDRESS.match(text) is not None
+
+
+def is_served(text: str) -> bool:
+    """Return True if a reference names servers: by an address, several of them, or a file that lists them."""
+    return is_address(text) or text.endswith(SERVER_FILE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
@@ -14,7 +15,13 @@ from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.transport import Client
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
+from pytest_libero_max.policies.profile import (
+    PROFILE_ALONE,
+    Profile,
+    declares_weights,
+    load_profile,
+    profile_names,
+)
 
 _REFUSED = {
     "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
@@ -39,7 +46,29 @@ def load_served(
         AdapterError: The address or the profile cannot be used.
         ServerError: The server was given up.
     """
-    address, profile = parse_address(text), require_profile(text, profile_text)
+    return open_server(parse_address(text), require_profile(text, profile_text), horizon, query_interval)
+
+
+def open_server(
+    address: Address,
+    profile: Profile,
+    horizon: int | None = None,
+    query_interval: int | None = None,
+    revision: str | None = None,
+) -> ServedPolicy:
+    """Return the policy at an address, connected.
+
+    Args:
+        address: The address.
+        profile: Profile of the policy.
+        horizon: Replaces H of the profile.
+        query_interval: Replaces Q of the profile.
+        revision: Identity of the weights, as the user declares it; follows that of the server, if it has one.
+
+    Raises:
+        AdapterError: The profile cannot be used.
+        ServerError: The server was given up.
+    """
     given = {"policy.horizon": horizon, "policy.query_interval": query_interval}
     profile.require_known(tuple(name for name, value in given.items() if value is not None))
     request, reply = Request(profile), Reply(profile)
@@ -52,9 +81,9 @@ def load_served(
         cameras=request.cameras,
         image_size=profile.get("policy", "image_size", 256),
         repeatable=profile.get("policy", "repeatable", False),
-        suites=profile.get("policy", "suites"),
+        suites=profile.suites,
         control=profile.get("actions", "control", "delta"),
-        revision=profile.get("policy", "revision") or f"profile {profile.name} {profile.digest[:12]}",
+        revision=profile.get("policy", "revision") or f"{PROFILE_ALONE} {profile.name} {profile.digest[:12]}",
     )
     protocol = PROTOCOLS[address.scheme]
     opening = Opening(address, profile, spec, request, horizon, query_interval)
@@ -84,6 +113,11 @@ def load_served(
             "shown queries alone. Serve an adapter with see(observation, step), snapshot() and "
             "restore(memory) by `libero-max serve`."
         )
+    policy.server = str(address)
+    if revision is not None:
+        known = policy.spec.revision
+        undeclared = known is None or not declares_weights(known)
+        policy.spec = replace(policy.spec, revision=revision if undeclared else f"{known}, {revision}")
     return policy
 
 

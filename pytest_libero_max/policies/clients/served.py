@@ -35,7 +35,10 @@ class ServedPolicy:
         greeting: The server's description of itself.
         client: The connection, which counts interruptions.
         batch_size: Number of queries in the last answered batch; 1 where the server does not say.
+        server: Address of the server.
     """
+
+    server: str | None = None
 
     def __init__(
         self,

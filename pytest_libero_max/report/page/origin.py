@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from pytest_libero_max.report.report_document import Report
@@ -27,6 +28,7 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
     yield "named as", origin["policy"]["reference"]
     if origin["policy"].get("profile"):
         yield "profile", origin["policy"]["profile"]
+    yield from _servers(stored)
     machine = [
         f"{value} cores" if name == "cores" else str(value)
         for name, value in origin["platform"].items()
@@ -42,6 +44,14 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
     git = origin.get("git")
     if git:
         yield "repository", f"{git['commit'][:12]}{', with changes' if git['dirty'] else ''}"
+
+
+def _servers(stored: StoredRun) -> Iterator[tuple[str, str]]:
+    """Yield the servers that answered, with their numbers of pairs; nothing where it was one."""
+    answered = Counter(record.timings.get("server") for record in stored.records)
+    answered.pop(None, None)
+    if len(answered) > 1:
+        yield "servers", ", ".join(f"{server} ({pairs} pairs)" for server, pairs in sorted(answered.items()))
 
 
 def _duration(stored: StoredRun) -> str:

@@ -1,0 +1,374 @@
+"""A policy behind several servers, of which each process asks one at a time."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.clients.address import LEFT_OUT, PATIENCE_S
+from pytest_libero_max.policies.clients.opening import open_server, parse_address
+from pytest_libero_max.policies.clients.served import Actions, ServedPolicy
+from pytest_libero_max.policies.clients.servers import ServerGroup, Servers, joined_revisions
+from pytest_libero_max.policies.clients.transport import Client
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.worlds.contract import Observation
+
+LOG = logging.getLogger("pytest_libero_max.servers")
+
+WITH_OTHERS_S = 10.0
+"""Longest time, s, to wait for a server while others are left. The last one has the time of a single one."""
+
+_EQUAL = ("horizon", "query_interval", "cameras", "image_size", "privileged", "control", "history")
+"""Fields of the spec in which the groups of a run must agree."""
+
+
+class OtherServer(ServerError):
+    """The server with the policy's memory was left out: the pair has to be played again, with another one."""
+
+
+class Pool:
+    """Equal servers, of which one is asked until it is given up.
+
+    Args:
+        group: The servers.
+        seat: Number of this process among those that play; spreads them over the servers.
+        override: H and Q that replace those of the profile.
+
+    Attributes:
+        policy: The policy behind the server that is asked.
+        declared: Spec that the first server gave.
+        server: Address of the server that is asked.
+        left_out: Sentences about the servers that were left out, by address.
+        waited_s: Time spent waiting for servers that were left out since.
+
+    Raises:
+        ServerError: None of them answers.
+        AdapterError: The profile cannot be used.
+    """
+
+    def __init__(
+        self, group: ServerGroup, seat: int, override: tuple[int | None, int | None] = (None, None)
+    ) -> None:
+        self.group = group
+        self.left_out: dict[str, str] = {}
+        self.waited_s = 0.0
+        self._override = override
+        self._order = in_order_of(group.addresses, seat)
+        self._all_failed = False
+        self._declared: PolicySpec | None = None
+        self._current: tuple[str, ServedPolicy] | None = None
+        self._open_next([])
+
+    @property
+    def policy(self) -> ServedPolicy:
+        assert self._current is not None
+        return self._current[1]
+
+    @property
+    def declared(self) -> PolicySpec:
+        assert self._declared is not None
+        return self._declared
+
+    @property
+    def server(self) -> str:
+        assert self._current is not None
+        return self._current[0]
+
+    def answered(self) -> None:
+        """Note that the server answers, so that it is waited for when it goes away."""
+        self._all_failed = False
+
+    def move_on(self, error: ServerError) -> str:
+        """Leave the current server out and open another one.
+
+        Args:
+            error: The reason.
+
+        Returns:
+            A sentence about it, for people.
+
+        Raises:
+            ServerError: None is left. All are tried again at the next query.
+        """
+        assert self._current is not None
+        address, policy = self._current
+        self.waited_s += policy.client.waited_s
+        policy.client.close()
+        self._leave_out(address, error)
+        self._open_next([error])
+        return f"{self.left_out[address]} {self._current[0]} answered instead."
+
+    def _leave_out(self, address: str, error: ServerError) -> None:
+        self.left_out[address] = f"{LEFT_OUT} {address} was left out: {error}"
+        LOG.warning("%s", self.left_out[address])
+
+    def _open_next(self, errors: list[ServerError]) -> None:
+        rest = [address for address in self._order if address not in self.left_out]
+        for position, address in enumerate(rest):
+            last = position == len(rest) - 1
+            try:
+                policy = self._open(address, last)
+            except ServerError as error:
+                errors.append(error)
+                self._leave_out(address, error)
+            else:
+                self._current = address, policy
+                return
+        self.left_out.clear()
+        self._all_failed = True
+        if len(errors) == 1:
+            raise errors[0]
+        raise ServerError(f"none of {len(self._order)} servers answers: {'; '.join(map(str, errors))}")
+
+    def _open(self, address: str, last: bool) -> ServedPolicy:
+        known = parse_address(address)
+        patience = known.patience_s
+        if self._all_failed:
+            patience = 0.0  # each is asked once until one answers again
+        elif not last and patience == PATIENCE_S:
+            patience = WITH_OTHERS_S
+        policy = open_server(
+            replace(known, patience_s=patience), self.group.profile, *self._override, self.group.revision
+        )
+        if self._declared is None:
+            self._declared = policy.spec
+        different = [
+            f"{item.name} {getattr(self._declared, item.name)!r} and {getattr(policy.spec, item.name)!r}"
+            for item in fields(PolicySpec)
+            if getattr(self._declared, item.name) != getattr(policy.spec, item.name)
+        ]
+        if different:
+            policy.client.close()
+            raise ServerError(f"it is not equal to the server before: {'; '.join(different)}")
+        return policy
+
+
+class ServerFleet:
+    """A policy behind several servers, as the pair runner knows policies.
+
+    Each process asks one server of a group until that is given up. Then another one is asked the same query,
+    or, where the server kept the policy's memory, the pair is played again.
+
+    Attributes:
+        troubles: Sentences about servers that were left out, in order; the caller may empty it.
+
+    Args:
+        servers: The servers.
+        pools: A pool for each group of them.
+
+    Raises:
+        AdapterError: The groups are no one policy.
+    """
+
+    def __init__(self, servers: Servers, pools: Sequence[Pool]) -> None:
+        self.troubles = [text for pool in pools for text in pool.left_out.values()]
+        self._servers = servers
+        self._pools = pools
+        self._pool = pools[0]
+        self._marks: Collection[str] | None = None
+        self._episode = Episode("", 0, "", 0, 1)
+        self._spec = _common_spec(servers, [pool.declared for pool in pools])
+
+    @property
+    def spec(self) -> PolicySpec:
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: PolicySpec) -> None:
+        self._spec = spec
+        for pool in self._pools:
+            self._set_cadence(pool)
+
+    @property
+    def client(self) -> Client:
+        """Connection to the server that is asked."""
+        return self._pool.policy.client
+
+    @property
+    def waited_s(self) -> float:
+        """Time spent waiting for servers after interruptions, s."""
+        return sum(pool.waited_s + pool.policy.client.waited_s for pool in self._pools)
+
+    @property
+    def batch_size(self) -> int:
+        """Number of queries in the last answered batch."""
+        return self._pool.policy.batch_size
+
+    @property
+    def server(self) -> str:
+        """Address of the server that is asked."""
+        return self._pool.server
+
+    def begin_pair(self, marks: Collection[str]) -> None:
+        """Choose the servers of a pair by its markers; without this the suite of each episode chooses.
+
+        Raises:
+            AdapterError: No server is for it.
+        """
+        self._marks = marks
+        self._pool = self._pools[self._servers.group_of(marks)]
+
+    def reset(self, episode: Episode) -> None:
+        """Begin an episode."""
+        self._episode = episode
+        marks = (episode.suite,) if self._marks is None else self._marks
+        self._pool = self._pools[self._servers.group_of(marks)]
+        self._pool.policy.reset(episode)
+
+    def predict(self, observation: Observation, query: Query) -> Actions:
+        """Ask the server.
+
+        Raises:
+            ServerError: All were given up.
+            OtherServer: The one with the policy's memory was.
+        """
+        return self._asked(lambda policy: policy.predict(observation, query))
+
+    def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
+        """Return the arrays of the request by the profile's names, for inspection."""
+        return self._pool.policy.model_inputs(observation, query)
+
+    def close(self) -> None:
+        """Close every connection."""
+        for pool in self._pools:
+            pool.policy.client.close()
+
+    @property
+    def _keeps_memory(self) -> bool:
+        return hasattr(self._pool.policy, "snapshot") or self.spec.history
+
+    def _asked(self, ask: Callable[[ServedPolicy], Actions]) -> Actions:
+        while True:
+            try:
+                answer = ask(self._pool.policy)
+            except ServerError as error:
+                kept = self._keeps_memory
+                self.troubles.append(self._pool.move_on(error))
+                self._set_cadence(self._pool)
+                self._pool.policy.reset(self._episode)
+                if kept:
+                    raise OtherServer(
+                        f"{self.troubles[-1]} It kept the memory of the policy, so the pair begins anew."
+                    ) from error
+            else:
+                self._pool.answered()
+                return answer
+
+    def _set_cadence(self, pool: Pool) -> None:
+        pool.policy.spec = replace(
+            pool.policy.spec, horizon=self._spec.horizon, query_interval=self._spec.query_interval
+        )
+
+
+class RememberingFleet(ServerFleet):
+    """Servers that keep the memory of the policy; a pair stays with one of them."""
+
+    def snapshot(self) -> object:
+        """Return the server's name for the memory."""
+        return self._pool.policy.snapshot()  # type: ignore[attr-defined]
+
+    def restore(self, memory: object) -> None:
+        """Go back to a memory."""
+        self._pool.policy.restore(memory)  # type: ignore[attr-defined]
+
+
+class SeeingFleet(RememberingFleet):
+    """Servers of a policy that is shown every step."""
+
+    def see(self, observation: Observation, step: int) -> None:
+        """Keep a step for the next request."""
+        self._pool.policy.see(observation, step)  # type: ignore[attr-defined]
+
+
+def open_fleet(
+    servers: Servers, seat: int = 0, horizon: int | None = None, query_interval: int | None = None
+) -> ServerFleet:
+    """Return the policy behind some servers, connected to one of each group.
+
+    Args:
+        servers: The servers.
+        seat: Number of this process among those that play.
+        horizon: Replaces H of the profiles.
+        query_interval: Replaces Q of the profiles.
+
+    Raises:
+        ServerError: No server of a group answers.
+        AdapterError: The groups are no one policy.
+    """
+    pools = [Pool(group, seat, (horizon, query_interval)) for group in servers.groups]
+    kinds = {_kind(pool.policy) for pool in pools}
+    if len(kinds) > 1:
+        raise AdapterError(
+            "Some of the servers keep the policy's memory and others do not. Serve one policy."
+        )
+    (kind,) = kinds
+    return kind(servers, pools)
+
+
+def _kind(policy: ServedPolicy) -> type[ServerFleet]:
+    if hasattr(policy, "see"):
+        return SeeingFleet
+    return RememberingFleet if hasattr(policy, "snapshot") else ServerFleet
+
+
+def in_order_of(addresses: Sequence[str], seat: int) -> tuple[str, ...]:
+    """Return addresses in the order in which a process tries them.
+
+    Neighbouring seats begin with different servers, and those that began with the same go on with different
+    ones.
+    """
+    start, turn = seat % len(addresses), seat // len(addresses)
+    first, *rest = (*addresses[start:], *addresses[:start])
+    turn = turn % len(rest) if rest else 0
+    return (first, *rest[turn:], *rest[:turn])
+
+
+def _common_spec(servers: Servers, specs: Sequence[PolicySpec]) -> PolicySpec:
+    """Return one spec for the groups of servers.
+
+    Raises:
+        AdapterError: They differ in a field that all pairs of a run share.
+    """
+    first = specs[0]
+    if len(specs) == 1:
+        one = servers.groups[0]
+        suites = _suites(servers, specs) if one.marks else first.suites
+        return replace(first, name=servers.name or first.name, suites=suites)
+    for group, spec in zip(servers.groups, specs, strict=True):
+        for name in _EQUAL:
+            if getattr(spec, name) != getattr(first, name):
+                raise AdapterError(
+                    f"{name}={getattr(spec, name)!r} of the servers for "
+                    f"{'+'.join(group.marks) or 'other pairs'}, but {getattr(first, name)!r} of those "
+                    "before: all pairs of a run are played alike. Set H "
+                    "and Q with --libero-max-horizon and --libero-max-query-interval, or play runs of their "
+                    "own."
+                )
+    revisions = zip(
+        (group.marks for group in servers.groups), (str(spec.revision) for spec in specs), strict=True
+    )
+    return replace(
+        first,
+        name=servers.name or first.name,
+        repeatable=all(spec.repeatable for spec in specs),
+        revision=joined_revisions(revisions),
+        suites=_suites(servers, specs),
+    )
+
+
+def _suites(servers: Servers, specs: Sequence[PolicySpec]) -> tuple[str, ...] | None:
+    """Return the suites that the servers play; None for all, or where other markers choose them."""
+    if any(mark not in SUITE_BUDGETS for group in servers.groups for mark in group.marks):
+        return None
+    named = {mark for group in servers.groups for mark in group.marks}
+    found: set[str] = set()
+    for group, spec in zip(servers.groups, specs, strict=True):
+        own = set(SUITE_BUDGETS) if spec.suites is None else set(spec.suites)
+        found |= own & set(group.marks) if group.marks else own - named
+    return None if found == set(SUITE_BUDGETS) else tuple(sorted(found))

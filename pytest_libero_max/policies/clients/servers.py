@@ -1,0 +1,289 @@
+"""Servers of a run as the user names them: one address, a list of equal servers, or a file that lists them.
+
+The file is TOML with a table ``[[servers]]`` for each group of equal servers, which may be for some pairs
+alone::
+
+    name = "gr00t-n1.7"                       # of the policy, where the profiles of the groups have several
+    [[servers]]
+    for = ["libero_goal"]                     # suites, or other markers; without it: all other pairs
+    addresses = ["gr00t://gpu-1:5555", "gr00t://gpu-2:5555"]
+    profile = "gr00t_n17"                     # otherwise that of --libero-max-profile
+    revision = "goal-20k 4f1c..."             # identity of the weights
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import socket
+import tomllib
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.policies.clients.address import is_address
+from pytest_libero_max.policies.clients.opening import parse_address, require_profile
+from pytest_libero_max.policies.profile import Profile
+
+_FIELDS = ("address", "addresses", "for", "profile", "revision")
+_KEEPS_ITS_NAME = ("https",)
+"""Schemes whose servers are asked by name, because a certificate is issued for it."""
+
+
+@dataclass(frozen=True)
+class ServerGroup:
+    """Equal servers: the same policy with the same weights.
+
+    Attributes:
+        addresses: Their addresses, as they are opened.
+        profile: Profile of the policy.
+        profile_text: Name or path of the profile.
+        marks: Markers of the pairs that they answer, for example suites; empty for all other pairs.
+        revision: Identity of the weights that the user declares.
+    """
+
+    addresses: tuple[str, ...]
+    profile: Profile
+    profile_text: str
+    marks: tuple[str, ...] = ()
+    revision: str | None = None
+
+    @property
+    def declared(self) -> str | None:
+        """Identity of the weights that the user declares here or in the profile."""
+        return self.revision or self.profile.get("policy", "revision")
+
+
+@dataclass(frozen=True)
+class Servers:
+    """The servers of a run.
+
+    Attributes:
+        groups: Groups of equal servers, in the order in which a pair looks for its own.
+        name: Name of the policy; None for that of the profiles.
+    """
+
+    groups: tuple[ServerGroup, ...]
+    name: str | None = None
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """All addresses, group by group."""
+        return tuple(address for group in self.groups for address in group.addresses)
+
+    @property
+    def digest(self) -> str:
+        """Identity of the way in which the servers are asked, without their addresses, hexadecimal."""
+        if len(self.groups) == 1 and not self.groups[0].marks and self.groups[0].revision is None:
+            return self.groups[0].profile.digest
+        parts = [(group.marks, group.profile.digest, group.revision) for group in self.groups]
+        return hashlib.sha256(json.dumps([self.name, *parts]).encode()).hexdigest()
+
+    @property
+    def revision(self) -> str | None:
+        """Identity of the weights that the user declares; None where a group has none."""
+        declared = [(group.marks, group.declared) for group in self.groups]
+        if any(revision is None for _, revision in declared):
+            return None
+        return joined_revisions((marks, str(revision)) for marks, revision in declared)
+
+    def group_of(self, marks: Collection[str]) -> int:
+        """Return the number of the group, from 0, for a pair.
+
+        Args:
+            marks: Markers of the pair: its suite, event, family, source and the like.
+
+        Raises:
+            AdapterError: No group is for it.
+        """
+        for number, group in enumerate(self.groups):
+            if group.marks and not set(group.marks).isdisjoint(marks):
+                return number
+        for number, group in enumerate(self.groups):
+            if not group.marks:
+                return number
+        known = sorted({mark for group in self.groups for mark in group.marks})
+        raise AdapterError(
+            f"No server is for the pair with the markers {', '.join(sorted(marks))}: the servers are for "
+            f"{', '.join(known)}. Add one, or a [[servers]] without 'for', which answers all other pairs."
+        )
+
+    def resolved(self) -> Servers:
+        """Return the servers with each host name of several IPv4 addresses as that many servers."""
+        groups = [
+            replace(
+                group,
+                addresses=tuple(dict.fromkeys(ip for text in group.addresses for ip in _resolved(text))),
+            )
+            for group in self.groups
+        ]
+        return replace(self, groups=tuple(groups))
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """Return JSON types for the header of a run."""
+        return [
+            {
+                "addresses": list(group.addresses),
+                "profile": group.profile_text,
+                **({"for": list(group.marks)} if group.marks else {}),
+                **({"revision": group.revision} if group.revision else {}),
+            }
+            for group in self.groups
+        ]
+
+
+def joined_revisions(parts: Iterable[tuple[tuple[str, ...], str]]) -> str:
+    """Return one text for the revisions of groups: that of a single one, or ``marks: revision; ...``."""
+    listed = list(parts)
+    if len(listed) == 1:
+        return listed[0][1]
+    return "; ".join(f"{'+'.join(marks) or 'other'}: {revision}" for marks, revision in listed)
+
+
+def read_servers(text: str, profile: str | None, revision: str | None = None) -> Servers:
+    """Return the servers that a reference names. Nothing is connected to.
+
+    Args:
+        text: An address, several separated by commas, or the path of a ``.toml`` file.
+        profile: Name or path of the profile, where the file names none.
+        revision: Identity of the weights, where the file names none.
+
+    Raises:
+        AdapterError: The file cannot be read, or an address, a profile or a field cannot be used.
+    """
+    if is_address(text):
+        return Servers((_group(text, [part.strip() for part in text.split(",")], profile, (), revision),))
+    try:
+        table = tomllib.loads(Path(text).expanduser().read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise AdapterError.seen(
+            "policy", text, f" cannot be read: {error}. Repair the file of servers."
+        ) from None
+    return _from_table(text, table, profile, revision)
+
+
+def _from_table(text: str, table: dict[str, Any], profile: str | None, revision: str | None) -> Servers:
+    _require_known(text, table, ("name", "servers"))
+    name, entries = table.get("name"), table.get("servers")
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        raise AdapterError.seen("policy", text, ": the file lacks [[servers]] tables, one for each group.")
+    if name is not None and not (isinstance(name, str) and name):
+        raise AdapterError.seen("policy", text, f": name={name!r}, but must be a text that is not empty.")
+    groups = []
+    for number, entry in enumerate(entries):
+        where = f"{text}: servers[{number}]"
+        _require_known(where, entry, _FIELDS)
+        single, several = entry.get("address"), entry.get("addresses")
+        if (single is None) == (several is None):
+            raise AdapterError(f"{where} must have either 'address' or 'addresses'.")
+        addresses = _texts(where, "addresses", [single] if several is None else several)
+        marks = _texts(where, "for", entry["for"]) if "for" in entry else ()
+        own = {field: entry.get(field) for field in ("profile", "revision")}
+        for field, value in own.items():
+            if value is not None and not (isinstance(value, str) and value):
+                raise AdapterError(f"{where}.{field}={value!r}, but must be a text that is not empty.")
+        chosen = own["profile"] or profile
+        beside = Path(text).expanduser().parent
+        if (
+            own["profile"]
+            and own["profile"].endswith(".toml")
+            and not Path(own["profile"]).expanduser().is_file()
+        ):
+            chosen = str(beside / own["profile"])
+        groups.append(_group(where, list(addresses), chosen, marks, own["revision"] or revision))
+    servers = Servers(tuple(groups), name)
+    _require_one_policy(text, servers)
+    return servers
+
+
+def _require_one_policy(text: str, servers: Servers) -> None:
+    seen: set[str] = set()
+    for group in servers.groups:
+        for mark in group.marks or ("",):
+            if mark in seen:
+                whom = f"'for' names {mark!r} twice" if mark else "two groups have no 'for'"
+                raise AdapterError(
+                    f"{text}: {whom}. Each pair has one group of servers; list them as its addresses."
+                )
+            seen.add(mark)
+    names = sorted({str(group.profile.get("policy", "name")) for group in servers.groups})
+    if len(names) > 1 and servers.name is None:
+        raise AdapterError(
+            f"{text}: the profiles are of several policies ({', '.join(names)}), but a run measures one. If "
+            "they are "
+            "one, give its `name` in the first line; otherwise play them as runs of their own and compare "
+            "these."
+        )
+
+
+def _group(
+    where: str, addresses: list[str], profile: str | None, marks: tuple[str, ...], revision: str | None
+) -> ServerGroup:
+    if not addresses:
+        raise AdapterError(f"{where}: no address is listed.")
+    for address in addresses:
+        if not is_address(address):
+            raise AdapterError.seen(
+                "policy",
+                address,
+                f" in {where!r} is no address. Write SCHEME://HOST:PORT, several with commas.",
+            )
+    read = [require_profile(address, profile) for address in addresses]
+    twice = sorted({address for address in addresses if addresses.count(address) > 1})
+    if twice:
+        raise AdapterError(f"{where}: {twice[0]} is listed twice.")
+    assert profile is not None
+    suites = read[0].suites
+    for mark in marks:
+        if suites is not None and mark in SUITE_BUDGETS and mark not in suites:
+            raise AdapterError(
+                f"{where} is for {mark!r}, but profile {read[0].name!r} is for {', '.join(suites)} alone. "
+                "Name the profile of this suite."
+            )
+    return ServerGroup(tuple(addresses), read[0], profile, marks, revision)
+
+
+def _texts(where: str, field: str, value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not value or not all(isinstance(item, str) and item for item in value):
+        raise AdapterError(f"{where}.{field}={value!r}, but must be a list of texts that are not empty.")
+    return tuple(value)
+
+
+def _require_known(where: str, table: dict[str, Any], known: Collection[str]) -> None:
+    for field in table:
+        if field not in known:
+            raise AdapterError(f"{where}: {field!r} is unknown. {did_you_mean(field, known)}")
+
+
+def _resolved(text: str) -> list[str]:
+    """Return an address for each IPv4 address of a host name; the address itself where there is one."""
+    address = parse_address(text)
+    if address.scheme in _KEEPS_ITS_NAME:
+        return [text]
+    try:
+        found = socket.getaddrinfo(address.host, address.port, socket.AF_INET, socket.SOCK_STREAM)
+    except OSError:  # no such name, or an IPv6 address: connecting says so
+        return [text]
+    hosts = sorted({str(entry[4][0]) for entry in found})
+    if len(hosts) < 2:
+        return [text]
+    query = text.partition("?")[2]
+    end = f"{address.path}{f'?{query}' if query else ''}"
+    return [f"{address.scheme}://{host}:{address.port}{end}" for host in hosts]
+
+
+def require_known_marks(servers: Servers, known: Collection[str]) -> None:
+    """Check that each group is for markers that a pair can have.
+
+    Raises:
+        AdapterError: One is for another; suggests the closest.
+    """
+    for group in servers.groups:
+        for mark in group.marks:
+            if mark not in known:
+                raise AdapterError(
+                    f"Servers are for {mark!r}, which is no marker of a pair. {did_you_mean(mark, known)}"
+                )
