@@ -22,7 +22,7 @@ from tests.policies.peers.conftest import peer, require
 from tests.policies.server.policies import Counting
 
 Run = Callable[..., pytest.RunResult]
-Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
 
 BLIND = {
     "openpi": 'extends = "pi05_libero"\n[request]\n"observation/state" = "$state"\nprompt = "$instruction"\n',

@@ -95,7 +95,7 @@ def test_a_server_that_is_killed_and_started_again_costs_no_pair(
     pairs, _ = results()
     result.assert_outcomes(passed=2)
     assert not [pair for pair in pairs if "kind" in pair]
-    result.stdout.fnmatch_lines(["*: interrupted server 1."])
+    result.stdout.fnmatch_lines(["*interrupted server 1."])
 
 
 def test_a_server_that_stays_away_is_an_error_of_its_pairs_and_no_failure(
