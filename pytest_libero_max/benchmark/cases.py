@@ -78,7 +78,7 @@ class Event:
         return str(self.trigger["value"])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Case:
     """One frozen unit of the benchmark; the evaluation of a case is a pair of rollouts.
 
@@ -113,6 +113,10 @@ class Case:
 
     def __hash__(self) -> int:
         return hash(self.case_id)
+
+    def __repr__(self) -> str:
+        """Return a short text: other plugins write it into their reports, as the parameter of a test."""
+        return f"<Case {self.item_id}>"
 
     @property
     def budget(self) -> int:

@@ -36,6 +36,7 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
+from pytest_libero_max.plugin.junit_file import tell_junit
 from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, result_of
 from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_space
@@ -221,7 +222,7 @@ class RunController:
             asked_for(self.config),
             self.settings.shard,
         )
-        self._tell_junit(suite_properties(selection, self.settings.case_set))
+        tell_junit(self.config, suite_properties(selection, self.settings.case_set))
         run = Run.of(planned, self._provenance(selection))
         resume, stored = self.settings.resume, None
         try:
@@ -239,13 +240,6 @@ class RunController:
         self._changed += changed_pairs(records)
         self.progress.begin(store, run.planned, records)
         self.stop.begin(run, records)
-
-    def _tell_junit(self, properties: Iterable[tuple[str, str]]) -> None:
-        """Add properties to the suite of the JUnit file, where one is written."""
-        for plugin in self.config.pluginmanager.get_plugins():
-            if hasattr(plugin, "add_global_property"):
-                for name, value in properties:
-                    plugin.add_global_property(name, value)
 
     def _provenance(self, selection: Selection) -> Json:
         settings, manifest = self.settings, manifest_of(self.config)
@@ -350,7 +344,8 @@ class RunController:
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> Generator[None, None, None]:
-        self._tell_junit(broken_properties(self._changed))
+        tell_junit(self.config, broken_properties(self._changed))
+        self.end.decide(self.store)
         try:
             yield
         finally:  # whatever another plugin's hook has raised

@@ -1,9 +1,9 @@
-"""The end of a run: its reports are written, its gates decided and its exit status explained."""
+"""The end of a run: its gates are decided, its reports written and its exit status explained."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, text_of
 from pytest_libero_max.plugin.collection import only_lists
+from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
 from pytest_libero_max.plugin.run_stop import RunStop
@@ -20,6 +21,7 @@ from pytest_libero_max.plugin.stash_keys import END_STATUS
 from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
+from pytest_libero_max.report.writers.junit import headline_properties
 from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class RunEnd:
-    """A plugin beside the controller, which calls :meth:`finish`; it prints the summary.
+    """A plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary.
 
     Args:
         config: Of the session.
@@ -52,41 +54,54 @@ class RunEnd:
         self.report: Report | None = None
         self._stop = stop
         self._replay: Sequence[str] = ()
+        self._verdicts: tuple[GateResult, ...] = ()
+        self._problems: list[str] = []
+
+    def decide(self, store: PairStore | None) -> None:
+        """End the run and decide its gates, before other plugins write their files; JUnit files hold them.
+
+        Args:
+            store: Store of its pairs; None where none was planned.
+        """
+        if store is not None:
+            try:
+                store.close(self._stop.stopped)
+            except ReportError as error:
+                self._problems.append(str(error))
+            try:
+                self._verdicts = self._decide()
+            except Exception as error:  # whatever it is, the pairs are measured
+                self._problems.append(f"There is no report: {_text(error)}")
+        if only_lists(self.config):
+            return
+        decided = {verdict.gate.text: verdict for verdict in self._verdicts}
+        cases = [gate_case(gate.text, decided.get(gate.text), self._replay) for gate in self.settings.gate]
+        tell_junit(self.config, () if self.report is None else headline_properties(self.report), cases)
 
     def finish(self, session: pytest.Session, store: PairStore | None, *, measured_before: bool) -> None:
-        """End the run, write its reports and decide its gates. A failure is reported and hides nothing else.
+        """Write the reports and decide the exit status. A failure is reported and hides nothing else.
 
         Args:
             session: Its exit status becomes that of the run.
-            store: Store of its pairs; None where none was planned.
+            store: Store of its pairs, which is closed; None where none was planned.
             measured_before: True if a resumed run had pairs already.
         """
         if store is None:
             self._fail_gates_without_pairs(session)
             self.config.stash[END_STATUS] = int(session.exitstatus)
             return
-        problems: list[str] = []
-        verdicts: tuple[GateResult, ...] = ()
-        try:
-            store.close(self._stop.stopped)
-        except ReportError as error:
-            problems.append(str(error))
-        try:
-            verdicts = self._decide()
-        except Exception as error:  # whatever it is, the pairs are measured
-            problems.append(f"There is no report: {_text(error)}")
         ended = session.exitstatus
         # What follows calls hooks of users, which may do anything: the status is decided before.
-        _, session.exitstatus = self._status(session, verdicts, bool(problems), measured_before)
+        _, session.exitstatus = self._status(session, measured_before)
         self.config.stash[END_STATUS] = int(session.exitstatus)
         try:
-            self._report(verdicts, problems.append)
+            self._report()
         except Exception as error:
-            problems.append(f"There is no report: {_text(error)}")
+            self._problems.append(f"There is no report: {_text(error)}")
         self.lines += _few_lines(self.notes)
-        self.lines += dict.fromkeys(problems)
+        self.lines += dict.fromkeys(self._problems)
         session.exitstatus = ended
-        said, session.exitstatus = self._status(session, verdicts, bool(problems), measured_before)
+        said, session.exitstatus = self._status(session, measured_before)
         self.config.stash[END_STATUS] = int(session.exitstatus)
         self.lines += said
 
@@ -109,30 +124,30 @@ class RunEnd:
             self._replay = replay_command(stored)
         return verdicts
 
-    def _report(self, verdicts: Sequence[GateResult], on_problem: Callable[[str], None]) -> None:
+    def _report(self) -> None:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
         from pytest_libero_max.report.gate_results import gate_lines, github_annotations
         from pytest_libero_max.report.writers.report_files import write_reports
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
-        self.report, written = write_reports(folder, self._add_sections, on_problem)
+        self.report, written = write_reports(folder, self._add_sections, self._problems.append)
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
         self.lines += summary_lines(self.report, paths, films)
         self.quiet += quiet_lines(self.report, paths)
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
-        self.lines += gate_lines(verdicts, self._replay)
+        self.lines += gate_lines(self._verdicts, self._replay)
         self.lines += [
             f"gate wait  {gate.text}: libero-max merge decides it, on all {self.settings.shard[1]} shards."
             for gate in self._waiting
             if self.settings.shard is not None
         ]
         if os.environ.get("GITHUB_ACTIONS") == "true":
-            self.lines += github_annotations(verdicts)
+            self.lines += github_annotations(self._verdicts)
             try:
-                _append_step_summary(folder / "report.md", gate_lines(verdicts))
+                _append_step_summary(folder / "report.md", gate_lines(self._verdicts))
             except OSError as error:
                 self.lines.append(f"The step summary was not written: {error}")
 
@@ -172,13 +187,7 @@ class RunEnd:
             session.exitstatus = GATE_FAILED
             self.lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
 
-    def _status(
-        self,
-        session: pytest.Session,
-        verdicts: Sequence[GateResult],
-        problems: bool,
-        measured_before: bool,
-    ) -> tuple[list[str], int]:
+    def _status(self, session: pytest.Session, measured_before: bool) -> tuple[list[str], int]:
         """Return the status of the run, which is pytest's unless there is more to say, and its lines."""
         if self._stop.status is not None:
             return [
@@ -199,7 +208,7 @@ class RunEnd:
             ], status
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return [], status
-        if problems or pairs is None:
+        if self._problems or pairs is None:
             return [
                 f"Exit status {INCOMPLETE}: not everything could be written. What was measured is in "
                 f"{PAIRS_NAME}; libero-max report makes the reports from it."
@@ -209,9 +218,10 @@ class RunEnd:
                 f"Exit status {INCOMPLETE}: the run is incomplete ({pairs.invalid} invalid, "
                 f"{pairs.missing} missing). Repair what broke and continue with --libero-max-resume."
             ], INCOMPLETE
-        failed = sum(not verdict.passed for verdict in verdicts)
-        if failed and status == pytest.ExitCode.OK:
-            return [f"Exit status {GATE_FAILED}: {failed} of {len(verdicts)} gates do not hold."], GATE_FAILED
+        failed = sum(not verdict.passed for verdict in self._verdicts)
+        if failed:
+            gates = len(self._verdicts)
+            return [f"Exit status {GATE_FAILED}: {failed} of {gates} gates do not hold."], GATE_FAILED
         if pairs.complete:
             return [], status
         return [

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
@@ -22,6 +23,38 @@ def test_a_gate_that_does_not_hold_has_a_status_of_its_own(run: Run, quiet: tupl
     result = run("-k", "camera_shift", "--libero-max-gate=dynamic_sr >= 0.6", *quiet)
     assert result.ret == 10
     result.stdout.fnmatch_lines(["gate FAIL*dynamic_sr*", "Exit status 10: 1 of 1 gates do not hold."])
+
+
+@pytest.mark.parametrize("shard", [(), ("--libero-max-shard=1/2",)], ids=["whole", "shard"])
+def test_each_gate_is_a_test_case_of_the_junit_file(run: Run, shard: tuple[str, ...]) -> None:
+    gates = ("dynamic_sr >= 0.6", "missing == 0", "delta >= -5%")
+    options = [f"--libero-max-gate={gate}" for gate in gates]
+    result = run("-k", "camera_shift", "--junitxml=junit.xml", *options, *shard)
+    assert result.ret == (0 if shard else 10)
+    (suite,) = ElementTree.parse("junit.xml").getroot()
+    found = {str(case.get("name")): case for case in suite.iter("testcase")}
+    outcomes = [{part.tag: part.get("message", "") for part in found[f"gate[{gate}]"]} for gate in gates]
+    assert (suite.get("failures"), suite.get("skipped")) == (("0", "3") if shard else ("1", "1"))
+    if shard:
+        assert all("decided by libero-max merge" in outcome["skipped"] for outcome in outcomes)
+        return
+    failed, passed, undecided = outcomes
+    assert "dynamic_sr >= 0.6: failed, it is 0." in failed["failure"]
+    assert passed == {}
+    assert "delta >= -5%: undecidable" in undecided["skipped"]
+    properties = {one.get("name"): one.get("value") for one in suite.findall("properties/property")}
+    assert properties["libero_max_status"] == "complete"
+    assert properties["libero_max_dynamic_success"] == "0.0"
+    assert properties["libero_max_p_value"] == "1.0"
+
+
+def test_a_gate_decides_the_status_also_of_a_strict_run(run: Run, pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_other="def test_fails(): assert False")
+    result = run(
+        "-k", "camera_shift or fails", "--libero-max-gate=dynamic_sr >= 0.6", "libero-max", "test_other.py"
+    )
+    result.stdout.fnmatch_lines(["Exit status 10: 1 of 1 gates do not hold."])
+    assert result.ret == 10
 
 
 def test_gates_come_from_the_ini_file_too(run: Run, pytester: pytest.Pytester) -> None:

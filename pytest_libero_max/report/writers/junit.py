@@ -8,7 +8,8 @@ from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import diagnose
-from pytest_libero_max.report.report_document import ChangedPair
+from pytest_libero_max.report.numbers import main_numbers
+from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.report.writers.broken import LETTERS, groups_of
 
 PREFIX = "libero_max_"
@@ -53,6 +54,19 @@ def broken_properties(pairs: Sequence[ChangedPair]) -> list[tuple[str, str]]:
         for outcome, letter in LETTERS.items()
         for group in groups_of(pairs, outcome)
         for pair in group.named
+    ]
+
+
+def headline_properties(report: Report) -> list[tuple[str, str]]:
+    """Return names and values for the properties of the whole suite: the status and the main numbers.
+
+    A run that is incomplete has counts, and no rates.
+    """
+    numbers: dict[str, float | str | None] = {"status": report.headline.status, **main_numbers(report)}
+    if report.pairs.complete:
+        numbers["p_value"] = report.overall.mcnemar.p_value
+    return [
+        (PREFIX + name.replace("/", "_"), str(value)) for name, value in numbers.items() if value is not None
     ]
 
 
