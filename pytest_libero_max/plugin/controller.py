@@ -18,8 +18,6 @@ from pytest_libero_max.errors import (
     LiberoMaxError,
     OtherRunError,
     ReportError,
-    class_name,
-    text_of,
 )
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error
@@ -50,6 +48,7 @@ from pytest_libero_max.plugin.stash_keys import (
     RESULT_ATTRIBUTE,
     STOP_ATTRIBUTE,
 )
+from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.clients.servers import Servers, read_servers, require_known_marks
@@ -332,14 +331,11 @@ class RunController:
 
     def _tell(self, pair: PairRecord | PairError) -> None:
         """Pass a stored pair to conftest files; the first exception of one is reported at the end."""
-        try:
-            self.config.hook.pytest_libero_max_pair_stored(pair=copy.deepcopy(pair), config=self.config)
-        except (KeyboardInterrupt, pytest.exit.Exception):
-            raise
-        except BaseException as error:  # a user's hook may raise anything, and must not cost the run
-            if not self._hook_raised:
-                text = f"{class_name(error)}: {text_of(error)}"
-                self.end.lines.append(f"pytest_libero_max_pair_stored raised {text}")
+        hook = self.config.hook.pytest_libero_max_pair_stored
+        stops = (pytest.exit.Exception,)
+        raised = call_user_hook(hook, may_raise=stops, pair=copy.deepcopy(pair), config=self.config)
+        if raised is not None and not self._hook_raised:
+            self.end.lines.append(f"pytest_libero_max_pair_stored raised {raised}")
             self._hook_raised = True
 
     @pytest.hookimpl(wrapper=True, trylast=True)

@@ -18,6 +18,7 @@ from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import END_STATUS
+from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
@@ -156,27 +157,23 @@ class RunEnd:
         from pytest_libero_max.report.numbers import main_numbers
 
         told = {"report": msgspec.to_builtins(report), "numbers": main_numbers(report)}
-        try:
-            hook = self.config.hook.pytest_libero_max_reported
-            hook(**told, folder=self.settings.output, config=self.config)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # a user's hook may raise anything, also what ends a process
-            self.lines.append(f"pytest_libero_max_reported raised {class_name(error)}: {text_of(error)}")
+        hook = self.config.hook.pytest_libero_max_reported
+        raised = call_user_hook(hook, **told, folder=self.settings.output, config=self.config)
+        if raised is not None:
+            self.lines.append(f"pytest_libero_max_reported raised {raised}")
 
     def _add_sections(self, report: Report) -> Report:
         """Let conftest files add sections to the report, and nothing else."""
         amended: Json = msgspec.to_builtins(report)
-        try:
-            self.config.hook.pytest_libero_max_report(report=amended, config=self.config)
-            return with_sections(report, amended)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # a user's hook may raise anything, and must not cost the report
-            self.lines.append(
-                f"The report has no sections of your own: {class_name(error)}: {text_of(error)}"
-            )
-            return report
+        hook = self.config.hook.pytest_libero_max_report
+        raised = call_user_hook(hook, report=amended, config=self.config)
+        if raised is None:
+            try:
+                return with_sections(report, amended)
+            except Exception as error:  # of what the hook has put there
+                raised = f"{class_name(error)}: {text_of(error)}"
+        self.lines.append(f"The report has no sections of your own: {raised}")
+        return report
 
     def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
         """Fail a session whose gates cannot be decided because it planned no pair."""

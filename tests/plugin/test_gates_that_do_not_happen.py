@@ -17,8 +17,11 @@ ONE = ("-k", "camera_shift and v0")
 
 LEAVING = {
     "report hook": "def pytest_libero_max_report(report): raise SystemExit(0)",
+    "report hook, os._exit": "def pytest_libero_max_report(report): os._exit(0)",
     "report hook, pytest.exit": "def pytest_libero_max_report(report): pytest.exit('', 0)",
     "reported hook": "def pytest_libero_max_reported(numbers): raise SystemExit(0)",
+    "reported hook, os._exit": "def pytest_libero_max_reported(numbers): os._exit(0)",
+    "reported hook, execvp": "def pytest_libero_max_reported(numbers): os.execvp('true', ['true'])",
     "reported hook, pytest.exit": "def pytest_libero_max_reported(numbers): pytest.exit('', 0)",
     "reported hook, unprintable": """
 class Unprintable(Exception):
@@ -34,6 +37,7 @@ def pytest_libero_max_report(config):
     pairs.write_text(pairs.read_text().replace('"success":false', '"success":true'))
 """,
     "stored hook": "def pytest_libero_max_pair_stored(pair): raise SystemExit(0)",
+    "stored hook, os._exit": "def pytest_libero_max_pair_stored(pair): os._exit(0)",
     "stored hook, pytest.exit": "def pytest_libero_max_pair_stored(pair): pytest.exit('', 0)",
     "session start": "def pytest_sessionstart(): raise SystemExit(0)",
     "session start, pytest.exit": "def pytest_sessionstart(): pytest.exit('', 0)",
@@ -76,7 +80,7 @@ def libero_max_policy():
 
 @pytest.mark.parametrize("conftest", LEAVING.values(), ids=LEAVING)
 def test_hooks(run: Run, pytester: pytest.Pytester, conftest: str) -> None:
-    pytester.makeconftest(f"import pytest\nfrom pathlib import Path\n{conftest}")
+    pytester.makeconftest(f"import os\nimport pytest\nfrom pathlib import Path\n{conftest}")
     result = run(*ONE, f"--libero-max-gate={GATE}", "--libero-max-isolate", subprocess=False)
     assert result.ret in (3, 5, 10, 11)
 
