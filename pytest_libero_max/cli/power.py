@@ -60,11 +60,18 @@ def add_command(commands: Commands) -> None:
 
 
 def _power(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.writers.power_text import Expectation, expectations_of, power_lines
+    from pytest_libero_max.report.writers.power_text import (
+        Expectation,
+        chance_of,
+        expectations_of,
+        power_lines,
+    )
     from pytest_libero_max.report.writers.report_files import read_report
 
     if options.folder:
-        expected = expectations_of(read_report(options.folder))
+        report = read_report(options.folder)
+        expected = expectations_of(report)
+        say([chance_of(report)[1], ""])
     else:
         expected = (
             Expectation("overall", options.base, options.gain),

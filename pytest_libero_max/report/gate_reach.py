@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gates import (
+    BEYOND_SHAM,
     COUNTS,
     EQUIVALENCE_CONFIDENCE,
     EQUIVALENT,
@@ -33,13 +34,14 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     """Refuse a limit for a quantity of the run that none of its extreme outcomes meets.
 
     Args:
-        gate: A gate that names no other run. One that asks for equality, or for a count of pairs, passes.
+        gate: A gate that names no other run. One that asks for equality, for a count of pairs, or for the
+            sham event, which a share of the pairs plays, passes.
         chosen: The pairs of the run.
 
     Raises:
         OptionError: No outcome of the pairs meets it.
     """
-    if gate.name in (*COUNTS, WHOLE_TRACK) or gate.operator in ("==", "!="):
+    if gate.name in (*COUNTS, WHOLE_TRACK, BEYOND_SHAM) or gate.operator in ("==", "!="):
         return
     pairs = [pair for pair in chosen if gate.scope is None or _label(gate.scope[0], pair) == gate.scope[1]]
     if pairs and not any(_met(gate, outcome) for outcome in _extremes(pairs)):

@@ -6,6 +6,7 @@ The language::
     operator  = ">=" | "<=" | ">" | "<" | "==" | "!="
     number    = a decimal number, or a percentage such as 60% (exactly 0.6)
     quantity  = [scope "."] name ["." end]   a rate, a change, a count or a summary of the run
+              | "beyond_sham" ["." end]      Dynamic less the sham event: losses beyond the policy's chance
               | name "(" run ")" ["." end]   the same cases now and in another run, by its folder
     gate      = "equivalent_vs(" run "," number ")"   Dynamic success differs by less than the number
     scope     = dimension "." group          for example event.camera_shift, category.pro-position
@@ -63,6 +64,9 @@ COUNTS = ("planned", "played", "invalid", "missing", "unsupported")
 
 WHOLE_TRACK = "whole_track"
 """1 where the run planned every case of its track or manifest and its policy supports all, else 0."""
+
+BEYOND_SHAM = "beyond_sham"
+"""Dynamic success less that of the sham event, on the pairs that played it (``--libero-max-sham``)."""
 
 VERSUS: Mapping[str, tuple[Callable[[SuccessContrast], SuccessDifference | float | None], Scale]] = {
     "regressions_vs": (lambda contrast: contrast.first_only, COUNT),
@@ -187,6 +191,8 @@ def scale_of(name: str) -> Scale:
         return SHARE
     if name == WHOLE_TRACK:
         return _FLAG
+    if name == BEYOND_SHAM:
+        return DIFFERENCE
     return COUNT if name in COUNTS else _QUANTITIES[name].format.scale
 
 
@@ -247,6 +253,8 @@ def evaluate_gate(
         value, lack = getattr(report.pairs, gate.name), ""
     elif gate.name == WHOLE_TRACK:
         value, lack = _whole_track(report)
+    elif gate.name == BEYOND_SHAM:
+        value, lack = _beyond_sham(gate, report)
     else:
         value, lack = _in_block(gate, report)
     if value is None:
@@ -307,7 +315,8 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         scope = (parts[0], parts[1])
         _check_group(scope, text)
         parts = parts[2:]
-    known = [*_QUANTITIES, *((*COUNTS, WHOLE_TRACK) if scope is None else COUNTS[:2])]
+    of_run = (*COUNTS, WHOLE_TRACK, BEYOND_SHAM)
+    known = [*_QUANTITIES, *(of_run if scope is None else COUNTS[:2])]
     words = 2 if ".".join(parts[:2]) in known else 1
     name, ends = ".".join(parts[:words]), parts[words:]
     if name not in known:
@@ -315,7 +324,9 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         raise OptionError.seen(
             "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
         )
-    if len(ends) > 1 or (ends and (name not in _QUANTITIES or not _QUANTITIES[name].format.has_interval)):
+    column = _QUANTITIES.get(name)
+    has_ends = name == BEYOND_SHAM or (column is not None and column.format.has_interval)
+    if len(ends) > 1 or (ends and not has_ends):
         raise OptionError.seen(
             "gate", text, f" asks for {'.'.join(ends)!r} of {name}, which has no such part."
         )
@@ -403,6 +414,18 @@ def _whole_track(report: Report) -> tuple[float | None, str]:
     if selection.whole and name in all_track_names() and selection.of != len(load_track(name)):
         return None, f"the run says that {name} has {selection.of} cases, but it has {len(load_track(name))}"
     return int(selection.whole and not report.pairs.unsupported), ""
+
+
+def _beyond_sham(gate: Gate, report: Report) -> tuple[float | None, str]:
+    sham = report.sham
+    if sham is None:
+        return None, "no pair played the sham event. Add --libero-max-sham=SHARE"
+    if not report.pairs.complete:
+        counts = report.pairs
+        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
+    if lacks := lacks_of(report.overall):
+        return None, "; ".join(lacks)
+    return getattr(sham.beyond, gate.end or "value"), "no pair to measure it on"
 
 
 def _versus(

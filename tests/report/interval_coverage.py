@@ -15,10 +15,12 @@ import numpy as np
 from pytest_libero_max.stats.paired_difference import exact
 from tests.stats.coverage import (
     ALIKE_SUCCESSES,
+    BASE_RATE,
     DRAWS,
     NEWCOMBE_DRAWS,
     UNCONDITIONAL_MOST,
     Method,
+    TaskCell,
     agresti_min_coverage,
     all_bounds,
     bootstrap_coverage,
@@ -38,6 +40,8 @@ LEAST = 0.93
 
 SIZES = (4, 8, 16, 32, 100, 400, 1000, 8000)
 CHANGES = (
+    (0.001, 0.0),
+    (0.004, 0.0),
     (0.01, 0.0),
     (0.02, 0.0),
     (0.05, 0.0),
@@ -52,10 +56,17 @@ CHANGES = (
 """Probabilities of a loss and of a gain."""
 
 RATES = (0.02, 0.05, 0.1, 0.3, 0.5, 0.8, 0.95)
-RATE_SIZES = (4, 8, 32, 100, 800)
+RATE_SIZES = (4, 8, 32, 100, 800, 8000)
 
-TASK_CELLS = tuple(product((20, 200), (0.02, 0.1, 0.3), (math.inf, 2.0, 0.5)))
-"""Pairs of a task, mean loss, and the spread of the tasks' losses."""
+SPREADS = (math.inf, 2.0, 0.5)
+TASK_CELLS = (
+    *(TaskCell("change", *cell) for cell in product((20, 200), (0.02, 0.1, 0.3), SPREADS)),
+    *(TaskCell("change", 3, mean, spread) for mean, spread in product((0.1, 0.3), SPREADS)),
+    *(TaskCell("change", 20, mean, spread, 0.5) for mean, spread in product((0.1, 0.3), SPREADS)),
+    *(TaskCell("rate", *cell) for cell in product((20, 200), (0.5, 0.9), SPREADS)),
+    *(TaskCell("lost", *cell) for cell in product((20, 200), (0.1, 0.3), SPREADS)),
+)
+"""All pairs, those of one event of lite, tasks of unequal sizes; then success rates and the share lost."""
 
 LATTICES = ((4, 0.02), (8, 0.02), (16, 0.02), (32, 0.02), (100, 0.05))
 """Sizes whose worst case is looked for, and the steps of the true probabilities."""
@@ -120,14 +131,18 @@ def rate_rows(sizes: Sequence[int] = RATE_SIZES) -> Iterator[str]:
     yield _row("worst of 1,000", [_cell(min(coverage)) for coverage in found])
 
 
-def task_rows(cells: Sequence[tuple[int, float, float]] = TASK_CELLS) -> Iterator[str]:
+QUANTITIES = {"change": "paired change", "rate": "success rate", "lost": "Base successes lost"}
+
+
+def task_rows(cells: Sequence[TaskCell] = TASK_CELLS) -> Iterator[str]:
     """The rows of the table of the interval by task."""
-    for pairs, mean, spread in cells:
-        missed, undecided = task_misses(40, pairs, mean, spread)
-        where = "alike" if math.isinf(spread) else f"{spread:g}"
+    for cell in cells:
+        missed, undecided = task_misses(cell)
+        where = "alike" if math.isinf(cell.spread) else f"{cell.spread:g}"
         printed = "" if undecided > 0.95 else _cell(1 - missed / (1 - undecided))
         shares = (f"{100 * (1 - missed):.1f}%", printed, f"{100 * undecided:.1f}%")
-        yield _row(str(pairs), [f"{mean:g}", where, *shares])
+        pairs = f"{cell.pairs}{', uneven' if cell.uneven else ''}"
+        yield _row(QUANTITIES[cell.quantity], [pairs, f"{cell.mean:g}", where, *shares])
 
 
 def worst_rows(lattices: Sequence[tuple[int, float]] = LATTICES) -> Iterator[str]:
@@ -140,8 +155,42 @@ def worst_rows(lattices: Sequence[tuple[int, float]] = LATTICES) -> Iterator[str
         yield _row(str(n), cells)
 
 
+def lowest_rows(tasks: Sequence[str], rates: Sequence[str], worst: Sequence[str]) -> Iterator[str]:
+    """The lowest coverage of every interval that reports print, from the rows of the other tables."""
+    grid = [_percent(cell) for row in coverage_rows("exact") for cell in _cells(row)[1:]]
+    lattice = [_percent(_cells(row)[1]) for row in worst]
+    trials = [_percent(cell) for row in rates for cell in _cells(row)[1:]]
+    yield _row("change of all pairs, a group, a configuration", [_cell(min(*grid, *lattice)), ""])
+    yield _row("rate, share lost, coverage", [_cell(min(trials)), ""])
+    for quantity in QUANTITIES.values():
+        rows = [_cells(row) for row in tasks if _cells(row)[0] == quantity]
+        printed = [_percent(row[5]) for row in rows if row[5]]
+        yield _row(
+            f"{quantity}, by task", [_cell(min(_percent(row[4]) for row in rows)), _cell(min(printed))]
+        )
+
+
+def _cells(row: str) -> list[str]:
+    return [cell.strip() for cell in row.strip("|").split("|")]
+
+
+def _percent(cell: str) -> float:
+    return float(cell.partition("%")[0]) / 100
+
+
 def _lines() -> Iterator[str]:
     yield from INTRODUCTION.splitlines()
+    tasks, rates, worst = list(task_rows()), list(rate_rows()), list(worst_rows())
+    yield from (
+        "",
+        "## Lowest coverage of what is printed",
+        "",
+        "Over all cells of the tables below. By task, *all* counts a run that prints no interval as one that",
+        "does not miss, and *printed* leaves it out.",
+        "",
+        *_head("interval of", ["all", "printed"]),
+        *lowest_rows(tasks, rates, worst),
+    )
     for name, (title, _, most) in METHODS.items():
         yield from ("", f"## {title}", "")
         if name == "newcombe":
@@ -170,7 +219,7 @@ def _lines() -> Iterator[str]:
         "over losses without gains in steps ten times as fine. All results are counted.",
         "",
         *_head("n", ["melded exact", "Tango", "Agresti-Min", "bootstrap"]),
-        *worst_rows(),
+        *worst,
         "",
         "## What it costs",
         "",
@@ -187,19 +236,23 @@ def _lines() -> Iterator[str]:
         "a hundred trials and 2% wider at 800.",
         "",
         *_head("True rate", [f"n = {n}" for n in RATE_SIZES]),
-        *rate_rows(),
+        *rates,
         "",
         "## Interval by task",
         "",
-        "400 simulated runs of 40 tasks each. The losses of the tasks have a beta distribution with this",
-        "mean and this sum of parameters: the smaller the sum, the fewer tasks hold the loss. *All* are the",
-        "runs that have no interval which misses the mean (standard error 1.1 points at 95%); *none* are",
-        "the runs in which too few tasks changed for an interval; *printed* are the intervals, of the",
-        "others, that hold the mean. Where most runs have none, the others are unusual draws, and their",
-        "intervals hold the mean less often (empty where 95% of the runs have none).",
+        "400 simulated runs of 40 tasks each. The probabilities of the tasks, of a loss or a success,",
+        "have a beta distribution with this mean and this sum of parameters: the smaller the sum, the",
+        "fewer tasks hold the loss. Three pairs of a task are one event of `lite`; uneven tasks have",
+        f"log-normal numbers of pairs (sigma 0.5). Base succeeds in {BASE_RATE:.0%} of the pairs of which a",
+        "share is lost. *All* are the runs that have no interval which misses the mean (standard error 1.1",
+        "points at 95%); *none* are the runs that print none, because too few tasks differ, or tasks have",
+        "too unequal sizes; *printed* are the intervals, of the others, that hold the mean. Where most",
+        "runs have none, the others are unusual draws, with more changed tasks than usual, and their",
+        "intervals hold the mean less often (empty where 95% of the runs have none). Where three quarters",
+        "have none, a hundred intervals are left, with a standard error of 2.2 points.",
         "",
-        *_head("pairs of a task", ["mean loss", "sum", "all", "printed", "none"]),
-        *task_rows(),
+        *_head("quantity", ["pairs of a task", "mean", "sum", "all", "printed", "none"]),
+        *tasks,
     )
 
 

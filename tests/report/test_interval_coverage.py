@@ -8,10 +8,13 @@ from tests.report.interval_coverage import (
     CHANGES,
     LATTICES,
     METHODS,
+    QUANTITIES,
     RATES,
     SIZES,
+    TASK_CELLS,
     coverage_rows,
     rate_rows,
+    task_rows,
     worst_rows,
 )
 
@@ -44,6 +47,29 @@ def test_the_published_worst_cases_are_what_the_code_finds() -> None:
     published = ["| " + " | ".join(row) + " |" for row in _table("Worst cases")]
     assert len(published) == len(LATTICES)
     assert published[:2] == list(worst_rows(LATTICES[:2]))
+
+
+def test_the_lowest_coverages_are_those_of_the_other_tables() -> None:
+    found = {row[0].strip(): row[1:] for row in _table("Lowest coverage of what is printed")}
+    tasks = _table("Interval by task")
+    for quantity in QUANTITIES.values():
+        rows = [row for row in tasks if row[0] == quantity]
+        assert len(rows) == sum(QUANTITIES[cell.quantity] == quantity for cell in TASK_CELLS)
+        lowest, printed = found[f"{quantity}, by task"]
+        assert lowest == min((row[4] for row in rows), key=_percent)
+        assert printed == min((row[5] for row in rows if row[5].strip()), key=_percent)
+        assert _percent(lowest) >= 93
+    assert _percent(found["rate, share lost, coverage"][0]) >= 95
+
+
+def test_the_published_coverage_by_task_is_what_the_code_finds() -> None:
+    cells = [TASK_CELLS[place] for place in (3, 20, -6)]
+    published = ["| " + " | ".join(row) + " |" for row in _table("Interval by task")]
+    assert [published[TASK_CELLS.index(cell)] for cell in cells] == list(task_rows(cells))
+
+
+def _percent(cell: str) -> float:
+    return float(cell.partition("%")[0])
 
 
 def test_the_chosen_interval_is_nowhere_below_what_is_wanted() -> None:

@@ -8,7 +8,9 @@ said otherwise the coverage is summed over every result, up to results that toge
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +49,10 @@ _TIE = 1e-9
 def rate_coverage(n: int, rates: Sequence[float]) -> list[float]:
     """Coverage of the exact interval of ``n`` trials at each rate."""
     counts = np.arange(n + 1)
-    intervals = [clopper_pearson(Ratio(count, n)) for count in counts.tolist()]
+    found = [clopper_pearson(Ratio(count, n)) for count in counts.tolist()]
+    lower, upper = np.array([(one.lower, one.upper) for one in found if one is not None]).T
     return [
-        float(stats.binom.pmf(counts, n, rate)[[_between(one, rate) for one in intervals]].sum())
+        float(stats.binom.pmf(counts, n, rate)[(lower - _TIE <= rate) & (rate <= upper + _TIE)].sum())
         for rate in rates
     ]
 
@@ -64,32 +67,66 @@ def wilson_coverage(n: int, rates: Sequence[float]) -> list[float]:
     ]
 
 
-def task_misses(
-    tasks: int, pairs: int, mean: float, spread: float, runs: int = 400, seed: int = 0
-) -> tuple[float, float]:
-    """Return the shares of simulated runs whose interval by task misses the mean, and that have none.
+TASKS = 40
+"""Tasks of a simulated run."""
 
-    Args:
-        tasks: Number of tasks.
-        pairs: Pairs of each.
-        mean: Mean probability of a loss over tasks.
+BASE_RATE = 0.8
+"""Base success of the pairs, in every task, where a share of the Base successes is lost."""
+
+
+@dataclass(frozen=True)
+class TaskCell:
+    """Simulated runs of :data:`TASKS` tasks, whose interval by task may miss the truth.
+
+    Attributes:
+        quantity: What is measured: the paired ``change`` where pairs are lost, the ``rate`` of success, or
+            the share of Base successes ``lost``.
+        pairs: Mean number of pairs of a task.
+        mean: Mean over tasks of the probability of a loss; for a rate, of a success.
         spread: Sum of the parameters of the beta distribution of the tasks' probabilities; small where a loss
             is in few tasks. Infinite where all tasks are alike.
-        runs: Number of runs.
-        seed: Of the runs.
+        uneven: Standard deviation of the logarithm of a task's number of pairs; 0 where all are equal.
     """
-    random, labels = np.random.default_rng(seed), np.repeat(np.arange(tasks), pairs)
+
+    quantity: Literal["change", "rate", "lost"]
+    pairs: int
+    mean: float
+    spread: float
+    uneven: float = 0.0
+
+
+def task_misses(cell: TaskCell, runs: int = 400, seed: int = 0) -> tuple[float, float]:
+    """Return the shares of runs whose interval by task misses the mean, and that have none."""
+    random = np.random.default_rng(seed)
+    truth = -cell.mean if cell.quantity == "change" else cell.mean
     missed = undecided = 0
     for _ in range(runs):
-        alike = np.full(tasks, mean)
-        rates = alike if np.isinf(spread) else random.beta(mean * spread, (1 - mean) * spread, tasks)
-        lost = random.random(tasks * pairs) < np.repeat(rates, pairs)
-        found = task_interval(
-            -lost.astype(np.int64), labels, paired_difference(int(lost.sum()), 0, len(lost))
-        ).interval
-        undecided += found is None
-        missed += found is not None and not found.lower <= -mean <= found.upper
+        tasks = np.repeat(np.arange(TASKS), _drawn_sizes(random, cell))
+        hit = random.random(len(tasks)) < _drawn_rates(random, cell)[tasks]
+        if cell.quantity == "change":
+            independent = paired_difference(int(hit.sum()), 0, len(hit))
+            found = task_interval(-hit.astype(np.int64), tasks, independent)
+        else:
+            base = random.random(len(hit)) < (BASE_RATE if cell.quantity == "lost" else 1.0)
+            independent = clopper_pearson(Ratio(int((hit & base).sum()), int(base.sum())))
+            found = task_interval(hit & base, tasks, independent, of=base, bounds=(0.0, 1.0))
+        interval = found.interval
+        undecided += interval is None
+        missed += interval is not None and not interval.lower <= truth <= interval.upper
     return missed / runs, undecided / runs
+
+
+def _drawn_sizes(random: np.random.Generator, cell: TaskCell) -> Counts:
+    """Numbers of pairs of the tasks, at least 1, with the mean of the cell."""
+    spread = random.lognormal(-(cell.uneven**2) / 2, cell.uneven, TASKS)
+    return np.maximum(1, np.rint(cell.pairs * spread)).astype(np.int64)
+
+
+def _drawn_rates(random: np.random.Generator, cell: TaskCell) -> FloatArray:
+    """Probabilities of the tasks."""
+    if np.isinf(cell.spread):
+        return np.full(TASKS, cell.mean)
+    return random.beta(cell.mean * cell.spread, (1 - cell.mean) * cell.spread, TASKS)
 
 
 def bootstrap_coverage(n: int, loss: float, gain: float, seed: int = 0) -> float:

@@ -47,23 +47,38 @@ class Expectation:
 def expectations_of(report: Report) -> tuple[Expectation, ...]:
     """Return what an earlier run lets one expect, overall and for each event that it played.
 
-    Of its gains and regressions the fewer are what chance does. Their share of all pairs is not taken as
-    exact: it is the upper end of a one-sided 95% interval (Clopper and Pearson), the same for every event.
+    The share of pairs that chance changes, either way, is that of :func:`chance_of`, for every event.
 
     Raises:
         OptionError: A number cannot be.
     """
-    from scipy import stats
-
-    overall = report.overall
-    flips = min(overall.outcomes.change_associated_success, overall.outcomes.regression)
-    most = float(stats.beta.ppf(0.95, flips + 1, overall.played - flips)) if flips < overall.played else 1.0
-    blocks = {"overall": overall, **report.by["event"]}
+    most, _ = chance_of(report)
+    blocks = {"overall": report.overall, **report.by["event"]}
     return tuple(
         Expectation(name, rate, min(most, 1 - rate))
         for name, block in blocks.items()
         if block.played and (rate := block.base_success.value) is not None
     )
+
+
+def chance_of(report: Report) -> tuple[float, str]:
+    """Return the share of pairs that chance loses, and gains, and a sentence on where it comes from.
+
+    Where the sham event was played, what it lost or gained, the more of the two, is what chance does; else
+    the fewer of the run's gains and regressions are. The share is not taken as exact: it is the upper end of
+    a one-sided 95% interval (Clopper and Pearson).
+    """
+    from scipy import stats
+
+    outcomes, sham = report.overall.outcomes, report.sham
+    if sham is None:
+        flips, pairs = min(outcomes.change_associated_success, outcomes.regression), report.overall.played
+        seen = f"the fewer of the run's gains and losses: {flips} of {pairs} pairs"
+    else:
+        flips, pairs = max(sham.lost.count, sham.gained.count), sham.pairs
+        seen = f"the sham event: {sham.lost.count} lost, {sham.gained.count} gained of {pairs} pairs"
+    most = float(stats.beta.ppf(0.95, flips + 1, pairs - flips)) if flips < pairs else 1.0
+    return most, f"By chance at most {most:.1%} of the pairs are lost, and gained (95% upper end; {seen})."
 
 
 def power_lines(expectations: tuple[Expectation, ...], change: float | None = None) -> list[str]:
