@@ -12,6 +12,7 @@ from pytest_libero_max.report.comparison.compare_text import with_short_names
 from pytest_libero_max.report.comparison.comparison_document import Comparison, OverRuns
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.writers.svg import (
+    ACCENT,
     GAIN,
     GRID,
     INK,
@@ -156,7 +157,7 @@ def _limits(comparison: Comparison) -> tuple[float, float]:
 
 def _colors(count: int) -> list[str]:
     """Return distinct colours, dark and light in turn, none of them the red of a loss."""
-    colors = ["#1f2933", "#2b6fd6"]
+    colors = [INK, ACCENT]
     for number in range(count - len(colors)):
         channels = colorsys.hls_to_rgb(0.15 + 0.7 * number / count, (0.36, 0.52)[number % 2], 0.65)
         colors.append("#" + "".join(f"{round(255 * channel):02x}" for channel in channels))

@@ -13,6 +13,7 @@ from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.formats import Ends, interval_text, points
 from pytest_libero_max.report.page.page_frame import Viewed
 from pytest_libero_max.report.report_document import Cell, Report
+from pytest_libero_max.report.studies.study_document import Camera
 
 OUTCOME_TITLES = {
     "preserved_success": "preserved",
@@ -141,6 +142,20 @@ def forest(overall: Result, events: Mapping[str, Result]) -> Plot:
         text = f"{points(change.value)} {interval_text(change, signed=True)}"
         rows.append(Row(name, pairs, text, [(axis.at(change.value), kind)], span))
     return axis.plot(("Event (pairs)", "pp [95%]"), rows)
+
+
+def contrasts(study: Camera) -> Plot:
+    """Return the contrasts of a camera study with their intervals."""
+    axis = _Axis(end or 0.0 for row in study.contrasts for end in (row.value, row.lower, row.upper))
+    rows = []
+    for row in study.contrasts:
+        kind, at = direction(row), axis.at(row.value or 0.0)
+        span = (axis.at(row.lower or 0.0), axis.at(row.upper or 0.0), kind)
+        interval = "n/a: all alike" if row.degenerate else interval_text(row, signed=True)
+        text = f"{points(row.value)} {interval}"
+        name = f"{study.conditions[row.first]} - {study.conditions[row.second]}"
+        rows.append(Row(name, "", text, [(at, kind)], span))
+    return axis.plot(("Contrast", "pp [95%]"), rows)
 
 
 def runs_by_event(comparison: Comparison) -> Plot:

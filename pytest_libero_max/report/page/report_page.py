@@ -16,7 +16,14 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import interval_text, points, rate_text
 from pytest_libero_max.report.measurable import lacks_of, warning_of
 from pytest_libero_max.report.page.broken_cards import broken_sections
-from pytest_libero_max.report.page.charts import category_map, direction, forest, histogram, outcome_bar
+from pytest_libero_max.report.page.charts import (
+    category_map,
+    contrasts,
+    direction,
+    forest,
+    histogram,
+    outcome_bar,
+)
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import Viewed, page
@@ -113,7 +120,8 @@ def html(
         pairs_name=pairs_name,
         films=films or {},
         study_notes=[] if study is None else study_notes(study),
-        study_figures=study_figures(study).values(),
+        study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
+        study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
         study_tables=[] if study is None else study_tables(study),
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
 from pytest_libero_max.report.studies.study_document import Cadence, Camera, Study
 from pytest_libero_max.report.writers.svg import (
+    ACCENT,
     GAIN,
     INK,
     LOSS,
@@ -104,7 +105,7 @@ def strength_plot(title: str, study: Camera) -> str:
                 for strength, arm in zip(strengths, names[offset::2], strict=True)
             ],
         )
-        for label, color, offset in (("Reset", LOSS, 0), ("Mid-task", GAIN, 1))
+        for label, color, offset in (("Reset", INK, 0), ("Mid-task", ACCENT, 1))
     ]
     ticks = [(float(strength), f"{float(strength):.0%}") for strength in strengths]
     return _plot(
@@ -121,7 +122,7 @@ def cadence_plot(title: str, study: Cadence) -> str:
         Series(name, color, list(zip(places, rates, strict=True)))
         for name, color, rates in (
             ("Base", NEUTRAL, [setting.base_success for setting in settings]),
-            ("Dynamic", GAIN, [setting.dynamic_success for setting in settings]),
+            ("Dynamic", ACCENT, [setting.dynamic_success for setting in settings]),
         )
     ]
     return _plot(f"{title}: success by setting", "setting", ticks, lines)
@@ -139,7 +140,7 @@ def _plot(
     if band is not None:
         top, bottom = _up(band.upper), _up(band.lower)
         shapes += [
-            rectangle(_LEFT, top, _WIDTH, max(bottom - top, 1.0), "#e6eaee"),
+            rectangle(_LEFT, top, _WIDTH, max(bottom - top, 1.0), "#eceff2"),
             line(_LEFT, _up(band.value), _LEFT + _WIDTH, _up(band.value), NEUTRAL, 1.5),
             text(_LEFT + _WIDTH + 22, _up(band.value) + 4, f"Base {percent(band.value)}", color=NEUTRAL),
         ]

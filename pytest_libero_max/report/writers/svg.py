@@ -11,6 +11,10 @@ ON_LIGHT = "#1a2129"
 """Ink on a shape that is light in dark pages as well, which give :data:`INK` another colour."""
 
 LOSS, GAIN, NEUTRAL = "#b3421b", "#14708a", "#52606d"
+"""Colours of what is worse, what is better, and what is neither; nothing else is red."""
+
+ACCENT = "#2b6fd6"
+"""Colour of the second of two things beside :data:`INK`, of which neither is better."""
 FONT = "font-family='system-ui, sans-serif'"
 
 

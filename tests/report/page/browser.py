@@ -82,14 +82,14 @@ class Shown:
         return str(self.page.evaluate("location.hash"))
 
     def too_wide(self) -> list[str]:
-        """What reaches beyond the right edge of the window, but for what scrolls in a frame of its own."""
+        """What reaches beyond the right edge of the window."""
         return list(self.page.evaluate(_TOO_WIDE))
 
 
 _TOO_WIDE = """() => {
   const width = window.innerWidth;
   if (document.documentElement.scrollWidth <= width) return [];
-  const beyond = (place) => place.getBoundingClientRect().right > width && !place.closest(".wide");
+  const beyond = (place) => place.getBoundingClientRect().right > width;
   const found = [...document.querySelectorAll("body *")].filter(beyond);
   return ["the page", ...found.slice(0, 9).map((place) => place.outerHTML.slice(0, 200))];
 }"""

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import pytest
+from msgspec import structs
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.page.broken_cards import broken_sections
+from pytest_libero_max.report.page.charts import category_map, direction, forest, histogram, outcome_bar
+from pytest_libero_max.report.report_document import ChangedPair, Report
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+PAIRS = plan(per_cell=4)
+
+
+def _report(lost: str = "camera_shift", missing: int = 0) -> Report:
+    """Every pair succeeds but those of an event, which lose; the first ones are missing."""
+    records = [record_of(pair, True, pair.event != lost) for pair in PAIRS[missing:]]
+    return build_report(records, [], PAIRS, PROVENANCE)
+
+
+def test_a_forest_has_all_pairs_first_then_the_lowest_event() -> None:
+    report = _report(missing=1)
+    plot = forest(report.overall, report.by["event"])
+    names = [str(getattr(row.name, "text", row.name)) for row in plot.rows]
+    assert names[:2] == ["all pairs", "camera_shift"]
+    assert len(names) == 9
+    assert (plot.rows[0].note, plot.rows[1].note) == ("127/128", "16")
+    assert [label for _, label in plot.ticks] == ["-100", "-75", "-50", "-25", "0", "+25"]
+    assert plot.zero == 80.0
+    lost = plot.rows[1]
+    assert lost.dots == [(0.0, "loss")]
+    assert lost.span is not None
+    assert lost.span[0] == 0.0 < lost.span[1] < plot.zero
+    assert lost.text.startswith("-100.0 [-100.0, ")
+    assert {row.dots[0] for row in plot.rows[2:]} == {(plot.zero, "neutral")}
+
+
+def test_a_forest_of_nothing_has_no_dots() -> None:
+    empty = build_report([], [], PAIRS, PROVENANCE)
+    plot = forest(empty.overall, empty.by["event"])
+    assert {(row.text, len(row.dots), row.span) for row in plot.rows} == {("n/a", 0, None)}
+
+
+def test_red_and_blue_are_for_intervals_without_zero() -> None:
+    change = _report().overall.paired_change
+    assert direction(change) == "loss"
+    assert direction(structs.replace(change, lower=0.01, upper=0.2)) == "gain"
+    assert direction(structs.replace(change, upper=0.0)) == "neutral"
+    assert direction(structs.replace(change, lower=None, upper=None)) == "neutral"
+
+
+def test_a_bar_of_outcomes_is_as_wide_as_its_parts() -> None:
+    parts = outcome_bar(_report().overall.outcomes)
+    assert sum(part.width for part in parts) == pytest.approx(100)
+    assert {part.outcome: part.pairs for part in parts if part.pairs} == {
+        "preserved_success": 112,
+        "regression": 16,
+    }
+
+
+def test_a_map_has_a_cell_for_every_category_and_event() -> None:
+    events, rows = category_map(_report())
+    for category, cells in rows:
+        assert len(cells) == len(events) == 8
+        for event, cell in zip(events, cells, strict=True):
+            assert cell is not None
+            assert cell.view == f"category={category.text}&event={event}"
+            lost = ("-100", "loss", 50) if event == "camera_shift" else ("0", "gain", 0)
+            assert (cell.text, cell.kind, cell.weight) == lost
+    few = [pair for pair in PAIRS if pair.event == "camera_shift" or pair.source == "pro"]
+    report = build_report([record_of(pair, True, True) for pair in few], [], few, PROVENANCE)
+    assert None in [cell for _, cells in category_map(report)[1] for cell in cells]
+
+
+def test_a_histogram_has_every_number_and_labels_where_there_is_room() -> None:
+    assert histogram({"0": 2, "3": 4}) == [("0", 2, 50.0), ("1", 0, 0.0), ("2", 0, 0.0), ("3", 4, 100.0)]
+    labels = [label for label, _, _ in histogram({"40": 1})]
+    assert [label for label in labels if label] == [str(4 * place) for place in range(11)]
+    assert histogram({}) == [("0", 0, 0.0)]
+
+
+def test_what_broke_is_a_card_for_each_cause_and_event_with_a_film_where_one_is() -> None:
+    report = _report()
+    names = [pair.item_id for pair in report.changed_pairs]
+    changed = [
+        structs.replace(pair, cause="missed_moved_goal" if place else "grasp_slipped", sentence=f"S{place}.")
+        for place, pair in enumerate(report.changed_pairs)
+    ]
+    gained = ChangedPair(
+        item_id="other", event="camera_shift", outcome="change_associated_success", cause="not_recorded",
+        sentence="The record holds no stages.",
+    )  # fmt: skip
+    report = structs.replace(report, changed_pairs=[*changed, gained])
+    lost, won = broken_sections(report, {names[3]: ["films/a b.mp4"]}, {names[3]: 25})
+    assert lost.title == "What broke: 16 of 128 Base successes lost"
+    first, second = lost.cards
+    assert (first.number, first.cause, first.event) == (15, "missed moved goal", "camera_shift")
+    assert (first.film, first.sentence) == ("films/a%20b.mp4#t=0.75", "S3.")
+    assert first.view == "event=camera_shift&outcome=regression&cause=missed_moved_goal"
+    assert first.case == f"{first.view}&case={names[3]}"
+    assert (second.number, second.film, second.sentence) == (1, "", "S0.")
+    (card,) = won.cards
+    assert (card.cause, card.sentence) == ("", "")
+    assert card.view == "event=camera_shift&outcome=change_associated_success"
+    assert (lost.more, won.more) == (0, 0)
+
+
+def test_small_groups_are_counted_below_the_cards() -> None:
+    pairs = [
+        ChangedPair(
+            item_id=f"{cause}-{k}",
+            event="camera_shift",
+            outcome="regression",
+            cause=f"c{cause}",
+            sentence="S.",
+        )
+        for cause in range(10)
+        for k in range(10 - cause)
+    ]
+    (section,) = broken_sections(structs.replace(_report(), changed_pairs=pairs), {}, {})
+    assert [card.number for card in section.cards] == [10, 9, 8, 7, 6, 5, 4, 3]
+    assert section.more == 2 + 1
