@@ -17,6 +17,7 @@ from pytest_libero_max.benchmark.structs import (
     Count,
     Difficulty,
     Length,
+    Name,
     Variant,
     Word,
     checked,
@@ -178,7 +179,7 @@ class _Operation(Struct, frozen=True):
 
 class _Trigger(Struct, frozen=True):
     type: Word
-    value: Word
+    value: Name
 
 
 class _Proximity(_Spelled, frozen=True):
@@ -220,7 +221,7 @@ class _SourceVariant(_Spelled, frozen=True):
 
 
 class _Case(_Spelled, frozen=True):
-    case_id: Word
+    case_id: Name
     task_suite_name: Word
     task_index: Count
     init_state_index: Count
@@ -228,7 +229,7 @@ class _Case(_Spelled, frozen=True):
     timing_bucket: Literal["early", "middle", "late"]
     scenario: _Scenario
     task_name: Word = ""
-    substrate_category: Word | None = None
+    substrate_category: Name | None = None
     substrate_difficulty: Annotated[Difficulty | None, rule("null or 1 to 5")] = None
     substrate_variant: _SourceVariant | None = None
     dynamic_phase: Word = ""

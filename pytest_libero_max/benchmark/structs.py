@@ -41,6 +41,18 @@ def rule(words: str, **limits: Any) -> Meta:
 
 Text = Annotated[str, rule("text that is not empty", min_length=1)]
 Word = Annotated[str, rule("a non-empty string", min_length=1)]
+_CONTROLS = r"\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069"
+Name = Annotated[
+    str, rule("a non-empty string of printable text on one line", pattern=rf"^[^{_CONTROLS}]+$(?!\n)")
+]
+FileName = Annotated[
+    str,
+    rule(
+        "a non-empty string of printable text on one line without slashes",
+        pattern=rf"^[^/\\{_CONTROLS}]+$(?!\n)",
+    ),
+]
+"""Name of a pair, of which names of files are made."""
 AnyText = Annotated[str, rule("text")]
 Flag = Annotated[bool, rule("true or false")]
 Count = Annotated[int, rule("an integer of at least 0", ge=0, le=LARGEST)]

@@ -22,7 +22,9 @@ from pytest_libero_max.benchmark.structs import (
     Difficulty,
     Distance,
     Document,
+    FileName,
     Flag,
+    Name,
     NamedTexts,
     Object,
     Proof,
@@ -33,6 +35,7 @@ from pytest_libero_max.benchmark.structs import (
     Variant,
     convert,
     decode,
+    fits,
     shown,
     to_builtins,
 )
@@ -242,22 +245,22 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     NOUN: ClassVar[str] = "pair record"
 
     schema_version: Version = RECORD_VERSION
-    case_id: Text
-    item_id: Text
+    case_id: Name
+    item_id: FileName
     case_digest: Sha256
     source: SourceName
-    source_category: Text
+    source_category: Name
     difficulty: Difficulty | None
-    suite: Text
+    suite: Name
     task_index: Count
     init_state_index: Count
     policy_seed: Count
     instruction: Text
-    event: Text
-    family: Text
+    event: Name
+    family: Name
     variant: Variant
-    severity: Text
-    trigger_entity: Text
+    severity: Name
+    trigger_entity: Name
     max_steps: Count
     arms: Annotated[dict[ArmName, ArmRecord], Meta(min_length=1)]
     policy: Object
@@ -266,6 +269,9 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
     def __post_init__(self) -> None:
         force_setattr(self, "schema_version", RECORD_VERSION)
+        name = self.policy.get("name", "?")
+        if not fits(name, Name):
+            raise ValueError(f"policy.name={shown(name)} but must be printable text on one line")
 
     @classmethod
     def of(
@@ -524,8 +530,8 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
     NOUN: ClassVar[str] = "pair error"
 
     schema_version: Version = RECORD_VERSION
-    case_id: Text
-    item_id: Text
+    case_id: Name
+    item_id: FileName
     case_digest: Sha256
     kind: Text
     message: AnyText

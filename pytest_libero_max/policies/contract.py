@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.structs import Name, fits
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, World
 
@@ -71,6 +72,10 @@ class PolicySpec:
     def __post_init__(self) -> None:
         if not self.name:
             raise AdapterError("name='' but a policy needs a name; it labels the report.")
+        if not fits(self.name, Name):
+            raise AdapterError.seen(
+                "name", self.name, " of a policy, but must be printable text on one line."
+            )
         for field in ("horizon", "query_interval"):
             object.__setattr__(self, field, self._count(field, getattr(self, field)))
         object.__setattr__(self, "image_size", self._size())

@@ -15,7 +15,9 @@ from pytest_libero_max.benchmark.structs import (
     AnyText,
     Difficulty,
     Document,
+    FileName,
     Flag,
+    Name,
     Object,
     Positive,
     Sha256,
@@ -57,18 +59,18 @@ class PlannedPair(Document, frozen=True, kw_only=True):
 
     NOUN: ClassVar[str] = "planned pair"
 
-    case_id: Text
-    item_id: Text
+    case_id: Name
+    item_id: FileName
     case_digest: Sha256
     source: SourceName
-    source_category: Text
+    source_category: Name
     difficulty: Difficulty | None
-    suite: Text
-    event: Text
-    family: Text
+    suite: Name
+    event: Name
+    family: Name
     variant: Variant
-    severity: Text
-    task: Text = _UNKNOWN  # not always written
+    severity: Name
+    task: Name = _UNKNOWN  # not always written
 
     def __post_init__(self) -> None:
         if self.task == _UNKNOWN:

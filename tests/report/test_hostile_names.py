@@ -10,7 +10,12 @@ from xml.etree import ElementTree
 import pytest
 from msgspec import structs
 
+from pytest_libero_max.benchmark.cases import parse_case
 from pytest_libero_max.cli import main
+from pytest_libero_max.errors import AdapterError, ManifestError, ReportError
+from pytest_libero_max.events.new_case import make_case
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown
@@ -28,24 +33,34 @@ HTML = "'\"><img src=x onerror=alert(1)></script><script>alert(2)</script>"
 LINK = "![x](//evil.example/x.png) [x](javascript:alert(3))"
 TERMINAL = "\x1b[2J\x1b]0;gone\x07\x9b31m\u202eneve\r\n::error::forged\n```\n# forged"
 LATEX = r"\input{/etc/passwd}%^~"
-HOSTILE = HTML + LINK + TERMINAL + LATEX
+MARKUP = HTML + LINK + LATEX
+HOSTILE = MARKUP + TERMINAL
+PRINTABLE = MARKUP.replace("/", "")
+"""What a reader lets pass as the name of a pair."""
 
 
-def _run() -> StoredRun:
-    """A run in which every name that a reader does not check is hostile."""
+def _run(name: str) -> StoredRun:
+    """A run with hostile names.
+
+    Args:
+        name: Those of the fields that readers check.
+    """
     planned = []
     for number, pair in enumerate(plan(sources=("plus",))):
-        name = f"{HOSTILE}{number}"
+        item = f"{name}{number}"
         hostile = structs.replace(
-            pair, case_id=name, item_id=name, source_category=HOSTILE, severity=HOSTILE, task=HOSTILE
+            pair, case_id=item, item_id=item, source_category=name, severity=name, task=name
         )
-        planned.append(hostile if number % 2 else structs.replace(hostile, event=HOSTILE, family=HOSTILE))
-    policy = {**record_of(planned[0], True, True).policy, "name": HOSTILE, "suites": ["libero_spatial"]}
-    records = [
-        record_of(pair, True, number % 3 > 0, policy=policy, instruction=HOSTILE)
-        for number, pair in enumerate(planned[2:])
-    ]
-    errors = [structs.replace(error_of(planned[0]), kind=HOSTILE, message=HOSTILE)]
+        planned.append(hostile if number % 2 else structs.replace(hostile, event=name, family=name))
+    checked = ("case_id", "item_id", "source_category", "severity", "event", "family")
+    records = []
+    for number, (pair, hostile) in enumerate(zip(plan(sources=("plus",))[2:], planned[2:], strict=True)):
+        record = record_of(pair, True, number % 3 > 0, instruction=HOSTILE)
+        policy = {**record.policy, "name": MARKUP, "suites": ["libero_spatial"]}
+        names = {field: getattr(hostile, field) for field in checked}
+        records.append(structs.replace(record, policy=policy, **names))
+    error = structs.replace(error_of(plan()[0]), case_id=planned[0].case_id, item_id=planned[0].item_id)
+    errors = [structs.replace(error, kind=HOSTILE, message=HOSTILE)]
     provenance = {
         **PROVENANCE,
         "versions": {**PROVENANCE["versions"], HOSTILE: HOSTILE},
@@ -57,7 +72,7 @@ def _run() -> StoredRun:
     return StoredRun(Run(tuple(planned), provenance), tuple(records), tuple(errors), False, stopped=stopped)
 
 
-RUN = _run()
+RUN = _run(HOSTILE)
 REPORT = structs.replace(
     build_report(RUN.records, RUN.errors, RUN.run.planned, RUN.run.provenance, RUN.stopped),
     sections={HOSTILE: {HOSTILE: HOSTILE}},
@@ -113,6 +128,14 @@ def test_figures_and_latex_show_names_as_text() -> None:
     assert all(line.startswith("%") for line in table.splitlines()[:2])
 
 
+def _store(run: StoredRun, folder: Path) -> None:
+    store = PairStore(folder, run.run)
+    lines: list[PairRecord | PairError] = [*run.records, *run.errors]
+    for line in lines:
+        store.append(line)
+    store.close(run.stopped)
+
+
 @pytest.mark.parametrize(
     "command",
     [
@@ -128,14 +151,35 @@ def test_a_terminal_is_not_steered_by_names(
 ) -> None:
     folders = [tmp_path / "one", tmp_path / "other"][: 2 if command[0] == "compare" else 1]
     for folder in folders:
-        store = PairStore(folder, RUN.run)
-        for record in RUN.records:
-            store.append(record)
-        for error in RUN.errors:
-            store.append(error)
-        store.close(RUN.stopped)
+        _store(_run(PRINTABLE), folder)
     main([*command, *map(str, folders)])
     said = capsys.readouterr()
     assert said.out + said.err
     assert [line for line in (said.out + said.err).split("\n") if not line.isprintable()] == []
     assert "\n::error" not in said.out + said.err
+
+
+@pytest.mark.parametrize(
+    "name", ["\x1b[2J", "a\nb", "a\n", "\u202eb", "\x9f", "a/b", "..\\b"], ids=lambda name: ascii(name)
+)
+def test_a_run_with_names_that_are_no_names_is_refused(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    planned = tuple(structs.replace(pair, item_id=f"{name}{pair.item_id}") for pair in plan())
+    _store(StoredRun(Run(planned, PROVENANCE), (), (), False), tmp_path / "run")
+    assert main(["report", str(tmp_path / "run")]) == 1
+    said = capsys.readouterr().err
+    assert "of the planned pair, but must be a non-empty string of printable text on one line without" in said
+    assert all(line.isprintable() for line in said.splitlines())
+
+
+def test_names_of_records_policies_and_cases_are_checked() -> None:
+    stored = record_of(plan()[0], True, True).to_dict()
+    for values in ({"event": TERMINAL}, {"policy": {**stored["policy"], "name": TERMINAL}}):
+        with pytest.raises(ReportError, match="printable text on one line"):
+            PairRecord.from_dict({**stored, **values})
+    with pytest.raises(AdapterError, match="of a policy, but must be printable text on one line"):
+        PolicySpec(TERMINAL)
+    case = {**make_case("camera_shift", "libero_goal", 0).record, "case_id": TERMINAL}
+    with pytest.raises(ManifestError, match="printable text on one line"):
+        parse_case(case)
