@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from typing import Any
 
 import pytest
@@ -48,6 +49,12 @@ def test_a_column_stands_in_every_file_it_names(column: Column[Any]) -> None:
         page = html(REPORT, [], [])
         if column.key in SHOWN_FIRST:
             assert column.long(overall).split()[0] in page[: page.index("More quantities")]
+        elif {"coverage", "given_response"} & {*column.tables}:
+            cells = re.findall(
+                rf"all pairs</th>((?:(?!</tr>).)*?{re.escape(column.long(overall))}.*?)</tr>", page
+            )
+            titles = (column.title, column.short_heading)
+            assert any(f"data-title='{title}'" in row for title in titles for row in cells)
         else:
             assert page.count(f"<th scope='row'>{column.title}</th><td>{column.long(overall)}</td>") == 1
     if "narrow" in column.tables:

@@ -89,7 +89,8 @@ def event_changes(comparison: Comparison) -> str:
         ]
         for lane, (change, color) in enumerate(zip(changes, colors, strict=True)):
             y = middle if len(runs) == 2 else begin + 4 + _LANE * (lane + 0.5)
-            shapes.append(circle(place(change), y, 5 if len(runs) == 2 else 3.5, color))
+            radius = (7, 5)[lane] if len(runs) == 2 else 3.5  # the first is seen below an equal second
+            shapes.append(circle(place(change), y, radius, color))
     for number, (run, color) in enumerate(zip(runs, colors, strict=True)):
         y = bottom + 22 + 18 * number
         shapes += [circle(_LABEL + 6, y - 4, 4.5, color), text(_LABEL + 18, y, str(run.name))]

@@ -117,7 +117,10 @@ def direction(change: Ends) -> str:
 
 
 def forest(overall: Result, events: Mapping[str, Result]) -> Plot:
-    """Return the paired change of all pairs and of the events, the lowest first, with their intervals."""
+    """Return the paired change of all pairs and of the events, the lowest first, with their intervals.
+
+    The numbers of all pairs are left out: they stand beside it as the headline.
+    """
     shown = sorted(events.items(), key=lambda item: (item[1].paired_change.value or 0.0, item[0]))
     results = [(Viewed("all pairs", ""), overall)]
     results += [
@@ -139,7 +142,7 @@ def forest(overall: Result, events: Mapping[str, Result]) -> Plot:
         span = None
         if change.lower is not None and change.upper is not None:
             span = (axis.at(change.lower), axis.at(change.upper), kind)
-        text = f"{points(change.value)} {interval_text(change, signed=True)}"
+        text = f"{points(change.value)} {interval_text(change, signed=True)}" if name.view else ""
         rows.append(Row(name, pairs, text, [(axis.at(change.value), kind)], span))
     return axis.plot(("Event (pairs)", "pp [95%]"), rows)
 

@@ -42,12 +42,16 @@ function picturesOf(pictures) {
   return element("section", {}, element("h4", {}, "Before and after the event"), element("div", { class: "pictures" }, ...figures));
 }
 
+function pictured() {
+  return element("p", { class: "muted" }, "A WebP cannot be stepped through. With pip install 'pytest-libero-max[film]' films are MP4.");
+}
+
 // The films, and what moves through them.
 function filmsOf(films, timeline, hz) {
   const place = element("div", { class: "films" }, ...films.map(([caption, path]) => film(caption, path)));
   const videos = [...place.querySelectorAll("video")];
   if (!timeline) videos.forEach((video) => (video.controls = true));
-  const parts = !timeline ? [] : videos.length ? player(videos, timeline, hz) : [drawn(timeline), legend(timeline)];
+  const parts = !timeline ? [] : videos.length ? player(videos, timeline, hz) : [drawn(timeline), legend(timeline), pictured()];
   return [place, element("section", {}, ...parts)];
 }
 

@@ -59,7 +59,7 @@ SHOWN_FIRST = (
     "persistent_failure",
     "played",
 )
-"""Quantities that the first screen shows; the table of quantities has the others."""
+"""Quantities that the first screen shows; other tables have the others."""
 
 
 class Groups(NamedTuple):
@@ -156,7 +156,7 @@ def _results(report: Report) -> dict[str, Any]:
         "quantities": [
             (column.title, column.long(overall))
             for column in columns_in("summary")
-            if column.key not in SHOWN_FIRST
+            if column.key not in SHOWN_FIRST and not {"coverage", "given_response"} & {*column.tables}
         ],
         "category_map": category_map(report),
         "stale_histogram": histogram(overall.stale_actions.histogram),
