@@ -25,7 +25,10 @@ MOST_BYTES = 64 * 2**20
 """Size of the largest message that is read, bytes. A chunk of actions has some kilobytes."""
 
 MOST_PARTS = 2**18
-"""Largest number of lists and maps in a msgpack message. Python needs seconds and gigabytes for millions."""
+"""Largest number of lists, maps and entries of maps in a message. Python needs gigabytes for millions."""
+
+MOST_VALUES = 2**22
+"""Largest number of values in the lists of a message: an image of 1024 x 1024 as numbers has 3 million."""
 
 _KINDS = "biuf"
 _MOST_DIMENSIONS = 8
@@ -66,14 +69,19 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
     """
     import msgpack
 
-    parts = 0
+    parts = values = 0
 
-    def counted(part: Any) -> Any:
-        nonlocal parts
-        parts += 1
-        if parts > MOST_PARTS:
-            raise ServerError(f"a message of more than {MOST_PARTS} lists and maps")
+    def counted_list(part: list[Any]) -> list[Any]:
+        nonlocal parts, values
+        parts, values = parts + 1, values + len(part)
+        _check_counts(parts, values)
         return part
+
+    def counted_map(part: dict[Any, Any]) -> Any:
+        nonlocal parts
+        parts += 1 + len(part)
+        _check_counts(parts, values)
+        return dialect.decode(part)
 
     if isinstance(content, str):
         raise ServerError(f"expected a binary message, but got text: {shortened(content)}")
@@ -81,9 +89,12 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
     try:
         return msgpack.unpackb(
             content,
-            object_hook=lambda value: dialect.decode(counted(value)),
-            list_hook=counted,
+            object_hook=counted_map,
+            list_hook=counted_list,
+            max_array_len=MOST_VALUES,
+            max_map_len=MOST_PARTS,
             ext_hook=_no_extension,
+            max_ext_len=0,  # nor times, which are extensions without the hook
             raw=False,
             strict_map_key=True,
         )
@@ -129,8 +140,7 @@ def from_json(content: bytes) -> Any:
         ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
     """
     _check_size(len(content))
-    if content.count(b"[") + content.count(b"{") > MOST_PARTS:
-        raise ServerError(f"a message of more than {MOST_PARTS} lists and maps")
+    _check_counts(sum(map(content.count, (b"[", b"{", b":"))), content.count(b","))
     try:
         return json.loads(content, object_hook=JSON_NUMPY.decode)
     except (ValueError, RecursionError) as error:
@@ -201,6 +211,13 @@ def _plain(array: AnyArray) -> AnyArray:
 def _check_size(size: int) -> None:
     if size > MOST_BYTES:
         raise ServerError(f"a message of {size} bytes, but at most {MOST_BYTES} are read")
+
+
+def _check_counts(parts: int, values: int) -> None:
+    if parts > MOST_PARTS:
+        raise ServerError(f"a message of more than {MOST_PARTS} lists and maps")
+    if values > MOST_VALUES:
+        raise ServerError(f"a message of more than {MOST_VALUES} values in lists")
 
 
 # openpi: bytes as keys.

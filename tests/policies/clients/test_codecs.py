@@ -214,8 +214,32 @@ def test_a_message_of_too_many_parts_is_refused_before_all_are_made(
 
 
 def test_extensions_and_json_of_too_many_parts_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ServerError, match="a msgpack extension of type 5"):
-        codecs.unpack(msgpack.packb([msgpack.ExtType(5, b"")]), OPENPI)
+    for extension in (msgpack.ExtType(5, b""), msgpack.ExtType(5, b"a"), msgpack.Timestamp(0)):
+        with pytest.raises(ServerError, match=r"a msgpack extension of type 5|exceeds max_ext_len"):
+            codecs.unpack(msgpack.packb([extension]), OPENPI)
     monkeypatch.setattr(codecs, "MOST_PARTS", 10)
     with pytest.raises(ServerError, match="more than 10 lists and maps"):
         codecs.from_json(b"[" + b",".join([b"[]"] * 10) + b"]")
+
+
+@pytest.mark.parametrize("several", [True, False], ids=["in several lists", "in one"])
+def test_a_message_of_too_many_values_is_refused_before_all_are_made(
+    several: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(codecs, "MOST_VALUES", 20)
+    few, many = ([[1] * 5] * 3, [[1] * 5] * 4) if several else ([1] * 20, [1] * 21)
+    assert codecs.unpack(msgpack.packb(few), OPENPI) == few
+    assert codecs.from_json(json.dumps(few).encode()) == few
+    with pytest.raises(ServerError, match=r"more than 20 values in lists|exceeds max_array_len"):
+        codecs.unpack(msgpack.packb(many), OPENPI)
+    with pytest.raises(ServerError, match="more than 20 values in lists"):
+        codecs.from_json(json.dumps([many, 1, 2]).encode())
+
+
+def test_a_map_of_too_many_entries_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(codecs, "MOST_PARTS", 10)
+    maps = [{"a": 1, "b": 2, "c": 3}] * 3
+    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+        codecs.unpack(msgpack.packb(maps), OPENPI)
+    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+        codecs.from_json(json.dumps(maps).encode())
