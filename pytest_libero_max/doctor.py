@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -52,6 +53,9 @@ def diagnose(options: SubstrateOptions | None = None) -> list[Finding]:
 
 
 def _packages() -> Iterator[Finding]:
+    yield Finding(
+        "ok", f"pytest-libero-max {version('pytest-libero-max')}, Python {platform.python_version()}"
+    )
     found: dict[str, str] = {}
     for package in ("mujoco", "robosuite", "numpy", "numba", "scipy", "opencv-python-headless"):
         try:
@@ -103,11 +107,12 @@ def _installations(options: SubstrateOptions) -> Iterator[Finding]:
     from pytest_libero_max.substrates.libero.coverage import coverage
     from pytest_libero_max.substrates.libero.installation import find_installations
 
-    found: tuple[Installation, ...] = ()
     try:
         found = find_installations(options.installations, assets=options.assets)
     except SubstrateError as error:
-        yield Finding("missing", str(error))
+        asked = options.installations or options.assets
+        yield Finding("missing" if asked else "note", str(error))
+        return
     for one in found:
         yield from _installation(one)
     for source in coverage(found):

@@ -36,7 +36,7 @@ __all__ = [
     "TimeLimitError",
 ]
 
-MOST_NAMED = 40
+MOST_NAMED = 24
 """Number of known words up to which all are listed."""
 
 CLOSEST = 4

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.doctor import diagnose
+from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.libero import installation
 from pytest_libero_max.worlds.versions import version_notes
@@ -33,6 +35,20 @@ def test_the_command_fails_where_something_is_missing(
     shown = capsys.readouterr()
     assert "holds no LIBERO" in shown.out
     assert "findings are missing" in shown.err
+
+
+def test_a_machine_without_a_libero_is_healthy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def absent(*arguments: object, **options: object) -> tuple[()]:
+        raise SubstrateError("No LIBERO is installed.")
+
+    monkeypatch.setattr(installation, "find_installations", absent)
+    main(["doctor"])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("ok      pytest-libero-max ")
+    assert f"Python {sys.version_info.major}.{sys.version_info.minor}" in lines[0]
+    assert [line for line in lines if "LIBERO is" in line] == ["note    No LIBERO is installed."]
 
 
 @pytest.mark.parametrize(

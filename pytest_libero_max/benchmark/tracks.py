@@ -48,15 +48,25 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
         OptionError: There is no such track; suggests the closest.
         ManifestError: There are no tracks at all.
     """
-    if not track_names(folder):
-        raise ManifestError(
-            f"{folder} has no tracks. The installation is incomplete: install the package again."
-        )
+    require_tracks(folder)
     known = all_track_names(folder)
     if name not in known:
         raise OptionError.seen("track", name, f" is not a track. {did_you_mean(name, known)}")
     plain = folder / f"{name}.json"
     return plain if plain.exists() else folder / f"{name}.json.gz"
+
+
+def require_tracks(folder: Path) -> None:
+    """Check that a folder has tracks.
+
+    Raises:
+        ManifestError: It has none.
+    """
+    if not track_names(folder):
+        cure = "The installation is incomplete: install the package again."
+        if folder not in (FOLDER, FOLDER / GENUINE):
+            cure = "Give a folder that libero-max build has written."
+        raise ManifestError(f"{folder} has no tracks. {cure}")
 
 
 def all_track_names(folder: Path = FOLDER) -> tuple[str, ...]:

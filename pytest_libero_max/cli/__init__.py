@@ -7,42 +7,34 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from importlib.metadata import version
+from typing import Any
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
-COMMANDS = (
-    "check",
-    "serve",
-    "bench",
-    "doctor",
-    "plan",
-    "launch",
-    "watch",
-    "report",
-    "compare",
-    "recovery",
-    "publish",
-    "merge",
-    "gate",
-    "power",
-    "film",
-    "rerun",
-    "demos",
-    "catalogue",
-    "gallery",
-    "eligibility",
-    "build",
-    "certify",
-    "preflight",
-    "freeze",
-    "verify",
-    "show",
-)
-"""Modules with commands, in the order of the help."""
+GROUPS = {
+    "Start here": ("doctor", "check", "show", "compare", "gate", "film"),
+    "Before a run": ("plan", "power", "serve", "launch", "bench"),
+    "During and after runs": ("watch", "merge", "report", "publish", "recovery", "rerun"),
+    "Training data": ("demos",),
+    "Make the benchmark": (
+        "catalogue",
+        "gallery",
+        "eligibility",
+        "build",
+        "preflight",
+        "certify",
+        "freeze",
+        "verify",
+    ),
+}
+"""Modules with commands by what they are for, in the order of the help."""
 
 PIPE_CLOSED = 141
 """Exit status where the reader of standard output has gone: that of a process ended by SIGPIPE."""
@@ -77,7 +69,8 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         return int(options.run(options) or 0)
     except LiberoMaxError as error:
-        print("\n".join(map(printable, f"libero-max: {error}".splitlines())), file=sys.stderr)
+        said = _named_as_here(f"libero-max: {error}", options)
+        print("\n".join(map(printable, said.splitlines())), file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         work = getattr(options, "work", None)
@@ -86,13 +79,56 @@ def _run(arguments: Sequence[str] | None) -> int:
         return INTERRUPTED
 
 
+def _named_as_here(text: str, options: argparse.Namespace) -> str:
+    """Return a message about an option of pytest with the name that it has for this command."""
+    for name in vars(options):
+        flag = name.replace("_", "-")
+        text = re.sub(rf"--libero-max-{flag}\b(?!-)", f"--{flag}", text)
+    return text
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that suggests a command, and lists commands by group."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
+            hint = did_you_mean(value, [name for names in GROUPS.values() for name in names])
+            raise argparse.ArgumentError(None, f"there is no command {value!r}. {hint}")
+        super()._check_value(action, value)
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command."""
-    command = argparse.ArgumentParser(
+    command = _Parser(
         prog="libero-max",
-        description="Around runs of pytest --libero-max-policy: measure, compare, build the benchmark.",
+        usage="libero-max [-h] [--version] COMMAND ...",
+        description="Around runs of pytest --libero-max-policy.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = command.add_subparsers(required=True, metavar="COMMAND")
-    for name in COMMANDS:
-        import_module(f"{__name__}.{name}").add_command(commands)
+    command.add_argument("--version", action="version", version=f"%(prog)s {version('pytest-libero-max')}")
+    commands = command.add_subparsers(
+        required=True, metavar="COMMAND", help=argparse.SUPPRESS, parser_class=argparse.ArgumentParser
+    )
+    for names in GROUPS.values():
+        for name in names:
+            import_module(f"{__name__}.{name}").add_command(commands)
+    texts = {str(choice.dest): " ".join((choice.help or "").split()) for choice in commands._choices_actions}
+    for name, one in commands.choices.items():
+        one.description = one.description or f"{texts[name]}."
+    command.epilog = "\n".join(_listed(texts))
     return command
+
+
+def _listed(texts: Mapping[str, str]) -> Iterator[str]:
+    """Yield the commands by group, each with its help; commands that a module adds beside come after it."""
+    named = {name for names in GROUPS.values() for name in names}
+    for title, names in GROUPS.items():
+        yield f"{title}:"
+        for name in names:
+            beside = [other for other in texts if other.startswith(name) and other not in named]
+            for one in (name, *beside):
+                yield from textwrap.wrap(
+                    texts[one], 79, initial_indent=f"  {one:<14}", subsequent_indent=" " * 16
+                )
+        yield ""
+    yield "libero-max COMMAND --help has the options of a command."

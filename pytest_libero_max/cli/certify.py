@@ -38,10 +38,12 @@ def add_command(commands: Commands) -> None:
 
 
 def _certify(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.tracks import require_tracks
     from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import certificate_lines, write_overview
     from pytest_libero_max.construction.release import add_certificates, independent_tracks, read_certificates
 
+    require_tracks(options.folder)
     tracks = options.tracks or independent_tracks(options.folder)
     where = (options.substrate, substrate_options(options))
     with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:

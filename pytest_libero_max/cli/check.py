@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
+PATIENCE_S = 5
+"""Longest time to wait for a server that cannot be reached: somebody is waiting."""
+
+
 def add_command(commands: Commands) -> None:
     """Add ``check`` to the parser."""
     check = commands.add_parser(
@@ -52,7 +56,7 @@ def _check(options: argparse.Namespace) -> int:
     from pytest_libero_max.substrates.registry import open_substrate
 
     policy = load_policy(
-        options.policy,
+        _soon(options.policy),
         horizon=options.horizon,
         query_interval=options.query_interval,
         profile=options.profile,
@@ -84,6 +88,13 @@ def _check(options: argparse.Namespace) -> int:
     wrong = [finding for finding in findings if finding.level == "wrong"]
     print(f"{len(wrong)} wrong, {sum(finding.level == 'note' for finding in findings)} to look at")
     return 1 if wrong else 0
+
+
+def _soon(policy: str) -> str:
+    """Return the address of a server with a patience of seconds, unless it has one; others as they are."""
+    if "://" not in policy or "patience=" in policy:
+        return policy
+    return f"{policy}{'&' if '?' in policy else '?'}patience={PATIENCE_S}"
 
 
 def _case_for(policy: Policy) -> Case:

@@ -32,13 +32,16 @@ _ENDINGS: Mapping[Ending, str] = {
 
 
 def find_case(manifest: Manifest, name: str) -> Case:
-    """Return the case with this case id or item id.
+    """Return the case with this case id or item id, or the only one whose item id begins like this.
 
     Raises:
         OptionError: There is no such case; suggests the closest.
     """
     items = {case.item_id: case for case in manifest}
     case = items.get(name) or {case.case_id: case for case in manifest}.get(name)
+    begin = [item for item in items if item.startswith(name)]
+    if case is None and len(begin) == 1:
+        case = items[begin[0]]
     if case is None:
         raise OptionError.seen(
             "case", name, f" is not in {manifest.benchmark_id}. {did_you_mean(name, items)}"

@@ -96,6 +96,12 @@ def parse_reference(text: str) -> Reference:
     if not colon or "/" in name or "\\" in name:  # the second: a Windows drive
         target, name = reference, DEFAULT_NAME
     target = os.path.expanduser(target)  # reports write the home folder as ~
+    if name.isdigit():
+        raise AdapterError.seen(
+            "policy",
+            text,
+            f" is no reference to a policy. The address of a server has a scheme: openpi://{text}",
+        )
     if not name.isidentifier():
         raise AdapterError.seen("policy", text, f": {name!r} is not the name of anything in Python. {FORMS}")
     if not target.endswith(".py") and not all(part.isidentifier() for part in target.split(".")):

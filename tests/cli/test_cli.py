@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cli import COMMANDS, main
+from pytest_libero_max.cli import GROUPS, main
 
 
 @pytest.mark.parametrize("command", [["show", "max"], ["--help"], ["show", "smoke", "--json"]])
@@ -29,7 +30,45 @@ def test_an_error_is_one_line_and_a_status(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_everything_has_help(capsys: pytest.CaptureFixture[str]) -> None:
-    for command in ([], *([name] for name in COMMANDS)):
+    for command in ([], *([name] for names in GROUPS.values() for name in names)):
         with pytest.raises(SystemExit, match="0"):
             main([*command, "--help"])
     assert "usage: libero-max" in capsys.readouterr().out
+
+
+def test_a_command_that_is_mistyped_is_suggested(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["chek"])
+    assert "there is no command 'chek'. Did you mean 'check'?" in capsys.readouterr().err
+
+
+def test_help_names_every_command_once_and_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    listed = capsys.readouterr().out
+    for names in GROUPS.values():
+        for name in names:
+            assert len(re.findall(rf"^  {name} +[A-Z]", listed, re.MULTILINE)) == 1, name
+    with pytest.raises(SystemExit, match="0"):
+        main(["gate", "--help"])
+    assert "Decide gates on a stored run" in capsys.readouterr().out
+
+
+def test_an_error_names_options_as_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "openpi://localhost:1"]) == 1
+    assert "Add --profile=NAME" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["certify", "freeze"])
+def test_a_folder_without_tracks_is_named(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "nope"]) == 1
+    assert capsys.readouterr().err == (
+        "libero-max: nope has no tracks. Give a folder that libero-max build has written.\n"
+    )
+
+
+def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "smoke", "pro-object_shape-spatial"]) == 0
+    assert capsys.readouterr().out.startswith("pro-object-shape-spatial-t01-i08-target_relocation-d1-p195")
+    assert main(["show", "smoke", "pro-object"]) == 1
+    assert "is not in libero-max-embedded-smoke" in capsys.readouterr().err

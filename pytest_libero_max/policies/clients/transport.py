@@ -131,7 +131,7 @@ class Client:
                     self._given_up = True
                     raise ServerError(
                         f"{self._name}: {error}. It was tried {tries} time(s) in {took:.1f} s and given up. "
-                        "Look at the server's own output. The pair counts as not measured, and "
+                        "Look at the server's own output. In a run the pair counts as not measured, and "
                         "--libero-max-resume plays it again."
                     ) from error
                 LOG.warning("%s: %s; trying again in %.2f s", self._name, error, pause)
