@@ -81,7 +81,11 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
         "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
     )
     command.add_argument(
-        "--every", type=int, default=1, metavar="STEPS", help="Show every so many steps (default: 1)"
+        "--every",
+        type=int,
+        default=2,
+        metavar="STEPS",
+        help="Show every so many steps (default: %(default)s)",
     )
     command.add_argument("--overwrite", action="store_true", help="Replace files that are there already")
     command.add_argument(

@@ -23,7 +23,7 @@ _ARMS = ("#14708a", "#b3421b", "#7a4e9e", "#52606d")
 """Colours of the arms, in their order; they begin again after the last."""
 
 _EVENT, _STALE, _SHARED = "#e0a100", "#c2185b", "#8794a1"
-_EVENT_INK = "#8a6100"
+_EVENT_INK, _OLD_PLACE = "#8a6100", "#ffd447"
 _SUCCESS, _FAILURE = "#1a7f4b", "#a12622"
 
 EVENT_STEPS = CONTROL_HZ
@@ -81,8 +81,10 @@ def film_frames(
     ticks: Iterable[Tick],
     size: int,
     caption: str | None = None,
-) -> Iterator[Image]:
-    """Yield the frames of a film, (height, width, 3) uint8 with even sides.
+) -> Iterator[tuple[int, Image]]:
+    """Yield the frames of a film: the policy step of each, and (height, width, 3) uint8 with even sides.
+
+    While nothing new is to be seen, a frame stays for up to a second.
 
     Args:
         record: The pair.
@@ -93,8 +95,16 @@ def film_frames(
             name below.
     """
     canvas = _Canvas(record, traces, size, caption)
+    shown: Tick | None = None
+    waiting: Tick | None = None
     for tick in ticks:
-        yield canvas.draw(tick)
+        canvas.follow(tick)
+        waiting = tick
+        if shown is None or tick.step - shown.step >= EVENT_STEPS or canvas.is_new(shown, tick):
+            yield tick.step, canvas.draw(tick)
+            shown, waiting = tick, None
+    if waiting is not None:
+        yield waiting.step, canvas.draw(waiting)
 
 
 def shared_steps(record: PairRecord, names: Sequence[str]) -> int:
@@ -133,6 +143,7 @@ class _Canvas:
         self._shared = shared_steps(record, self._names)
         self._steps = max(record.arms[name].steps or 0 for name in self._names)
         self._distances = {name: _distances(traces[name]) for name in self._names}
+        self._ways: dict[str, list[tuple[float, float]]] = {}
         self._queries = {name: traces[name].query_steps.tolist() for name in self._names}
         self._openings: dict[str, list[tuple[int, float]]] = {name: [] for name in self._names}
         self._font_px = _font_px(size)
@@ -140,11 +151,28 @@ class _Canvas:
         self._width = _even(max(len(self._names) * (size + _GAP_PX) - _GAP_PX, size))
         self._title = self._title_lines()
 
-    def draw(self, tick: Tick) -> Image:
-        """Return the frame of a moment. Moments come in their order."""
+    def follow(self, tick: Tick) -> None:
+        """Take a moment into the curves. Moments come in their order."""
         for name, view in tick.views.items():
             if tick.step <= (self._record.arms[name].steps or 0):
                 self._openings[name].append((tick.step, view.opening_m))
+
+    def is_new(self, shown: Tick, tick: Tick) -> bool:
+        """Return True if a moment has another picture or other words than the one that is shown."""
+        return any(
+            view.words != shown.views[name].words
+            or self._marks(name, tick.step) != self._marks(name, shown.step)
+            or any(image is not shown.views[name].images.get(title) for title, image in view.images.items())
+            for name, view in tick.views.items()
+        )
+
+    def _marks(self, name: str, step: int) -> object:
+        since = self._since_event(self._record.arms[name], step)
+        blink = since is not None and since < _BLINK_STEPS
+        return labels(self._record, name, step, self._shared), since is None, blink
+
+    def draw(self, tick: Tick) -> Image:
+        """Return the frame of a moment, which was followed."""
         cameras = next(iter(tick.views.values())).images
         top = len(self._title) * self._line_px + 6
         pictures = self._line_px + 4 + len(cameras) * (self._size + _GAP_PX)
@@ -187,8 +215,10 @@ class _Canvas:
         top = y
         ended = tick.step >= (arm.steps or 0)
         view = tick.views[name]
-        for image in view.images.values():
+        for camera, image in view.images.items():
             picture = Picture.fromarray(_faded(image) if ended else np.ascontiguousarray(image))
+            for outline in view.outlines.get(camera, ()):
+                self._outline(ImageDraw.Draw(picture), outline)
             frame.paste(picture, (x, y))
             y += size + _GAP_PX
         box = (x, top, x + size - 1, y - _GAP_PX - 1)
@@ -205,6 +235,13 @@ class _Canvas:
         said = [Label(words, _INK) for words in view.words]
         for number, label in enumerate([*said, *labels(self._record, name, tick.step, self._shared)]):
             self._label(pen, (x + 6, top + 6 + number * (self._line_px + 4)), label)
+
+    def _outline(self, pen: ImageDraw.ImageDraw, corners: NDArray[np.int32]) -> None:
+        """Draw the old place of a thing, legible on any ground."""
+        closed = [(int(x), int(y)) for x, y in (*corners, corners[0], corners[1 % len(corners)])]
+        thin = max(1, self._size // 128)
+        for color, width in ((_INK, thin + 2), (_OLD_PLACE, thin)):
+            pen.line(closed, fill=color, width=width)
 
     def _label(self, pen: ImageDraw.ImageDraw, place: tuple[int, int], label: Label) -> None:
         length = self._length(label.words)
@@ -246,11 +283,9 @@ class _Canvas:
             self._write(pen, (right - self._length(highest), above), highest, _MUTED)
         for number, name in enumerate(self._names):
             color, values = self._color(name), self._distances[name]
-            pen.line(
-                [distances.at(at, values[at - 1]) for at in range(1, min(step, len(values)) + 1)],
-                fill=color,
-                width=2,
-            )
+            if name not in self._ways:
+                self._ways[name] = [distances.at(at, value) for at, value in enumerate(values, start=1)]
+            pen.line(self._ways[name][: min(step, len(values))], fill=color, width=2)
             pen.line([fingers.at(*point) for point in self._openings[name]], fill=color, width=2)
             for query in self._queries[name]:
                 if query <= step:

@@ -6,16 +6,19 @@ import importlib.util
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.runs.media import FILM_FORMATS
-from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
 
 INSTALL = "pip install 'pytest-libero-max[film]'"
 
-_H264 = {"crf": "30", "preset": "veryfast", "x264-params": "mbtree=0"}
+_H264 = {"crf": "30", "preset": "superfast", "x264-params": "mbtree=0"}
 """Without mbtree, with which the same frames may give other bytes in a process that has made films before."""
 _WEBP_QUALITY = 60
 _KEY_FRAMES = (30, 60)
@@ -28,7 +31,9 @@ def available_format() -> str:
     return "mp4" if importlib.util.find_spec("av") else "webp"
 
 
-def write_film(path: Path, frames: Iterable[Image], hz: float, overwrite: bool = False) -> None:
+def write_film(
+    path: Path, frames: Iterable[tuple[int, Image]], hz: int = CONTROL_HZ, overwrite: bool = False
+) -> None:
     """Write a film; the folder is made if missing. A film that cannot be completed leaves no file.
 
     An MP4 takes the frames one by one. A WebP holds them all until it is written: 290 MB for 220 steps with
@@ -36,8 +41,9 @@ def write_film(path: Path, frames: Iterable[Image], hz: float, overwrite: bool =
 
     Args:
         path: Ends in ``.mp4`` or ``.webp``, which says the format.
-        frames: (H, W, 3) uint8, all of one size with even sides; at least one.
-        hz: Frames in a second.
+        frames: The policy step from which each is shown, and (H, W, 3) uint8, all of one size with even
+            sides; at least one.
+        hz: Policy steps in a second.
         overwrite: True if a file that is there already may be replaced.
 
     Raises:
@@ -62,30 +68,34 @@ def write_film(path: Path, frames: Iterable[Image], hz: float, overwrite: bool =
             partial.unlink()
 
 
-def _write_mp4(path: Path, frames: Iterator[Image], hz: float) -> None:
+def _write_mp4(path: Path, frames: Iterator[tuple[int, Image]], hz: int) -> None:
     import av
 
     first = next(frames)
-    height, width = first.shape[:2]
+    height, width = first[1].shape[:2]
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream("libx264", rate=round(hz), options=_H264)
+        stream = container.add_stream("libx264", rate=hz, options=_H264)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.thread_count = 1  # the other processors play pairs
-        for frame in chain([first], frames):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        stream.codec_context.time_base = Fraction(1, hz)
+        for step, image in chain([first], frames):
+            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame.pts, frame.time_base = step - first[0], Fraction(1, hz)
+            container.mux(stream.encode(frame))
         container.mux(stream.encode())
 
 
-def _write_webp(path: Path, frames: Iterator[Image], hz: float) -> None:
+def _write_webp(path: Path, frames: Iterator[tuple[int, Image]], hz: int) -> None:
     from PIL import Image as Picture  # OpenCV writes WebP too, but not in every version that is permitted
 
-    first, *others = [Picture.fromarray(frame) for frame in frames]
-    first.save(
+    steps, pictures = zip(*((step, Picture.fromarray(image)) for step, image in frames), strict=True)
+    shown = np.diff(steps).tolist()
+    pictures[0].save(
         path,
         format="WEBP",
         save_all=True,
-        append_images=others,
-        duration=round(1000 / hz),
+        append_images=pictures[1:],
+        duration=[round(1000 * count / hz) for count in [*shown, *(shown[-1:] or [1])]],
         loop=0,
         quality=_WEBP_QUALITY,
         method=2,

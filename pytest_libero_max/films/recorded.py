@@ -19,7 +19,7 @@ from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, thro
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
-from pytest_libero_max.runs.media import TRACES_NAME, film_name
+from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import open_substrate
@@ -28,12 +28,8 @@ from pytest_libero_max.worlds.contract import CONTROL_HZ, World
 SIZE_PX = 256
 """Side of a picture in a film, unless another is asked for."""
 
-
-def selected(record: PairRecord, which: str) -> bool:
-    """Return True if a pair belongs to one of :data:`.media.FILM_SELECTIONS`."""
-    if which == "regressions":
-        return record.outcome == "regression"
-    return which == "all" or record.base_success != record.dynamic_success
+EVERY = 2
+"""Policy steps from one frame to the next, unless others are asked for: ten frames a second."""
 
 
 def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: str = "world") -> Path:
@@ -56,7 +52,7 @@ def film_pair(
     traces: Mapping[str, ArmTrace],
     *,
     size: int = SIZE_PX,
-    every: int = 1,
+    every: int = EVERY,
     overwrite: bool = False,
     on_step: Callable[[int], None] | None = None,
     shown: Shown | None = None,
@@ -86,10 +82,10 @@ def film_pair(
     if shown is not None:
         look, also = policy_look(case, record, traces, shown, size)
         words = caption(record, shown)
-    ticks = play_again(case, world, record, traces, look, every, also)
+    ticks = play_again(case, world, record, traces, look, every, also, simulate=shown is not None)
     if on_step is not None:
         ticks = _told(ticks, on_step)
-    write_film(path, film_frames(record, traces, ticks, size, words), CONTROL_HZ / every, overwrite)
+    write_film(path, film_frames(record, traces, ticks, size, words), CONTROL_HZ, overwrite)
 
 
 def record_pair(
@@ -100,7 +96,7 @@ def record_pair(
     traces: Mapping[str, ArmTrace],
     *,
     size: int = SIZE_PX,
-    every: int = 1,
+    every: int = EVERY,
     overwrite: bool = False,
     on_step: Callable[[int], None] | None = None,
 ) -> None:
@@ -263,7 +259,7 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     """
     records = sorted(stored.records, key=lambda record: record.item_id)
     if not names:
-        return [record for record in records if selected(record, which)]
+        return [record for record in records if is_selected(record, which)]
     known = {name: record for record in records for name in (record.case_id, record.item_id)}
     for name in names:
         if name not in known:

@@ -1,18 +1,31 @@
-"""Plays the arms of a recorded pair again, side by side, and shows each step.
+"""Shows the arms of a recorded pair side by side.
 
-No policy is queried: the recorded actions are executed, and the entries of an arm happen again at
-the recorded step. The hash chain is computed again on the way. It is compared with the record before each
-event and at the end of each arm, so that the film shows the pair as it was played, bit for bit.
+No policy is queried. For films of the world a run keeps the positions of all joints: the changes of an arm
+are made again at the recorded steps, and nothing is simulated. Otherwise the recorded actions are executed,
+and the hash chain is computed again on the way. It is compared with the record before each event and at the
+end of each arm, so that what is shown is the pair as it was played, bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Revert, schedule_from_list
+from pytest_libero_max.films.appearance import (
+    Appearance,
+    Points,
+    appearance,
+    left,
+    outlines,
+    places_of,
+)
 from pytest_libero_max.pairing.changing import Applied, apply_change, begin_world
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
@@ -28,11 +41,13 @@ class View:
         images: By camera, (size, size, 3) uint8, upright; or by another name an image of the policy's.
         opening_m: Distance between the fingers, m.
         words: Text for the picture beside that of the record.
+        outlines: By camera, (n, 2) pixels of each thing that an event has moved away, where it was.
     """
 
     images: Mapping[str, Image]
     opening_m: float
     words: tuple[str, ...] = ()
+    outlines: Mapping[str, Sequence[NDArray[np.int32]]] = field(default_factory=dict)
 
 
 Look = Callable[[str, int, World, View | None], View]
@@ -69,6 +84,8 @@ def play_again(
     look: Look,
     every: int = 1,
     also: Collection[int] = (),
+    *,
+    simulate: bool = True,
 ) -> Iterator[Tick]:
     """Play the distinct arms of a recorded pair again and yield the view after each step.
 
@@ -82,6 +99,7 @@ def play_again(
         look: Looks at the world; see :func:`through_cameras`.
         every: Show only every so many steps, and the last one.
         also: Policy steps after which views are made even where they are not shown.
+        simulate: False to show the positions that the traces have, where they have them.
 
     Raises:
         ProtocolError: The replay does not reach a recorded digest. Earlier views may be wrong.
@@ -100,15 +118,17 @@ def play_again(
     players = [
         _Player(name, record.arms[name], traces[name], case.item_id, link, world.snapshot()) for name in names
     ]
-    last = max(player.steps for player in players)
+    if not simulate and all(traces[name].joints is not None for name in names):
+        for player in players:
+            player.joints = traces[player.name].joints
+    ends = {player.steps for player in players}
+    shown = {*range(0, max(ends), every), max(ends)}
     views: dict[str, View] = {}
-    for step in range(last + 1):
-        played = [player for player in players if step <= player.steps]
-        _advance(played, step, world)
-        shown = step % every == 0 or step == last
-        if shown or step in also or any(step == player.steps for player in played):
-            views |= _look(played, step, world, look, views)
-        if shown:
+    for step in sorted(shown | ends | {step for step in also if step < max(ends)}):
+        playing = [player for player in players if step <= player.steps]
+        _advance(playing, step, world)
+        views |= _look(playing, step, world, look, views)
+        if step in shown:
             yield Tick(step, dict(views))
 
 
@@ -129,31 +149,88 @@ class _Player:
         self.schedule = schedule_from_list(list(record.schedule), f"schedule of arm {name!r}")
         self.firings = record.firings
         self.applied: list[Applied] = []
-        self.link, self.state = link, state
+        self.places: list[Points] = []
+        self.step, self.link, self.state = -1, link, state
+        self.joints: NDArray[np.float32] | None = None
+        self._steps_before = state.steps
 
-    def fires_at(self, step: int) -> bool:
-        """Return True if something happens after this step that has not happened yet."""
-        done = len(self.applied)
-        return done < len(self.firings) and self.firings[done].step == step
+    def play(self, end: int, world: World) -> None:
+        """Play on to this step, on a world in any state."""
+        if self.joints is not None:
+            self._show(self.joints, end, world)
+            return
+        world.restore(self.state)
+        for step in range(self.step + 1, end + 1):
+            if step:
+                action = self.actions[step - 1]
+                world.step(action)
+                self.link = next_link(self.link, action, world.digest())
+            if self.fires(step, step):
+                self._fire(step, world)
+            if step == self.steps:
+                self.require(self.proof, "at its end")
+        self.step, self.state = end, world.snapshot()
 
-    def fire(self, step: int, world: World) -> None:
-        """Repeat the entry that happened after this step; the world is this arm's."""
-        while self.fires_at(step):
+    def _show(self, joints: NDArray[np.float32], end: int, world: World) -> None:
+        """Go on to the recorded positions after this step, with the changes that happened until then."""
+        changed = -1
+        for firing in self.firings[len(self.applied) :]:
+            if firing.step <= end and changed != firing.step:
+                self._place(joints, firing.step)
+                world.restore(self.state)
+                self._fire(firing.step, world)
+                self.state, changed = world.snapshot(), firing.step
+        if changed != end:
+            self._place(joints, end)
+        self.step = end
+        own = f"{self.name}, {len(self.applied)}" if self.applied else ""
+        self.link = self.state.physics.tobytes() + own.encode()
+
+    def _place(self, joints: NDArray[np.float32], step: int) -> None:
+        if step == 0:
+            return
+        physics = self.state.physics.copy()
+        physics[1 : 1 + joints.shape[1]] = joints[step - 1]  # the time is before them
+        self.state = replace(self.state, physics=physics, steps=self._steps_before + step)
+
+    def fires(self, first: int, last: int) -> bool:
+        """Return True if something happens in this range of steps that has not happened yet."""
+        return any(first <= firing.step <= last for firing in self.firings[len(self.applied) :])
+
+    def goes_with(self, other: _Player, end: int) -> bool:
+        """Return True if another arm, which is where this one is, does the same up to this step."""
+        begin = max(self.step, 0)
+        return (
+            (self.step, self.link) == (other.step, other.link)
+            and not self.fires(self.step + 1, end)
+            and not other.fires(self.step + 1, end)
+            and self.actions[begin:end].tobytes() == other.actions[begin:end].tobytes()
+        )
+
+    def follow(self, other: _Player) -> None:
+        """Take the place of another arm, with which this one goes."""
+        self.step, self.link, self.state = other.step, other.link, other.state
+        if self.step == self.steps:
+            self.require(self.proof, "at its end")
+
+    def _fire(self, step: int, world: World) -> None:
+        """Repeat the entries that happened after this step; the world is this arm's."""
+        while self.fires(step, step):
             index = len(self.applied)
             self.require(self.firings[index].prefix_proof, f"before its event after step {step}")
             action = self.schedule[index].action
             if isinstance(action, Revert):
                 earlier = self.applied[action.entry]
                 action = earlier.change.reverted(earlier.evidence)
-            before = world.digest()
+            before, places = world.digest(), places_of(world)
             self.applied.append(apply_change(action, world, None, self.item_id))
             digest = world.digest()
             if digest != before:
                 self.link = event_link(self.link, digest)
-            self.state = world.snapshot()
+            self.places += left(places, world)
 
     def require(self, proof: str, where: str) -> None:
-        if self.link.hex() != proof:
+        if self.joints is None and self.link.hex() != proof:
             raise ProtocolError(
                 f"{self.item_id}: the replay of arm {self.name!r} is not what was recorded, {where}. The "
                 "simulation computes something else here than where the pair was played."
@@ -161,33 +238,33 @@ class _Player:
 
 
 def _advance(players: list[_Player], step: int, world: World) -> None:
-    """Play the arms to this step. Those that are the same bit for bit are played once."""
-    reached: dict[tuple[bytes, bytes], tuple[bytes, WorldState]] = {}
+    """Play the arms to this step. What is the same bit for bit is played once."""
+    played: list[tuple[_Player, _Player]] = []
     for player in players:
-        if step:
-            action = player.actions[step - 1]
-            key = player.link, action.tobytes()
-            if key not in reached:
-                world.restore(player.state)
-                world.step(action)
-                reached[key] = next_link(player.link, action, world.digest()), world.snapshot()
-            player.link, player.state = reached[key]
-        if player.fires_at(step):
-            world.restore(player.state)
-            player.fire(step, world)
-        if step == player.steps:
-            player.require(player.proof, "at its end")
+        begun = copy(player)
+        known = next((after for before, after in played if player.goes_with(before, step)), None)
+        if known is None:
+            player.play(step, world)
+            played.append((begun, player))
+        else:
+            player.follow(known)
 
 
 def through_cameras(size: int, cameras: tuple[str, ...] = CAMERAS) -> Look:
-    """Return the view of a world through its cameras.
+    """Return the view of a world through its cameras. A world that looks as it did is not drawn again.
 
     Args:
         size: Side of an image in pixels.
         cameras: The cameras.
     """
+    drawn: dict[str, Appearance] = {}
 
     def look(name: str, step: int, world: World, before: View | None) -> View:
+        now, last = appearance(world), drawn.get(name)
+        if before is not None and now is not None and last is not None and now.is_like(last):
+            return replace(before, opening_m=opening_m(world.observe((), 1)))
+        if now is not None:
+            drawn[name] = now
         observation = world.observe(cameras, size)
         images = {camera: observation[f"{camera}_image"][::-1] for camera in cameras}
         return View(images, opening_m(observation))
@@ -208,5 +285,6 @@ def _look(
     for player in players:
         if player.link not in seen:
             world.restore(player.state)
-            seen[player.link] = look(player.name, step, world, before.get(player.name))
+            view = look(player.name, step, world, before.get(player.name))
+            seen[player.link] = replace(view, outlines=outlines(player.places, world, view.images))
     return {player.name: seen[player.link] for player in players}

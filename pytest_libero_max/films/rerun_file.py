@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.films.appearance import pose_of_camera
 from pytest_libero_max.films.drawing import labels, shared_steps
 from pytest_libero_max.films.replay import Look, Tick, View, distinct_arms, opening_m
 from pytest_libero_max.pairing.record import PairRecord
@@ -64,6 +64,7 @@ def scenes(size: int) -> Look:
     """
 
     def look(name: str, step: int, world: World, before: View | None) -> View:
+        assert isinstance(world, OnMujoco)
         observation = world.observe(CAMERAS, size)
         images = {camera: observation[f"{camera}_image"][::-1] for camera in CAMERAS}
         parked = set(world.parked)
@@ -72,7 +73,7 @@ def scenes(size: int) -> Look:
             opening_m(observation),
             hand=np.array(world.end_effector()),
             entities={entity: world.pose(entity) for entity in world.entities if entity not in parked},
-            cameras={camera: _camera(world, camera) for camera in CAMERAS},
+            cameras={camera: pose_of_camera(world, camera) for camera in CAMERAS},
         )
 
     return look
@@ -258,11 +259,3 @@ def _compressed(image: Image) -> Any:
     import rerun
 
     return rerun.Image(np.ascontiguousarray(image)).compress(jpeg_quality=_JPEG_QUALITY)
-
-
-def _camera(world: World, name: str) -> Camera:
-    assert isinstance(world, OnMujoco)
-    number = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, name)
-    data = world.data
-    angle = float(np.deg2rad(world.model.cam_fovy[number]))
-    return np.array(data.cam_xpos[number]), np.array(data.cam_xmat[number]).reshape(3, 3), angle

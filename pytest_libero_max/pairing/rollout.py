@@ -68,6 +68,11 @@ class RolloutResult:
         return self.trajectory.entity
 
     @property
+    def joints(self) -> NDArray[np.float32] | None:
+        """(steps, nq) positions of all joints after each step; None where they were not kept."""
+        return self.trajectory.joints
+
+    @property
     def queries(self) -> tuple[QueryResult, ...]:
         """Every query with all the actions it returned."""
         return self.trajectory.queries
@@ -318,7 +323,7 @@ class Rollout:
         end_effector.setflags(write=False)
         entity.setflags(write=False)
         distance, link = distance_m(end_effector, entity), next_link(trajectory.link, action, digest)
-        step = Step(action, end_effector, entity, distance, success, link)
+        step = Step(action, end_effector, entity, distance, success, link, stage.joints())
         self.trajectory = trajectory.stepped(step, digest)
         if stage.probes.on_steps:
             self._watch("step")

@@ -47,12 +47,14 @@ class PairSettings:
         watch: Notified of each call, so that it can end one that takes too long.
         probes: The probes that read every arm; see
             :func:`~pytest_libero_max.pairing.probes.registry.probes_called`.
+        films: True if rollouts keep what films are drawn from.
     """
 
     prefix: PrefixMode = "fork"
     fingerprints: Mapping[str, str] = field(default_factory=dict)
     watch: Watch = NO_WATCH
     probes: Probes = STANDARD
+    films: bool = False
 
 
 @dataclass(frozen=True)
@@ -211,7 +213,7 @@ def _pair(
     for cadence in dict.fromkeys(arm.cadence for arm in chosen):
         together = tuple(arm for arm in chosen if arm.cadence == cadence)
         with played_at(policy, cadence):
-            stage = Stage(case, world, policy, clock, settings.watch, settings.probes)
+            stage = Stage(case, world, policy, clock, settings.watch, settings.probes, settings.films)
             try:
                 instruction, results = yield from _play(stage, together, settings.prefix, enter)
             except Exception:

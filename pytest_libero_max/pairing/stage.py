@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import AdapterError, ProbeError
@@ -16,7 +20,7 @@ from pytest_libero_max.pairing.trajectory import QueryResult
 from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch
 from pytest_libero_max.policies.check import ask, notes_of, require_spec, show, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import Observation, World, WorldState
+from pytest_libero_max.worlds.contract import Observation, OnMujoco, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
@@ -39,6 +43,7 @@ class Stage:
         clock: Adds up wall-clock seconds.
         watch: Notified of each call that may take too long.
         probes: The probes that read every arm.
+        films: True if the positions of all joints are kept, for films.
         spec: A copy of the policy's spec, which must stay the same.
         images: The images of the arms, each of which is drawn once.
     """
@@ -49,11 +54,13 @@ class Stage:
     clock: Clock = field(default_factory=Clock)
     watch: Watch = NO_WATCH
     probes: Probes = STANDARD
+    films: bool = False
     spec: PolicySpec = field(init=False)
     images: KeptImages = field(init=False, default_factory=KeptImages, repr=False)
     _words_at_reset: list[str | None] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "films", self.films and isinstance(self.world, OnMujoco))
         object.__setattr__(self, "spec", replace(self.policy.spec))
 
     @property
@@ -69,6 +76,12 @@ class Stage:
         """
         words, own = self.world.language, self.case.instruction
         return words if own is None or self._words_at_reset not in ([], [words]) else own
+
+    def joints(self) -> NDArray[np.float32] | None:
+        """Return the positions of all joints now; None where no film is to be made."""
+        if not self.films:
+            return None
+        return np.array(cast("OnMujoco", self.world).data.qpos, dtype=np.float32)
 
     def begin_world(self) -> None:
         """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.

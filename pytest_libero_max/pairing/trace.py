@@ -28,12 +28,15 @@ class ArmTrace:
         query_steps: (q,) policy steps executed before each query.
         end_effector: (n, 3) m, world frame, after each step.
         entity: (n, 3) m, world frame: the trigger entity after each step.
+        joints: (n, nq) positions of all joints of the world after each step, in single precision, from which
+            a film is drawn; None where the run was to make none.
     """
 
     actions: NDArray[np.float64]
     query_steps: NDArray[np.int64]
     end_effector: NDArray[np.float64]
     entity: NDArray[np.float64]
+    joints: NDArray[np.float32] | None = None
 
 
 def traces_of(pair: Pair) -> dict[str, ArmTrace]:
@@ -51,7 +54,7 @@ def write_trace(folder: Path, pair: Pair) -> Path:
 
     It holds ``trigger_step``, -1 where the event never fired, and for each arm that was played
     ``<arm>_actions``, ``<arm>_query_steps``, ``<arm>_end_effector`` and ``<arm>_entity``
-    (:class:`ArmTrace`).
+    (:class:`ArmTrace`), with ``<arm>_joints`` where they were kept.
 
     Args:
         folder: Made if missing.
@@ -63,7 +66,7 @@ def write_trace(folder: Path, pair: Pair) -> Path:
     step = pair.record.trigger_step
     arrays: dict[str, NDArray[np.generic]] = {"trigger_step": np.array(-1 if step is None else step)}
     for name, trace in traces_of(pair).items():
-        arrays |= {f"{name}_{part}": values for part, values in vars(trace).items()}
+        arrays |= {f"{name}_{part}": values for part, values in vars(trace).items() if values is not None}
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / trace_name(pair.record.item_id)
     np.savez_compressed(path, allow_pickle=False, **arrays)
@@ -98,7 +101,7 @@ def read_trace(path: Path, record: PairRecord) -> dict[str, ArmTrace]:
 
 def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDArray[Any]]) -> ArmTrace:
     shapes = {"actions": (steps, 7), "end_effector": (steps, 3), "entity": (steps, 3)}
-    parts = {part: arrays.get(f"{name}_{part}") for part in (*shapes, "query_steps")}
+    parts = {part: arrays.get(f"{name}_{part}") for part in (*shapes, "query_steps", "joints")}
     for part, shape in shapes.items():
         values = parts[part]
         # What an arm without a step holds has no columns.
@@ -108,6 +111,8 @@ def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDA
                 f"{path}: {name}_{part} {found}, but the record of the pair says {shape}. The trace is of "
                 "another run; play the pair again with --libero-max-traces=all."
             )
+    if parts["joints"] is not None and len(parts["joints"]) != steps:
+        raise ReportError(f"{path}: {name}_joints has {len(parts['joints'])} steps, but the record {steps}.")
     if parts["query_steps"] is None:
         raise ReportError(f"{path} has no {name}_query_steps: it is no trace of a pair.")
     return ArmTrace(**{part: values for part, values in parts.items() if values is not None})
@@ -119,4 +124,5 @@ def _trace(rollout: RolloutResult) -> ArmTrace:
         query_steps=np.array([query.step for query in rollout.queries], dtype=np.int64),
         end_effector=rollout.end_effector,
         entity=rollout.entity,
+        joints=rollout.joints,
     )

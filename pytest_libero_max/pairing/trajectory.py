@@ -48,6 +48,7 @@ class Step:
         distance_m: Distance of the two.
         success: True if the task's goal holds after the step.
         link: The hash chain's link of the step.
+        joints: (nq,) positions of all joints after the step, for films; None where none are to be made.
     """
 
     action: NDArray[np.float64]
@@ -56,6 +57,7 @@ class Step:
     distance_m: float
     success: bool
     link: bytes
+    joints: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -204,6 +206,12 @@ class Trajectory:
     def entity(self) -> Array:
         """(steps, 3) m, world frame: the trigger entity after each step."""
         return np.array([step.entity for step in self.executed])
+
+    @property
+    def joints(self) -> NDArray[np.float32] | None:
+        """(steps, nq) positions of all joints after each step; None where they were not kept."""
+        kept = [step.joints for step in self.executed if step.joints is not None]
+        return np.array(kept) if kept and len(kept) == self.step else None
 
     def stepped(self, step: Step, digest: bytes) -> Trajectory:
         """Return the trajectory after one more step, which left the world with this digest."""

@@ -17,7 +17,7 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
-from pytest_libero_max.runs.media import FILM_SELECTIONS
+from pytest_libero_max.runs.media import FILM_SELECTIONS, MOST_FILMS
 from pytest_libero_max.studies.registry import STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
@@ -265,10 +265,17 @@ OPTIONS = (
     Option(
         "film",
         "WHICH",
-        "Film these pairs once they are measured, into films in the output folder: none, regressions, "
+        "Film these pairs when all are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all",
         read.one_of(*FILM_MODES),
         "none",
+    ),
+    Option(
+        "film-limit",
+        "PAIRS",
+        "Film at most so many regressions and so many gains: at first one of each cause and event (default: "
+        f"{MOST_FILMS}; with --libero-max-film=all, all pairs)",
+        read.positive,
     ),
     Option(
         "progress",
@@ -415,6 +422,7 @@ class Settings:
     strict: str | None
     traces: str
     film: str
+    film_limit: int | None
     progress: str
     shard: tuple[int, int] | None
     order: Order

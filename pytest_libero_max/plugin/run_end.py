@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, text_of
-from pytest_libero_max.plugin.collection import only_lists
+from pytest_libero_max.plugin.collection import cases_of, only_lists
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
@@ -28,6 +29,7 @@ from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
 
 if TYPE_CHECKING:
+    from pytest_libero_max.pairing.record import PairRecord
     from pytest_libero_max.report.gates import Gate, GateResult
     from pytest_libero_max.report.report_document import Report
 
@@ -54,6 +56,8 @@ class RunEnd:
         self.notes: list[str] = []
         self.report: Report | None = None
         self._stop = stop
+        self._records: Sequence[PairRecord] = ()
+        self._filmed: list[str] = []
         self._replay: Sequence[str] = ()
         self._verdicts: tuple[GateResult, ...] = ()
         self._problems: list[str] = []
@@ -96,15 +100,52 @@ class RunEnd:
         _, session.exitstatus = self._status(session, measured_before)
         self.config.stash[END_STATUS] = int(session.exitstatus)
         try:
+            self._film(ended)
+        except Exception as error:
+            self.notes.append(f"no films: {_text(error)}")
+        try:
             self._report()
         except Exception as error:
             self._problems.append(f"There is no report: {_text(error)}")
-        self.lines += _few_lines(self.notes)
+        self.lines += [*self._filmed, *_few_lines(self.notes)]
         self.lines += dict.fromkeys(self._problems)
         session.exitstatus = ended
         said, session.exitstatus = self._status(session, measured_before)
         self.config.stash[END_STATUS] = int(session.exitstatus)
         self.lines += said
+
+    def _film(self, ended: int) -> None:
+        """Make the films that the options ask for, unless the user has interrupted the run."""
+        if self.settings.film == "none" or self.report is None:
+            return
+        from pytest_libero_max.plugin.run_films import chosen_for_films, make_films
+
+        records, selected = chosen_for_films(self.settings, self._records, self.report.changed_pairs)
+        folder = _relative(self.settings.output, self.config.invocation_params.dir)
+        later = f"libero-max film {folder} --select={self.settings.film}"
+        if not records:
+            return
+        if ended == pytest.ExitCode.INTERRUPTED:
+            self._filmed.append(f"Films: none was made of an interrupted run; to make them: {later}")
+            return
+        begun = time.perf_counter()
+        cases = {case.case_id: case for case in cases_of(self.config)}
+        try:
+            made, notes = make_films(self.settings, cases, records, self._processes)
+        except KeyboardInterrupt:
+            self._filmed.append(f"Films: interrupted; for the others: {later}")
+            return
+        self.notes += notes
+        rest = f"; for all of them: {later}" if made < selected else ""
+        seconds = time.perf_counter() - begun
+        self._filmed.append(f"Films: {made} of {selected} {self.settings.film} ({seconds:.0f} s){rest}")
+
+    @property
+    def _processes(self) -> int:
+        """Number of processes that can make films; 0 where this one has played the pairs itself."""
+        if self.config.pluginmanager.has_plugin("dsession"):
+            return min(int(self.config.getoption("numprocesses", None) or 1), len(os.sched_getaffinity(0)))
+        return 1 if self.settings.isolate or self.settings.ray is not None else 0
 
     @property
     def _waiting(self) -> tuple[Gate, ...]:
@@ -118,7 +159,7 @@ class RunEnd:
         from pytest_libero_max.report.writers.report_files import report_of
 
         stored = read_pairs(self.settings.output)
-        self.report = report_of(stored)
+        self.report, self._records = report_of(stored), stored.records
         gates = () if self._waiting else self.settings.gate
         verdicts = decide_on(gates, stored, self.report, self.config.invocation_params.dir)
         if not all(verdict.passed for verdict in verdicts):

@@ -21,7 +21,7 @@ from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
 from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, LOADED, NOTE, POLICY_PHASE, RESULT
-from pytest_libero_max.runs.media import FILMS_NAME, TRACES_NAME
+from pytest_libero_max.runs.media import TRACES_NAME
 
 if TYPE_CHECKING:
     from pytest_libero_max.events.schedules import Arm
@@ -107,10 +107,10 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
     process.enter("setup")
     troubles: list[str] = getattr(policy, "troubles", [])
     with process.watchdog.pair():
-        pair, world = _on_servers(policy, case, lambda: _measure(request, case, process, policy))
+        pair = _on_servers(policy, case, lambda: _measure(request, case, process, policy))
     server = getattr(policy, "server", None)
     pair = pair if server is None else _timed(pair, {SERVER: server})
-    notes = [*troubles, *_keep(pair, case, world, settings_of(request.config))]
+    notes = [*troubles, *_keep(pair, settings_of(request.config))]
     troubles.clear()
     if notes:
         request.node.stash[NOTE] = "; ".join(notes)
@@ -152,9 +152,7 @@ def _on_servers(policy: Policy, case: Case, measure: Callable[[], Result]) -> Re
             continue
 
 
-def _measure(
-    request: pytest.FixtureRequest, case: Case, process: PairProcess, policy: Policy
-) -> tuple[Pair, World]:
+def _measure(request: pytest.FixtureRequest, case: Case, process: PairProcess, policy: Policy) -> Pair:
     from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
     from pytest_libero_max.policies.adapter_digest import adapter_digest
     from pytest_libero_max.policies.check import check_cameras
@@ -183,7 +181,7 @@ def _measure(
     pair = _measure_arms(case, world, policy, request.config, process, fingerprints)
     if settings.study is not None:
         settings.study.check(pair)
-    return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin}), world
+    return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin})
 
 
 def _measure_arms(
@@ -202,7 +200,13 @@ def _measure_arms(
         case,
         world,
         policy,
-        PairSettings(settings.prefix, fingerprints, process.watchdog, probes_called(settings.probe)),
+        PairSettings(
+            settings.prefix,
+            fingerprints,
+            process.watchdog,
+            probes_called(settings.probe),
+            films=settings.film != "none",
+        ),
         process.enter,
         _arms(case, policy, config),
     )
@@ -229,26 +233,18 @@ def _arms(case: Case, policy: Policy, config: pytest.Config) -> tuple[Arm, ...]:
     return (*pair, *settings.study.arms(case, policy.spec, settings.strength))
 
 
-def _keep(pair: Pair, case: Case, world: World, settings: Settings) -> list[str]:
-    """Write the trace and the film that the options ask for; return messages about failures."""
-    from pytest_libero_max.pairing.trace import traces_of, write_trace
+def _keep(pair: Pair, settings: Settings) -> list[str]:
+    """Write the trace that the options ask for, also for a film; return messages about failures."""
+    from pytest_libero_max.pairing.trace import write_trace
+    from pytest_libero_max.runs.media import is_selected
 
-    notes = []
-    if settings.traces == "all" or settings.traces == pair.record.outcome:
+    filmed = settings.film != "none" and is_selected(pair.record, settings.film)
+    if filmed or settings.traces == "all" or settings.traces == pair.record.outcome:
         try:
             write_trace(settings.output / TRACES_NAME, pair)
         except (OSError, ValueError) as error:
-            notes.append(f"no trace of {case.item_id}: {error}")
-    if settings.film != "none":
-        from pytest_libero_max.films.recorded import film_pair, film_path, selected
-
-        try:
-            if selected(pair.record, settings.film):
-                path = film_path(settings.output / FILMS_NAME, pair.record)
-                film_pair(path, case, world, pair.record, traces_of(pair))
-        except Exception as error:  # whatever a renderer or an encoder raises, the pair is measured
-            notes.append(f"no film of {case.item_id}: {error}")
-    return notes
+            return [f"no trace of {pair.record.item_id}: {error}"]
+    return []
 
 
 def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Protocol
 
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
@@ -19,11 +20,29 @@ FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
 FILM_SELECTIONS = ("regressions", "changed", "all")
 """Selections of pairs to film: those that only Base completes, those whose outcomes differ, all."""
 
+MOST_FILMS = 20
+"""Number of regressions, and of gains, that a run films unless another is asked for: those it names."""
+
 VIEWS = ("world", "policy")
 """Views of a film: the world through its cameras, or the policy's images at its queries."""
 
 _SEPARATOR = "--"
 _POLICY = f"{_SEPARATOR}policy"
+
+
+class _Compared(Protocol):
+    """What is asked of a pair."""
+
+    @property
+    def outcome(self) -> str:
+        """Name of its outcome."""
+        ...
+
+
+def is_selected(pair: _Compared, which: str) -> bool:
+    """Return True if a pair belongs to one of :data:`FILM_SELECTIONS`."""
+    changed = ("regression", "change_associated_success")
+    return which == "all" or pair.outcome in (changed[:1] if which == "regressions" else changed)
 
 
 def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world") -> str:

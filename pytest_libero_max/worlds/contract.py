@@ -291,6 +291,10 @@ class OnMujoco(World, Protocol):
         """MuJoCo's state of the scene."""
         ...
 
+    def geoms(self, entity: str) -> NDArray[np.intp]:
+        """Return the numbers of the geoms that an entity consists of."""
+        ...
+
 
 @runtime_checkable
 class AlterableWorld(OnMujoco, Protocol):

@@ -375,6 +375,9 @@ class MujocoWorld(ABC):
         fingers = self._finger[pairs[:, ::-1]][self._owner[pairs] == number]
         return len(set(fingers.tolist()) - {-1})
 
+    def geoms(self, entity: str) -> NDArray[np.intp]:
+        return np.flatnonzero(self._owner == self._owner_names.index(self._known(entity)))
+
     def alter(self, field: str, index: int | slice, value: Any) -> None:
         if field not in ALTERABLE:
             raise SubstrateError(
@@ -415,7 +418,7 @@ class MujocoWorld(ABC):
         at, orientation = self.pose(name)
         self._parked[name] = (*at.tolist(), *orientation.tolist())
         self._write_pose(name, where, None)
-        geoms = self._geoms(name)
+        geoms = self.geoms(name)
         self._model.geom_contype[geoms] = 0
         self._model.geom_conaffinity[geoms] = 0
         self._model.geom_group[geoms] = HIDDEN_GROUP
@@ -438,7 +441,7 @@ class MujocoWorld(ABC):
         if name not in self._parked:
             raise SubstrateError(f"{name!r} is not parked. {did_you_mean(name, self._parked)}")
         del self._parked[name]
-        geoms = self._geoms(name)
+        geoms = self.geoms(name)
         for field in ("geom_contype", "geom_conaffinity", "geom_group"):
             getattr(self._model, field)[geoms] = self._compiled[field][geoms]
         self._data.qfrc_applied[self._dofs(name)] = 0.0
@@ -599,9 +602,6 @@ class MujocoWorld(ABC):
     def _dofs(self, name: str) -> slice:
         first = int(self._model.jnt_dofadr[self._joint[name]])
         return slice(first, first + 6)
-
-    def _geoms(self, name: str) -> NDArray[np.intp]:
-        return np.flatnonzero(self._owner == self._owner_names.index(name))
 
     def _geom_owners(self, prefixes: Mapping[str, str]) -> NDArray[np.int64]:
         """For each geom the index into ``_owner_names`` of what it belongs to, or -1.

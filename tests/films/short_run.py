@@ -61,6 +61,7 @@ def play(
     wait: int = 0,
     policy: Policy | None = None,
     event: str = "target_relocation",
+    films: bool = False,
 ) -> Played:
     """Play the first case of a manifest of tiny cases, which is written into the folder."""
     manifest = folder / "tiny.json"
@@ -68,7 +69,7 @@ def play(
     case = load_manifest(manifest).cases[0]
     world = tiny.TinyWorld()
     policy = Approaching(wait, horizon=5, interval=3) if policy is None else policy
-    settings = PairSettings(fingerprints=tiny.TinySubstrate().fingerprint())
+    settings = PairSettings(fingerprints=tiny.TinySubstrate().fingerprint(), films=films)
     return Played(case, world, measure_pair(case, world, policy, settings, arms=arms or arms_of(case)))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from pytest_libero_max.films.drawing import EVENT_STEPS, film_frames, labels, shared_steps, strip_px
-from pytest_libero_max.films.replay import distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.worlds.contract import Image
 
@@ -20,7 +20,7 @@ def _words(record: PairRecord, arm: str, step: int) -> list[str]:
 
 def _frames(played: Played) -> list[Image]:
     ticks = play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE))
-    return list(film_frames(played.record, played.traces, ticks, SIZE))
+    return [frame for _, frame in film_frames(played.record, played.traces, ticks, SIZE)]
 
 
 def test_the_words_tell_prefix_event_stale_actions_and_end(played: Played) -> None:
@@ -59,6 +59,11 @@ def test_frames_have_one_even_size_and_show_the_pictures_side_by_side(played: Pl
         if tick.step == BUDGET:
             continue  # faded
         for column, view in enumerate(tick.views.values()):
+            assert ("agentview" in view.outlines) == (
+                column == 1 and tick.step >= (played.record.trigger_step or 0)
+            )
+            if view.outlines:
+                continue  # drawn over
             left = column * (SIZE + 4)
             wrist = view.images["robot0_eye_in_hand"][8:-8, 8:-8]
             part = frame[:, left + 8 : left + SIZE - 8]
@@ -85,3 +90,24 @@ def test_a_pair_without_an_event_is_one_column(tmp_path: Path) -> None:
     played = play(tmp_path, wait=BUDGET)
     assert _words(played.record, "base", 1) == []
     assert _frames(played)[0].shape[1] == SIZE
+
+
+def test_the_old_place_of_what_an_event_moved_is_outlined_where_it_was(played: Played) -> None:
+    ticks = play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE))
+    views = [tick.views["dynamic"] for tick in ticks]
+    event = played.record.trigger_step
+    assert event is not None
+    before, after = (view.images["agentview"].astype(int) for view in (views[event - 1], views[event]))
+    (outline,) = views[-1].outlines["agentview"]
+    (left, top), (right, bottom) = outline.min(axis=0), outline.max(axis=0)
+    changed = np.abs(after - before).sum(axis=2) > 60
+    assert changed[top : bottom + 1, left : right + 1].mean() > 0.3
+    assert (right - left) * (bottom - top) < 0.2 * SIZE * SIZE
+
+
+def test_a_frame_stays_while_nothing_moves(tmp_path: Path) -> None:
+    played = play(tmp_path, wait=BUDGET)
+    ticks = list(play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE)))
+    still = [Tick(step, ticks[0].views) for step in range(2 * EVENT_STEPS + 5)]
+    shown = [step for step, _ in film_frames(played.record, played.traces, still, SIZE)]
+    assert shown == [0, BUDGET, BUDGET + EVENT_STEPS, 2 * EVENT_STEPS + 4]

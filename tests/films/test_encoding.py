@@ -15,6 +15,10 @@ from pytest_libero_max.runs.media import FILM_FORMATS
 from pytest_libero_max.worlds.contract import Image
 
 
+def _timed(count: int = 5) -> Iterator[tuple[int, Image]]:
+    return enumerate(_frames(count))
+
+
 def _frames(count: int = 5) -> Iterator[Image]:
     """A white square that moves to the right."""
     for number in range(count):
@@ -25,7 +29,7 @@ def _frames(count: int = 5) -> Iterator[Image]:
 
 def test_a_webp_holds_every_frame_and_lasts_as_long_as_the_episode(tmp_path: Path) -> None:
     path = tmp_path / "films" / "a.webp"
-    write_film(path, _frames(), 20)
+    write_film(path, _timed(), 20)
     with Picture.open(path) as film:
         shown = [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)]
         assert film.info["duration"] == 50
@@ -36,7 +40,7 @@ def test_a_webp_holds_every_frame_and_lasts_as_long_as_the_episode(tmp_path: Pat
 def test_an_mp4_is_h264_and_holds_every_frame(tmp_path: Path) -> None:
     av = pytest.importorskip("av", reason="the extra film")
     path = tmp_path / "a.mp4"
-    write_film(path, _frames(), 20)
+    write_film(path, _timed(), 20)
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         assert (stream.codec_context.name, stream.average_rate) == ("h264", 20)
@@ -51,7 +55,7 @@ def test_the_same_frames_give_the_same_bytes(tmp_path: Path, suffix: str) -> Non
         pytest.importorskip("av", reason="the extra film")
     paths = [tmp_path / f"{name}.{suffix}" for name in "ab"]
     for path in paths:
-        write_film(path, _frames(), 20)
+        write_film(path, _timed(), 20)
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
@@ -65,7 +69,7 @@ def test_an_mp4_has_the_same_bytes_after_other_films(tmp_path: Path) -> None:
         for number in range(20):
             used = [np.full(int(length), number, np.uint8) for length in draw.integers(1000, 200000, 30)]
             del used
-            write_film(path, frames, 20, overwrite=True)
+            write_film(path, enumerate(frames), 20, overwrite=True)
             contents.append(path.read_bytes())
     assert len(set(contents)) == 2
 
@@ -74,9 +78,9 @@ def test_nothing_is_written_over_without_being_asked(tmp_path: Path) -> None:
     path = tmp_path / "a.webp"
     path.write_text("mine")
     with pytest.raises(ReportError, match="exists"):
-        write_film(path, _frames(), 20)
+        write_film(path, _timed(), 20)
     assert path.read_text() == "mine"
-    write_film(path, _frames(), 20, overwrite=True)
+    write_film(path, _timed(), 20, overwrite=True)
     assert path.read_bytes()[:4] == b"RIFF"
 
 
@@ -85,8 +89,8 @@ def test_a_film_that_breaks_off_leaves_no_file(tmp_path: Path, suffix: str) -> N
     if suffix == "mp4":
         pytest.importorskip("av", reason="the extra film")
 
-    def broken() -> Iterator[Image]:
-        yield from _frames(2)
+    def broken() -> Iterator[tuple[int, Image]]:
+        yield from _timed(2)
         raise ProtocolError("another state")
 
     with pytest.raises(ProtocolError, match="another state"):
@@ -100,15 +104,30 @@ def test_without_the_extra_films_are_webp_and_an_mp4_says_what_to_install(
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert encoding.available_format() == "webp"
     with pytest.raises(ReportError, match=r"pytest-libero-max\[film\]"):
-        write_film(tmp_path / "a.mp4", _frames(), 20)
+        write_film(tmp_path / "a.mp4", _timed(), 20)
 
 
 def test_a_name_that_says_no_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match=r"ends in \.mp4 or \.webp"):
-        write_film(tmp_path / "a.gif", _frames(), 20)
+        write_film(tmp_path / "a.gif", _timed(), 20)
 
 
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "films").write_text("")
     with pytest.raises(ReportError, match="Cannot write"):
-        write_film(tmp_path / "films" / "a.webp", _frames(), 20)
+        write_film(tmp_path / "films" / "a.webp", _timed(), 20)
+
+
+@pytest.mark.parametrize("suffix", FILM_FORMATS)
+def test_a_frame_stays_until_the_step_of_the_next(tmp_path: Path, suffix: str) -> None:
+    path, steps = tmp_path / f"a.{suffix}", [0, 2, 3, 20, 24]
+    if suffix == "mp4":
+        av = pytest.importorskip("av", reason="the extra film")
+        write_film(path, zip(steps, _frames(), strict=True))
+        with av.open(str(path)) as container:
+            assert [round(20 * frame.time) for frame in container.decode(video=0)] == steps
+    else:
+        write_film(path, zip(steps, _frames(), strict=True))
+        with Picture.open(path) as film:
+            shown = [frame.info["duration"] for frame in ImageSequence.Iterator(film) if frame.load()]
+        assert shown == [100, 50, 850, 200, 200]

@@ -13,8 +13,8 @@ from msgspec import structs
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.films.recorded import chosen, open_recorded, selected
-from pytest_libero_max.runs.media import FILM_SELECTIONS
+from pytest_libero_max.films.recorded import chosen, open_recorded
+from pytest_libero_max.runs.media import FILM_SELECTIONS, is_selected
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.tiny.world import TinySubstrate
@@ -159,7 +159,7 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
             "dynamic": structs.replace(dynamic, success=other),
         }
         pair = structs.replace(record, arms=arms)
-        assert tuple(which for which in FILM_SELECTIONS if selected(pair, which)) == names
+        assert tuple(which for which in FILM_SELECTIONS if is_selected(pair, which)) == names
     assert _film(run) == 0
     assert "No pair of this run is selected" in capsys.readouterr().out
     with pytest.raises(OptionError, match="Did you mean"):

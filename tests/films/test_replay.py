@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of, trig
 from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.contract import CAMERAS, Observation
 from tests.pairing.actors import Posing
 
 from .short_run import BUDGET, SIZE, Played, play
@@ -67,6 +68,41 @@ def test_what_is_shown_is_what_the_policy_would_have_seen(played: Played) -> Non
     for camera in CAMERAS:
         assert (last.images[camera] == seen[f"{camera}_image"][::-1]).all()
     assert last.opening_m == pytest.approx(np.ptp(seen["robot0_gripper_qpos"]))
+
+
+def test_kept_positions_show_what_a_replay_shows(tmp_path: Path) -> None:
+    case = play(tmp_path).case
+    there = Entry(trigger_of(case), change_from_dict(case.event.change))
+    flash = Arm("flash", (there, Entry(StepsAfter(2), Revert(0))))
+    played = play(tmp_path, (*arms_of(case), flash), films=True)
+    assert all(trace.joints is not None for trace in played.traces.values())
+    taken = {**played.traces, "base": replace(played.traces["base"], actions=np.zeros((BUDGET, 7)))}
+    look = through_cameras(SIZE)
+    shown = play_again(played.case, played.world, played.record, taken, look, simulate=False)
+    for tick, simulated in zip(list(shown), _ticks(played), strict=True):
+        for name, view in tick.views.items():
+            for camera in CAMERAS:
+                expected = simulated.views[name].images[camera].astype(int)
+                assert np.abs(view.images[camera] - expected).max() < 16
+            assert view.opening_m == pytest.approx(simulated.views[name].opening_m, abs=1e-6)
+
+
+def test_a_world_that_stands_still_is_drawn_once(played: Played, monkeypatch: pytest.MonkeyPatch) -> None:
+    world, drawn = played.world, list[Sequence[str]]()
+    world.reset(played.case.init_state_index)
+    observe = world.observe
+
+    def counted(cameras: Sequence[str], size: int) -> Observation:
+        drawn.append(cameras)
+        return observe(cameras, size)
+
+    monkeypatch.setattr(world, "observe", counted)
+    look = through_cameras(SIZE)
+    first = look("base", 0, world, None)
+    assert look("base", 1, world, first).images is first.images
+    assert [cameras for cameras in drawn if cameras] == [CAMERAS]
+    change_from_dict(played.case.event.change).apply(world)
+    assert look("base", 2, world, first).images is not first.images
 
 
 def test_steps_can_be_left_out_but_never_the_last(played: Played) -> None:

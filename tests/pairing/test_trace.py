@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.pairing.runner import measure_pair
+from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.pairing.trace import read_trace, traces_of, write_trace
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 
@@ -37,7 +37,8 @@ def test_a_pair_without_an_event_has_one_arm(tmp_path: Path) -> None:
 
 
 def test_a_trace_is_read_as_it_was_written(tmp_path: Path) -> None:
-    pair = measure_pair(make_case(), TinyWorld(), Approaching(wait=2, horizon=5, interval=4))
+    settings = PairSettings(films=True)
+    pair = measure_pair(make_case(), TinyWorld(), Approaching(wait=2, horizon=5, interval=4), settings)
     written, read = traces_of(pair), read_trace(write_trace(tmp_path, pair), pair.record)
     assert list(read) == ["base", "dynamic"]
     for name, trace in read.items():

@@ -65,6 +65,24 @@ def test_a_pair_that_is_not_asked_for_is_not_filmed(run: Run, pytester: pytest.P
     assert not (_folder(pytester) / "films").exists()
 
 
+def test_films_are_made_at_the_end_up_to_a_limit(run: Run, pytester: pytest.Pytester) -> None:
+    result = run("-k", "target_relocation", "--libero-max-film=all", "--libero-max-film-limit=1")
+    assert len(list((_folder(pytester) / "films").iterdir())) == 1
+    (line,) = [line for line in result.outlines if line.startswith("Films: ")]
+    assert line.startswith("Films: 1 of 2 all (")
+    assert line.endswith("; for all of them: libero-max film libero-max-results --select=all")
+
+
+@pytest.mark.parametrize("how", [("-n", "1"), ("--libero-max-isolate",)])
+def test_films_are_made_where_other_processes_played_the_pairs(
+    run: Run, pytester: pytest.Pytester, how: tuple[str, ...]
+) -> None:
+    result = run("-k", PAIR, "--libero-max-film=all", *how, subprocess=True)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["Films: 1 of 1 all (* s)"])
+    assert len(list((_folder(pytester) / "films").iterdir())) == 1
+
+
 def test_a_film_that_cannot_be_made_costs_no_pair(
     run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,6 +94,6 @@ def test_a_film_that_cannot_be_made_costs_no_pair(
     assert result.ret == 0
     result.assert_outcomes(passed=1)
     result.stdout.fnmatch_lines(
-        ["Beside the pairs, which are measured: no film of *: no memory for pictures"]
+        ["Beside the pairs, which are measured: no film of *: RuntimeError: no memory for pictures*"]
     )
     assert len(read_pairs(_folder(pytester)).records) == 1

@@ -182,7 +182,7 @@ class LiberoWorld(RobosuiteWorld):
 
     def geoms(self, entity: str) -> NDArray[np.intp]:
         """Numbers of the geoms that belong to an entity."""
-        return self._geoms(self._known(entity))
+        return self.geoms(self._known(entity))
 
     def initial_state(self, init: int) -> Array:
         """(1 + nq + nv,) time, positions and velocities, as the package's ``set_init_state`` takes them."""

@@ -52,7 +52,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     stored = StoredRun(Run(tuple(PAIRS), PROVENANCE), tuple(records), (error_of(INVALID),), torn=False)
     pytest.importorskip("av", reason="the film is an MP4: pip install av")
     frames = np.linspace(0, 255, 12 * 48 * 96 * 3).astype(np.uint8).reshape(12, 48, 96, 3)
-    write_film(folder / FILMS_NAME / film_name(FIRST.item_id, ("base", "dynamic"), ".mp4"), frames, 20)
+    write_film(
+        folder / FILMS_NAME / film_name(FIRST.item_id, ("base", "dynamic"), ".mp4"), enumerate(frames), 20
+    )
     for camera, when in product(("agentview", "robot0_eye_in_hand"), ("before", "after")):
         picture = folder / PICTURES_NAME / f"{NEVER.item_id}--{camera}-{when}.png"
         picture.parent.mkdir(exist_ok=True)
