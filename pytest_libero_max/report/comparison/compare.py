@@ -267,11 +267,14 @@ _COMPARED = ("substrate", "protocol", "case_set", "versions")
 """Parts of the provenance in which runs should agree if only their policies are to differ."""
 
 
+_OF_POLICIES = {"horizon": None, "query_interval": None, "repeatable": True}
+"""Declarations of policies that decide stale actions and chance flips; the values of records without them."""
+
 _ADDED_ARMS = ("protocol.noise_floor", "protocol.sham")
 
 
 def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
-    """Yield the differences between the runs beside their policies, each with the value of every run.
+    """Yield the differences between the runs, each with the value of every run; of policies, how they ask.
 
     Arms that some runs played in addition change nothing that is compared.
     """
@@ -282,6 +285,7 @@ def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
             for key, value in run.run.provenance.get(part, {}).items()
             if f"{part}.{key}" not in (*PLACES, *_ADDED_ARMS)
         }
+        | {f"policy.{key}": (run.policy or {}).get(key, usual) for key, usual in _OF_POLICIES.items()}
         for name, run in runs.items()
     }
     for key in sorted({key for values in flat.values() for key in values}):

@@ -100,6 +100,9 @@ def _warnings(comparison: Comparison) -> Iterator[str]:
     if pairs.restricted:
         left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs.left_out.items())
         yield f"Restricted to {pairs.common} common cases; left out: {left_out}."
+    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
+    if unsupported:
+        yield f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank."
     for difference in comparison.differences:
         values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
         yield f"The runs differ in {difference.field}: {values}."

@@ -46,10 +46,11 @@ class CommonPairs(Block, frozen=True, kw_only=True):
 
 
 class RunDifference(Block, frozen=True, kw_only=True):
-    """Something in which the runs differ beside their policies.
+    """Something in which the runs differ: beside their policies, or in how these ask.
 
     Attributes:
-        field: Place in the provenance, or scenes: what the cases were played in, as their records say.
+        field: Place in the provenance; H, Q or repeatable of the policy; or scenes: what the cases were
+            played in, as their records say.
         values: Its value in every run; None where it has none. For scenes, the number of cases that differ
             from the first run.
     """
@@ -297,7 +298,8 @@ class Comparison(Block, frozen=True, kw_only=True):
         pairs: Cases that are compared, and those that are not.
         substrate: The substrate of the runs, and the standing of its scores.
         differences: Everything in which the runs differ beside their policies: substrate with semantics,
-            instruction source, variations and installations; protocol; cases; versions.
+            instruction source, variations and installations; protocol; cases; versions. Of the policies H
+            (chunk size), Q (execution horizon) and whether they are repeatable.
         runs: One entry a run, in the order given.
         contrasts: Contrasts of Dynamic success on the common cases; one family over all pairs of runs.
         base_contrasts: Contrasts of Base success; one family over all pairs of runs.

@@ -11,6 +11,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
 from pytest_libero_max.report.gates import parse_gates
@@ -298,6 +299,29 @@ def test_folders_are_compared_under_their_names(tmp_path: Path) -> None:
     assert len(plain(comparison)["flips"]) == 4
     with pytest.raises(ReportError, match="given twice"):
         compare_runs(read_runs([old, old]))
+
+
+@pytest.mark.parametrize(("field", "value"), [("horizon", 16), ("query_interval", 4), ("repeatable", False)])
+def test_policies_that_ask_in_other_ways_are_warned_of(field: str, value: object) -> None:
+    run = _run(ALWAYS)
+    records = tuple(structs.replace(one, policy={**one.policy, field: value}) for one in run.records)
+    comparison = compare_runs({"old": run, "new": replace(run, records=records)})
+    (difference,) = comparison.differences
+    assert (difference.field, difference.values["new"]) == (f"policy.{field}", value)
+    assert any(f"differ in policy.{field}: old " in line for line in comparison_lines(comparison))
+
+
+def test_a_policy_that_plays_a_part_of_the_suites_is_said_to_do_so_everywhere() -> None:
+    planned = [structs.replace(pair, suite="libero_goal") for pair in PAIRS[:12]] + PAIRS[12:]
+    run = _run(ALWAYS, planned)
+    records = tuple(
+        structs.replace(one, policy={**one.policy, "suites": ["libero_spatial"]}) for one in run.records[12:]
+    )
+    runs = {"all": run, "half": replace(run, records=records)}
+    said = "Unsupported cases: 12 by half. Runs that do not support all cases have no rank."
+    comparison = compare_runs(runs)
+    assert any(said in line for line in comparison_lines(comparison))
+    assert said in comparison_html(comparison, common_cases(runs))
 
 
 def test_runs_that_differ_in_more_than_their_policy_are_warned_of() -> None:
