@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.substrates.libero.lacking import lacking_own
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -57,3 +60,14 @@ def test_a_page_says_what_was_measured(
     page: str, says: str, source: str, measured: str, tolerance: float
 ) -> None:
     assert _number(page, says) == pytest.approx(_number(source, measured), abs=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("track", "words"), [("smoke", "of `smoke`"), ("lite", "of `lite` and"), ("max", "of `max`.")]
+)
+def test_a_page_counts_what_plays_with_own_source_variations(track: str, words: str) -> None:
+    cases = load_track(track).cases
+    play = _number(
+        "pytest_libero_max/substrates/README.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}"
+    )
+    assert len(cases) - len(lacking_own(cases)) == play
