@@ -393,6 +393,8 @@ class LiberoWorld(RobosuiteWorld):
         return image if self._noise is None or self._fresh else self._noise(image, camera, self._steps)
 
     def close(self) -> None:
+        # robosuite would collect the garbage of the whole process here; it is collected once, before a build.
+        self._env.sim = None
         super().close()
         self._view = None
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Image, ImageSize, height_and_width
 from pytest_libero_max.worlds.rendering import egl, gl
-from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part
+from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part, hulls_of
 
 gl.prepare()
 
@@ -80,6 +80,7 @@ class Renderer:
         self._thrifty = thrifty
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
+        self._hulls: NDArray[np.object_] | None = None  # found when they are needed
 
     def render(self, camera: str, size: ImageSize) -> Image:
         """One image, (H, W, 3) uint8, freshly allocated, bottom row first.
@@ -144,7 +145,9 @@ class Renderer:
         reflectors = self._reflectors(geoms) if self._reflections else _NOTHING
         if reflectors.size and (reflectors.size > 1 or model.geom_type[reflectors] != _BOX):
             return all_of_it
-        boxes = Boxes.of(model, data, geoms)
+        if self._hulls is None:
+            self._hulls = hulls_of(model)
+        boxes = Boxes.of(model, data, geoms, self._hulls)
         screens = boxes.chosen(self._are_screens(geoms) & boxes.wide)
         seen = _seen(boxes, screens, camera.image, camera)
         direct = _Pass(geoms[~seen], False)

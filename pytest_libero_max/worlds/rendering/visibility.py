@@ -8,6 +8,7 @@ margins far above what a processor or a GPU rounds.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,10 @@ _MARGIN_M = 1e-3
 _MARGIN_PX = 1.0
 _SCREEN_M = 0.2
 """Half the length of a side from which on the face of a box may hide others, as that of a table does."""
+
+_MANY_TRIANGLES = 2000
+_MESH = 7
+"""``mjGEOM_MESH``."""
 
 _EVERYWHERE_M = 1e6
 _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
@@ -128,20 +133,23 @@ class Boxes:
         centres: (n, 3) m, world.
         rotations: (n, 3, 3) columns: the axes of each box, world.
         half_m: (n, 3) Half the length of the sides, m.
+        hulls: (n,) None, or points (k, 3) whose convex hull holds what is in the box, m, from its centre and
+            along its axes.
     """
 
     centres: Array
     rotations: Array
     half_m: Array
+    hulls: NDArray[np.object_]
 
     @classmethod
-    def of(cls, model: Any, data: Any, geoms: NDArray[np.intp]) -> Boxes:
+    def of(cls, model: Any, data: Any, geoms: NDArray[np.intp], hulls: NDArray[np.object_]) -> Boxes:
         """Return the boxes of some geoms of a model, whose places are up to date."""
         rotations = data.geom_xmat[geoms].reshape(-1, 3, 3)
         boxes, bounded = model.geom_aabb[geoms], model.geom_rbound[geoms, None] > 0
         offsets = (rotations @ np.where(bounded, boxes[:, :3], 0.0)[..., None])[..., 0]
         half_m = np.where(bounded, boxes[:, 3:], _EVERYWHERE_M)
-        return cls(data.geom_xpos[geoms] + offsets, rotations, half_m)
+        return cls(data.geom_xpos[geoms] + offsets, rotations, half_m, hulls[geoms])
 
     @property
     def corners(self) -> Array:
@@ -158,14 +166,14 @@ class Boxes:
 
     def chosen(self, which: NDArray[Any]) -> Boxes:
         """Return some of the boxes."""
-        return Boxes(self.centres[which], self.rotations[which], self.half_m[which])
+        return Boxes(self.centres[which], self.rotations[which], self.half_m[which], self.hulls[which])
 
     def mirrored(self, mirror: Mirror) -> Boxes:
         """Return the boxes where they appear in a mirror."""
         normal = mirror.axes[:, 2]
         flip = np.eye(3) - 2 * np.outer(normal, normal)
         centres = mirror.centre + (self.centres - mirror.centre) @ flip
-        return Boxes(centres, flip @ self.rotations, self.half_m)
+        return Boxes(centres, flip @ self.rotations, self.half_m, self.hulls)
 
     def may_be_in(self, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether some of it may be in a part of the image, (n,)."""
@@ -176,8 +184,15 @@ class Boxes:
         nearest = np.zeros(len(normals))
         nearest[-1] = camera.near_m
         reach = (np.abs(normals @ self.rotations) @ self.half_m[..., None])[..., 0]
-        inside = (self.centres - camera.eye) @ normals.T - nearest > -reach - _MARGIN_M
-        found: NDArray[np.bool_] = np.logical_and.reduce(inside, axis=1)
+        distances = (self.centres - camera.eye) @ normals.T - nearest
+        found: NDArray[np.bool_] = np.logical_and.reduce(distances > -reach - _MARGIN_M, axis=1)
+        crossed = distances < reach
+        for number in np.flatnonzero(found & crossed.any(axis=1)):
+            hull = self.hulls[number]
+            if hull is not None:
+                which = crossed[number]
+                outermost = (normals[which] @ self.rotations[number] @ hull.T).max(axis=1)
+                found[number] = np.all(distances[number, which] > -outermost - _MARGIN_M)
         return found
 
     def hidden_by(self, screens: Boxes, part: Part, camera: Camera) -> NDArray[np.bool_]:
@@ -204,6 +219,40 @@ class Boxes:
                     reached = _depth(eye, directions @ axes, axis, half)
                     found |= candidates & (reached + _MARGIN_M < nearest)
         return found
+
+
+_hulls: dict[bytes, Array | None] = {}  # scenes share most meshes
+
+
+def hulls_of(model: Any) -> NDArray[np.object_]:
+    """Return for each geom of a model the corners of its convex hull, as :class:`Boxes` has them.
+
+    None for all but meshes of many triangles, for which it is worth to look closer.
+    """
+    found = np.full(model.ngeom, None, np.object_)
+    meshes = np.flatnonzero(model.geom_type == _MESH)
+    for geom in meshes[model.mesh_facenum[model.geom_dataid[meshes]] >= _MANY_TRIANGLES]:
+        mesh = model.geom_dataid[geom]
+        first = model.mesh_vertadr[mesh]
+        vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+        key = blake2b(vertices.tobytes(), digest_size=16).digest()
+        if key not in _hulls:
+            _hulls[key] = _hull(vertices)
+        corners = _hulls[key]
+        found[geom] = None if corners is None else corners - model.geom_aabb[geom, :3]
+    return found
+
+
+def _hull(points: NDArray[np.float32]) -> Array | None:
+    """Return the corners of the convex hull of points, (n, 3); None for points in a plane."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    exact = points.astype(np.float64)
+    try:
+        corners: Array = exact[ConvexHull(exact).vertices]
+    except QhullError:
+        return None
+    return corners
 
 
 def _depth(eye: Array, rays: Array, axis: int, half_m: Array) -> Array:

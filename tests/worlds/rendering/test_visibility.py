@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.worlds.rendering import renderer
+from pytest_libero_max.worlds.rendering import renderer, visibility
 from pytest_libero_max.worlds.rendering.renderer import Renderer
 from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Part
 
@@ -88,6 +88,17 @@ def test_a_mirror_that_is_drawn_apart_changes_no_pixel(seed: int, monkeypatch: p
     assert all(last > 0 for _, last in apart)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_meshes_that_are_looked_at_more_closely_change_no_pixel(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    boxes = sum(left_out for *_, left_out, _ in drawings(scene(seed)))
+    monkeypatch.setattr(visibility, "_MANY_TRIANGLES", 1)
+    found = drawings(scene(seed))
+    assert all(same for same, *_ in found)
+    assert sum(left_out for *_, left_out, _ in found) > boxes
+
+
 @pytest.mark.parametrize("how", [{"shadows": True}, {"mirrors": 2}])
 def test_everything_is_drawn_where_shadows_or_a_second_mirror_could_show_it(how: dict[str, Any]) -> None:
     found = drawings(scene(0, **how))
@@ -140,8 +151,10 @@ def test_a_camera_says_where_in_its_image_a_point_is() -> None:
     again, depths = camera.seen(camera.eye + 2.5 * camera.rays(places))
     assert np.allclose(again, places)
     assert np.allclose(depths, 2.5)
-    ahead = Boxes(camera.eye + camera.rays(places), np.tile(np.eye(3), (20, 1, 1)), np.full((20, 3), 0.01))
+    none = np.full(20, None, np.object_)
+    turned, half = np.tile(np.eye(3), (20, 1, 1)), np.full((20, 3), 0.01)
+    ahead = Boxes(camera.eye + camera.rays(places), turned, half, none)
     assert ahead.may_be_in(camera.image, camera).all()
-    behind = Boxes(camera.eye - camera.rays(places), ahead.rotations, ahead.half_m)
+    behind = Boxes(camera.eye - camera.rays(places), turned, half, none)
     assert not behind.may_be_in(camera.image, camera).any()
     drawer.close()
