@@ -216,7 +216,7 @@ def test_the_first_screen_shows_what_broke_with_its_film(browser: Any, page: Pat
     film = shown.page.locator(".poster video")
     assert film.get_attribute("src").startswith(f"films/{FIRST.item_id}--base-dynamic.mp4#t=")
     shown.page.locator(".poster a").click()
-    assert shown.page.locator(".detail video").is_visible()
+    shown.page.locator(".detail video").wait_for()
     rows = shown.page.locator(".plot tbody tr")
     assert rows.count() == 9
     rows.nth(1).get_by_role("link").click()
