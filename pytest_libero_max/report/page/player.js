@@ -1,5 +1,5 @@
-// Plays the films of a case together. A browser plays MP4 and WebM itself and goes to any moment of them, so that a
-// film needs no list of its frames: one second of a film is `hz` policy steps. The scrubber is a range input that lies
+// Plays the films of a case together. A browser plays an MP4 itself and goes to any moment of it, so that a film
+// needs no list of its frames: one second of a film is `hz` policy steps. The scrubber is a range input that lies
 // over the curves of the case.
 
 function svg(tag, properties, ...children) {
