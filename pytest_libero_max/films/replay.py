@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Revert, schedule_from_list
-from pytest_libero_max.films.appearance import (
+from pytest_libero_max.pairing.changing import Applied, apply_change, begin_world
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.pairing.trajectory import event_link, first_link, next_link
+from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, World, WorldState
+from pytest_libero_max.worlds.rendering.appearance import (
     Appearance,
     Points,
     appearance,
@@ -26,11 +31,6 @@ from pytest_libero_max.films.appearance import (
     outlines,
     places_of,
 )
-from pytest_libero_max.pairing.changing import Applied, apply_change, begin_world
-from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.pairing.trace import ArmTrace
-from pytest_libero_max.pairing.trajectory import event_link, first_link, next_link
-from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, World, WorldState
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.films.appearance import pose_of_camera
 from pytest_libero_max.films.drawing import labels, shared_steps
 from pytest_libero_max.films.replay import Look, Tick, View, distinct_arms, opening_m
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, Image, OnMujoco, World
+from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
 
 if TYPE_CHECKING:
     import rerun

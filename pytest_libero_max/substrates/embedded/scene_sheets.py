@@ -19,7 +19,6 @@ PLUS_LEVELS = (1, 3, 5)
 
 _CAMERA = "agentview"
 _STEPS = 10
-_CAPTION_LINES = 4
 # Noise and textures hardly compress; in a picture this small, the last three bits do not show.
 _COLOUR_STEP = 8
 
@@ -31,7 +30,7 @@ def write_contact_sheet(
     init: int = 0,
     camera: str = "agentview",
     size: int = 184,
-    columns: int = 5,
+    columns: int = 10,
 ) -> None:
     """Render scenes at reset, with the robot, upright and captioned, into one PNG.
 
@@ -120,18 +119,22 @@ def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
 def _write(
     path: Path, substrate: EmbeddedSubstrate, variations: Sequence[Variation], columns: int, size: int
 ) -> None:
-    pictures = [_picture(substrate, variation, size) for variation in variations]
+    seen = [_picture(substrate, variation, size) for variation in variations]
+    pictures = []
+    for first in range(0, len(seen), columns):
+        row = seen[first : first + columns]
+        lines = max(len(caption) for caption, _ in row)
+        pictures += [captioned(image, *caption, *[""] * (lines - len(caption))) for caption, image in row]
     write_sheet(path, pictures, columns, colour_step=_COLOUR_STEP)
 
 
-def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> Image:
+def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> tuple[list[str], Image]:
+    """Return the whole caption of a variation and its picture."""
     world = substrate.varied_world(variation)
     world.reset(0)
     for _ in range(_STEPS):
         world.step(NOOP_ACTION)
     image = world.observe((_CAMERA,), 256)[f"{_CAMERA}_image"][::-1]
-    level = "" if variation.difficulty is None else f" {variation.difficulty}"
+    level = "" if variation.difficulty is None else f", severity {variation.difficulty} of 5"
     title = f"{variation.category}{level}"
-    lines = [title, *wrapped(world.language, size)[: _CAPTION_LINES - 1]]
-    lines += [""] * (_CAPTION_LINES - len(lines))
-    return captioned(resized(image, size), *lines)
+    return [*wrapped(title, size), *wrapped(world.language, size)], resized(image, size)

@@ -44,12 +44,12 @@ def wrapped(text: str, width_px: int) -> list[str]:
 
 
 def write_sheet(path: Path, pictures: Sequence[Image], columns: int, *, colour_step: int = 4) -> None:
-    """Lay pictures of one size out in rows and write them; the folder is made if missing.
+    """Lay pictures out in rows and write them; the folder is made if missing.
 
     Args:
         path: The file to write; a name in ``.jpg`` suits noisy pictures, ``.webp`` small ones, ``.png``
             all others.
-        pictures: (H, W, 3) uint8 each.
+        pictures: (H, W, 3) uint8 each, of one width, and of one height in a row.
         columns: Pictures in a row; the last row is filled up with white.
         colour_step: Colours are rounded to multiples of it, which makes the file smaller: 4 is invisible and
             saves a third.
@@ -61,7 +61,7 @@ def write_sheet(path: Path, pictures: Sequence[Image], columns: int, *, colour_s
         ".jpg": (cv2.IMWRITE_JPEG_QUALITY, 80),
         ".webp": (cv2.IMWRITE_WEBP_QUALITY, 60),
     }
-    blank = np.full_like(pictures[0], 255)
+    blank = np.full_like(pictures[-1], 255)
     tiles = [*pictures, *[blank] * (-len(pictures) % columns)]
     sheet = np.vstack([np.hstack(tiles[n : n + columns]) for n in range(0, len(tiles), columns)])
     rounded = np.minimum(np.round(sheet / colour_step) * colour_step, 255).astype(np.uint8)

@@ -16,7 +16,7 @@ STILL_M = 5e-4
 """Way of a geom up to which a world is not drawn again: a fifth of a pixel in a picture of 256 pixels."""
 _STILL_TURN = 2e-3
 """Change of a rotation matrix up to which it is not either: a tenth of a degree."""
-_MOVED_M = 5e-3
+MOVED_M = 5e-3
 """Way of a thing in an event from which on its old place is shown."""
 
 Points = NDArray[np.float64]
@@ -77,7 +77,7 @@ def left(before: Mapping[str, Points], world: World) -> list[Points]:
     return [
         corners
         for name, corners in before.items()
-        if len(corners) and (name not in now or np.abs(now[name] - corners).max() > _MOVED_M)
+        if len(corners) and (name not in now or np.abs(now[name] - corners).max() > MOVED_M)
     ]
 
 
