@@ -14,6 +14,9 @@ from pytest_libero_max.worlds.contract import CONTROL_HZ
 _MOST = {"regression": 8, "change_associated_success": 4}
 """Number of cards of an outcome."""
 
+_AFTER_EVENT_S = 0.1
+"""Time in a film at which it shows the event, also with half of its frames."""
+
 
 class Card(NamedTuple):
     """Pairs of one cause under one event.
@@ -26,7 +29,7 @@ class Card(NamedTuple):
         view: View of the table of cases that has them alone.
         sentence: What happened in the pair that is shown; empty where that was not recorded.
         case: View of the table that shows this pair.
-        film: Address of its film, from half a second before the event; empty without one.
+        film: Address of its film, from just after the event; empty without one.
     """
 
     outcome: str
@@ -83,7 +86,7 @@ def _card(
     pair = next((pair for pair in group.pairs if pair.item_id in films), group.pairs[0])
     film = ""
     if pair.item_id in films:
-        begin = max(event_steps.get(pair.item_id, 0) / CONTROL_HZ - 0.5, 0.0)
+        begin = event_steps.get(pair.item_id, 0) / CONTROL_HZ + _AFTER_EVENT_S
         film = f"{quote(films[pair.item_id][0])}#t={begin:g}"
     chosen = {"event": group.event, "outcome": outcome} | ({"cause": group.cause} if known else {})
     return Card(

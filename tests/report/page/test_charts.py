@@ -95,7 +95,7 @@ def test_what_broke_is_a_card_for_each_cause_and_event_with_a_film_where_one_is(
     assert lost.title == "What broke: 16 of 128 Base successes lost"
     first, second = lost.cards
     assert (first.number, first.cause, first.event) == (15, "missed moved goal", "camera_shift")
-    assert (first.film, first.sentence) == ("films/a%20b.mp4#t=0.75", "S3.")
+    assert (first.film, first.sentence) == ("films/a%20b.mp4#t=1.35", "S3.")
     assert first.view == "event=camera_shift&outcome=regression&cause=missed_moved_goal"
     assert first.case == f"{first.view}&case={names[3]}"
     assert (second.number, second.film, second.sentence) == (1, "", "S0.")
