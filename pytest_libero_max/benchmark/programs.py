@@ -37,6 +37,9 @@ BASE_AGAIN = "base_again"
 SHAM = "sham"
 """The arm of the sham event: at the event's moment the policy is given other seeds, and nothing changes."""
 
+SHAM_DYNAMIC = "sham_dynamic"
+"""The arm of the event with other seeds from its moment on, beside Dynamic as ``sham`` is beside Base."""
+
 EVENT = "event"
 """Stands for the trigger or the change of the case's event."""
 
@@ -165,7 +168,7 @@ def _check_arm(value: Json, where: str) -> str:
     """Return the name of an arm that is spelled as it must be."""
     arm: _Arm = checked(value, _Arm, where, ManifestError)
     name, schedule = arm.name, arm.schedule
-    for taken, option in ((BASE_AGAIN, "noise-floor"), (SHAM, "sham")):
+    for taken, option in ((BASE_AGAIN, "noise-floor"), (SHAM, "sham"), (SHAM_DYNAMIC, "sham")):
         if name == taken:
             raise ManifestError.seen(
                 f"{where}.name",

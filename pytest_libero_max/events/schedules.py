@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.cases import Case, Event
@@ -23,6 +23,7 @@ from pytest_libero_max.benchmark.programs import (
     parse_program,
 )
 from pytest_libero_max.benchmark.programs import SHAM as SHAM
+from pytest_libero_max.benchmark.programs import SHAM_DYNAMIC as SHAM_DYNAMIC
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.triggers import StepsAfter, Trigger, trigger_from_dict
 
@@ -239,8 +240,9 @@ def arms_of(
         case: The case. Without a program, its event happens in Dynamic.
         repeat_base: True to play Base a second time from the start, for the noise floor.
         strength: Share of every change, see :func:`change_of`.
-        sham: True for one more arm, in which the policy is given other seeds when the first entry of Dynamic
-            would happen, and the world stays as it is.
+        sham: True for two more arms, in which the policy is given other seeds at the first entry of Dynamic:
+            ``sham``, in which nothing else happens, and ``sham_dynamic``, in which the event does. So both
+            rollouts are played twice from the event on, each time with the policy's own chance.
 
     Raises:
         ManifestError: The program is malformed.
@@ -255,9 +257,19 @@ def arms_of(
     }
     base = arms.pop(BASE, Arm(BASE))
     dynamic = arms.pop(DYNAMIC, None) or Arm(DYNAMIC, (Entry(trigger_of(case), change_of(case, strength)),))
-    shams = (Arm(SHAM, (Entry(dynamic.schedule[0].trigger, ReseedPolicy()),)),) if sham else ()
+    reseed = Entry(dynamic.schedule[0].trigger, ReseedPolicy())
+    later = tuple(map(_one_later, dynamic.schedule))
+    shams = (Arm(SHAM, (reseed,)), Arm(SHAM_DYNAMIC, (reseed, *later))) if sham else ()
     again = (Arm(BASE_AGAIN, repetition=1),) if repeat_base else ()
     return (base, dynamic, *arms.values(), *shams, *again)
+
+
+def _one_later(entry: Entry) -> Entry:
+    """Return an entry for a schedule with one more entry at its beginning; references move with it."""
+    trigger, action = entry.trigger, entry.action
+    if isinstance(trigger, StepsAfter) and trigger.entry >= 0:
+        trigger = replace(trigger, entry=trigger.entry + 1)
+    return Entry(trigger, Revert(action.entry + 1) if isinstance(action, Revert) else action)
 
 
 def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:

@@ -6,6 +6,7 @@ pair as flat fields; both are still read.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
@@ -27,6 +28,7 @@ from pytest_libero_max.benchmark.structs import (
     Name,
     NamedTexts,
     Object,
+    Positive,
     Proof,
     Sha256,
     SourceName,
@@ -36,6 +38,7 @@ from pytest_libero_max.benchmark.structs import (
     convert,
     decode,
     fits,
+    rule,
     shown,
     to_builtins,
 )
@@ -62,6 +65,11 @@ _OWN_FIELDS = ("approach", "clipping", "contacts", "response")
 
 PROGRAM = "program"
 """Fingerprint of a pair whose case has a program: the program's name and digest."""
+
+Span = Annotated[tuple[Positive, ...], rule("two integers of at least 1", min_length=2, max_length=2)]
+
+QUERY_MS = "query_ms"
+"""Among the timings of a pair: numbers of queries by their milliseconds, by arm."""
 
 ArmName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
 """Name of an arm."""
@@ -114,6 +122,8 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
             in the other: it was not played a second time. None for an arm that was played.
         notes: Counts of a wrapper around the policy, summed over the queries of Base, or over those after
             the first firing of another arm; by name. Absent without such a wrapper.
+        returned: Smallest and largest number of actions that a server returned to a query, before they were
+            cut to H (chunk size); absent for other policies.
         probes: Columns of ``stages`` and of each probe that was asked for, by its name. Version 2 had none.
     """
 
@@ -133,6 +143,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     proof: Proof | None
     shares: Text | None
     notes: Counts | None = None
+    returned: Span | None = None
     probes: dict[str, Object] = field(default_factory=dict)
 
     @property
@@ -177,6 +188,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
             proof=rollout.proof,
             shares=None if first == arm.name else first,
             notes=_summed(rollout.queries[rollout.firings[0].queries if rollout.firings else 0 :]),
+            returned=_span(rollout.queries),
             probes={name: dict(columns) for name, columns in seen.items() if name not in _OWN_FIELDS},
         )
 
@@ -194,6 +206,26 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         arm = convert(values, cls)
         _require_consistent_arm(arm)
         return arm
+
+
+def _span(queries: Sequence[QueryResult]) -> tuple[int, int] | None:
+    """Return the smallest and largest number of actions that came back; None where it is not known."""
+    returned = [query.returned for query in queries if query.returned is not None]
+    return (min(returned), max(returned)) if returned else None
+
+
+def query_times(rollouts: Mapping[str, RolloutResult]) -> dict[str, dict[str, int]]:
+    """Return numbers of queries by their milliseconds, two digits, for Base and Dynamic after the event."""
+    parts: dict[str, Sequence[QueryResult]] = {}
+    if BASE in rollouts:
+        parts[BASE] = rollouts[BASE].queries
+    if DYNAMIC in rollouts and rollouts[DYNAMIC].firings:
+        parts[DYNAMIC] = rollouts[DYNAMIC].queries[rollouts[DYNAMIC].firings[0].queries :]
+    times = {}
+    for name, queries in parts.items():
+        spent = [float(f"{1000 * query.seconds:.2g}") for query in queries if query.seconds is not None]
+        times[name] = {f"{value:g}": count for value, count in sorted(Counter(spent).items())}
+    return {name: counts for name, counts in times.items() if counts}
 
 
 def _summed(queries: Sequence[QueryResult]) -> dict[str, int] | None:
@@ -239,7 +271,8 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
             differ between runs.
             ``pair_s`` is the whole pair, ``world_s`` the building of its scene. ``reset_s``, ``prefix_s``, an
             ``arm_..._s`` for each arm and ``asked_again_s`` (the check of a policy's answer) are its parts;
-            ``observe_s`` (images), ``policy_s`` and ``event_s`` are again parts of these.
+            ``observe_s`` (images), ``policy_s`` and ``event_s`` are again parts of these. ``query_ms`` has
+            the numbers of queries by their milliseconds, for Base and for Dynamic after the event.
     """
 
     NOUN: ClassVar[str] = "pair record"
@@ -281,7 +314,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         arms: Mapping[str, ArmRecord],
         spec: PolicySpec,
         fingerprints: Mapping[str, str],
-        timings: Mapping[str, float],
+        timings: Mapping[str, object],
         memory: MemoryKind = "none",
     ) -> PairRecord:
         """Return the record of a case whose arms have been played."""

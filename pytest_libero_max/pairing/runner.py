@@ -27,7 +27,7 @@ from pytest_libero_max.pairing.changing import apply_change
 from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_branch, way_back
 from pytest_libero_max.pairing.probes.probe import Probes
 from pytest_libero_max.pairing.probes.standard import STANDARD
-from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.pairing.record import QUERY_MS, ArmRecord, PairRecord, query_times
 from pytest_libero_max.pairing.rollout import Parted, Rollout, RolloutResult
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch
@@ -225,9 +225,9 @@ def _pair(
         rollouts |= results
     rollouts = {arm.name: rollouts[arm.name] for arm in chosen}
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
-    record = PairRecord.of(
-        case, instruction, played, spec, settings.fingerprints, clock.seconds, memory_of(policy)
-    )
+    times = query_times(rollouts)
+    timings = {**clock.seconds, **({QUERY_MS: times} if times else {})}
+    record = PairRecord.of(case, instruction, played, spec, settings.fingerprints, timings, memory_of(policy))
     return Pair(record, rollouts)
 
 

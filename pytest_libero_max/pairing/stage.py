@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from time import perf_counter
 from typing import cast
 
 import numpy as np
@@ -163,7 +164,9 @@ class Stage:
         index, step = query.index, query.step
         observation, waited_s = self.observed(), self._waited_s()
         with self._policy_acts(f"predict, query {index} at step {step}"):
+            begin = perf_counter()
             actions = ask(self.policy, observation, query)
+            took = perf_counter() - begin
         if self._waited_s() > waited_s:
             self.clock.add(WAITED, self._waited_s() - waited_s)
         if (batch := int(getattr(self.policy, "batch_size", 1))) > 1:
@@ -171,7 +174,9 @@ class Stage:
         for name, seconds in getattr(self.policy, "query_seconds", {}).items():
             self.clock.add(name, seconds)
         # The numbers are ours: the policy has had the query in its hands.
-        return QueryResult(index, step, actions, notes_of(self.policy))
+        returned = getattr(self.policy, "returned", None)
+        returned = returned if type(returned) is int and returned > 0 else None
+        return QueryResult(index, step, actions, notes_of(self.policy), returned=returned, seconds=took)
 
     def show(self, step: int) -> None:
         """Show the world as it is to a policy that is shown every step, where it is not asked.

@@ -70,6 +70,9 @@ class QueryResult:
         actions: (n, 7), Q <= n <= H.
         notes: Counts of a wrapper around the policy at the query, by name; None where it counts nothing.
         reseeds: Number of times that the policy was given new seeds before it.
+        returned: Number of actions that a server returned, before they were cut to H; None where it is not
+            known.
+        seconds: Wall-clock time of the answer; None where it was not measured.
     """
 
     index: int
@@ -77,6 +80,8 @@ class QueryResult:
     actions: Actions
     notes: Mapping[str, int] | None = None
     reseeds: int = 0
+    returned: int | None = None
+    seconds: float | None = None
 
     @property
     def is_asked(self) -> bool:

@@ -52,7 +52,9 @@ from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.clients.servers import Servers, read_servers, require_known_marks
+from pytest_libero_max.policies.contract import CHANCE_SHARE
 from pytest_libero_max.policies.loading import check_reference
+from pytest_libero_max.policies.profile import load_profile
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.exit_status import INCOMPLETE
 from pytest_libero_max.report.report_document import ChangedPair
@@ -109,6 +111,21 @@ class RunController:
     def measured(self) -> tuple[str, ...]:
         """Item ids of the pairs that a resumed run holds already."""
         return self.config.stash.get(MEASURED, ())
+
+    def _chance_line(self) -> list[str]:
+        """Return a line on a served policy that is not repeatable by its profile."""
+        settings = self.settings
+        if settings.profile is None or not is_served(settings.reference):
+            return []
+        profile = load_profile(settings.profile)
+        if profile.get("policy", "repeatable", False) or profile.get("policy", "declared_by_server", False):
+            return []
+        share = CHANCE_SHARE if settings.sham is None else settings.sham
+        return [
+            f"libero-max: profile {profile.name} is of a policy that draws noise of its own; unless its "
+            f"server takes seeds, {share:.0%} of the pairs measure how much of what changes is chance "
+            "(--libero-max-sham)"
+        ]
 
     def _read_servers(self) -> Servers | None:
         """Return the servers of the policy; None for a single one, and for a policy that is no server's.
@@ -175,6 +192,7 @@ class RunController:
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
             f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}",
+            *self._chance_line(),
             *([] if self.servers is None else [_servers_line(self.servers)]),
             *([] if note is None else [note]),
         ]

@@ -295,7 +295,9 @@ OPTIONS = (
         "sham",
         "SHARE",
         "Share of the pairs, 0 to 1, that also play a sham event: at the event's moment the policy is given "
-        "other seeds, and nothing changes. What is lost then is lost by the policy's own chance",
+        "other seeds, and nothing changes. What is lost then is lost by the policy's own chance. Dynamic is "
+        "played with other seeds as well, so that flips beyond chance are known (default: 0.2 for a policy "
+        "that is not repeatable, else 0)",
         read.fraction,
     ),
     Option(

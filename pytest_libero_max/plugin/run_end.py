@@ -55,6 +55,7 @@ class RunEnd:
         self.quiet: list[str] = []
         self.notes: list[str] = []
         self.report: Report | None = None
+        self._query_times: str | None = None
         self._stop = stop
         self._records: Sequence[PairRecord] = ()
         self._filmed: list[str] = []
@@ -156,10 +157,12 @@ class RunEnd:
     def _decide(self) -> tuple[GateResult, ...]:
         """Compute the report and decide the gates, unless those of all shards are to be."""
         from pytest_libero_max.report.gate_results import decide_on
+        from pytest_libero_max.report.page.origin import query_times_text
         from pytest_libero_max.report.writers.report_files import report_of
 
         stored = read_pairs(self.settings.output)
         self.report, self._records = report_of(stored), stored.records
+        self._query_times = query_times_text(stored.records)
         gates = () if self._waiting else self.settings.gate
         verdicts = decide_on(gates, stored, self.report, self.config.invocation_params.dir)
         if not all(verdict.passed for verdict in verdicts):
@@ -177,6 +180,7 @@ class RunEnd:
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
         self.lines += summary_lines(self.report, paths, films)
+        self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(self.report, paths)
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)

@@ -223,10 +223,12 @@ def _arms(case: Case, policy: Policy, config: pytest.Config) -> tuple[Arm, ...]:
     """Return the arms of a case: those of the pair, the noise floor's, the sham's, and those of the study."""
     from pytest_libero_max.benchmark.sampling import in_share
     from pytest_libero_max.events.schedules import arms_of
+    from pytest_libero_max.policies.contract import CHANCE_SHARE
 
     settings = settings_of(config)
     repeat_base = case.item_id in noise_cases_of(config)
-    sham = bool(in_share((case,), settings.sham or 0.0, "sham"))
+    share = settings.sham if settings.sham is not None else 0.0 if policy.spec.repeatable else CHANCE_SHARE
+    sham = bool(in_share((case,), share, "sham"))
     pair = arms_of(case, repeat_base, settings.strength, sham)
     if settings.study is None:
         return pair

@@ -23,6 +23,9 @@ MemoryKind = Literal["none", "snapshot", "queries", "frames"]
 by showing every step again."""
 
 
+CHANCE_SHARE = 0.2
+"""Share of the pairs that measure the chance of a policy that is not repeatable, unless the user sets it."""
+
 MOST = {"horizon": 10_000, "query_interval": 10_000, "image_size": 4096}
 """Largest values of a spec: an episode is shorter, and an answer or an image has to fit in memory."""
 
@@ -290,6 +293,20 @@ class BatchPolicy(Policy, Protocol):
         ``reset`` is not called for them: all that an answer depends on is in its item.
         """
         ...
+
+
+def published_seed(policy_seed: int, query: Query) -> int:
+    """Seed of a query as LIBERO-MAX's authors derive it: the first four bytes of SHA-256 of ``seed:index``.
+
+    A query after new seeds (a sham event), which they do not have, keeps its own seed.
+
+    Args:
+        policy_seed: Seed of the case.
+        query: The query.
+    """
+    if query.seed != query_seed(policy_seed, query.index):
+        return query.seed
+    return int.from_bytes(hashlib.sha256(f"{policy_seed}:{query.index}".encode()).digest()[:4], "big")
 
 
 def query_seed(policy_seed: int, index: int, reseeds: int = 0) -> int:

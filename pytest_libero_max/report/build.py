@@ -34,6 +34,7 @@ from pytest_libero_max.report.report_document import (
     PlayedSelection,
     PresentShards,
     Report,
+    Returned,
     Split,
     Stop,
 )
@@ -142,6 +143,7 @@ def build_report(
         overall=result_of(overall, len(planned)),
         noise_floor=_noise_floor(played.values()),
         sham=sham_of(played.values()),
+        returned=_returned(played.values()),
         clipped_actions=_clipped_actions(played.values()),
         changed_pairs=changed_pairs(played.values()),
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
@@ -174,6 +176,14 @@ def _noise_floor(records: Iterable[PairRecord]) -> NoiseFloor | None:
     flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
     identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
     return NoiseFloor(flips=rate_of(flips), identical=ratio_of(identical))
+
+
+def _returned(records: Iterable[PairRecord]) -> Returned | None:
+    """Return the numbers of actions that servers returned; None where no record says."""
+    found = [arm.returned for record in records for arm in record.arms.values() if arm.returned is not None]
+    return (
+        Returned(least=min(low for low, _ in found), most=max(high for _, high in found)) if found else None
+    )
 
 
 def _clipped_actions(records: Iterable[PairRecord]) -> ClippedActions | None:

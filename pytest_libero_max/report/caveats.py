@@ -80,8 +80,8 @@ RULES = (
         "not_repeatable",
         lambda record: not record.policy.get("repeatable", True),
         "The policy draws noise of its own and cannot be given a seed, so that a pair may end otherwise when "
-        "it is played again: what changed holds this chance as well as the event. --libero-max-noise-floor "
-        "counts how often Base alone ends otherwise.",
+        "it is played again: what changed holds this chance as well as the event. Flips by chance are "
+        "measured on a share of the pairs (--libero-max-sham).",
     ),
     Rule(
         "interrupted_server",

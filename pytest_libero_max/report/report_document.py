@@ -185,6 +185,37 @@ class NoiseFloor(Block, frozen=True, kw_only=True):
     identical: Ratio
 
 
+class Returned(Block, frozen=True, kw_only=True):
+    """Numbers of actions that servers returned to a query, before they were cut to H.
+
+    Attributes:
+        least: The smallest.
+        most: The largest.
+    """
+
+    least: Positive
+    most: Positive
+
+
+class Chance(Block, frozen=True, kw_only=True):
+    """Base and Dynamic played twice from the event on: flips by the policy's own chance, and beyond it.
+
+    Attributes:
+        flips: Pairs of which Base and Dynamic end differently.
+        base_flips: Pairs of which the two Bases end differently.
+        dynamic_flips: Pairs of which the two Dynamics end differently.
+        floor: Share of the pairs that flip by chance where the event does nothing more: the mean of the two.
+        beyond: Mean of (Dynamic - Base) of the first rollouts times that of the second: flips less the floor,
+            without bias. Its interval is exact.
+    """
+
+    flips: Rate
+    base_flips: Rate
+    dynamic_flips: Rate
+    floor: Share
+    beyond: MeanDifference
+
+
 class Sham(Block, frozen=True, kw_only=True):
     """A sham event on some pairs: the policy was given other seeds at the event's moment, nothing changed.
 
@@ -195,6 +226,7 @@ class Sham(Block, frozen=True, kw_only=True):
         gained: Base failures that succeed after it.
         event_lost: Base successes of the same pairs that fail in Dynamic.
         beyond: Success in Dynamic less success after the sham event, over the same pairs.
+        chance: Flips by chance and beyond it; None for runs that did not play Dynamic twice.
     """
 
     pairs: Positive
@@ -203,6 +235,7 @@ class Sham(Block, frozen=True, kw_only=True):
     gained: Rate
     event_lost: Rate
     beyond: MeanDifference
+    chance: Chance | None = None
 
 
 class ClippedActions(Block, frozen=True, kw_only=True):
@@ -321,6 +354,7 @@ class Report(Block, frozen=True, kw_only=True):
             was the same bit for bit.
         sham: A sham event on some pairs, whose losses are the policy's own chance; None where none was
             played.
+        returned: Numbers of actions that the policy's servers returned; None where no record says.
         clipped_actions: Action components outside [-1, 1], which the controller clips; None where the records
             do not say.
         changed_pairs: Played pairs of which one arm succeeded and the other failed, by item id.
@@ -352,6 +386,7 @@ class Report(Block, frozen=True, kw_only=True):
     overall: Result
     noise_floor: NoiseFloor | None
     sham: Sham | None = None
+    returned: Returned | None = None
     clipped_actions: ClippedActions | None
     changed_pairs: list[ChangedPair]
     causes: dict[str, dict[str, Count]]

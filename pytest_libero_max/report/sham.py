@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-from pytest_libero_max.events.schedules import BASE, SHAM
+from pytest_libero_max.events.schedules import BASE, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report import report_document
-from pytest_libero_max.report.formats import change_text, count_text, rate_text
-from pytest_libero_max.report.measured import mean_difference_of, rate_of, ratio_of
+from pytest_libero_max.report.formats import change_text, count_text, percent, rate_text
+from pytest_libero_max.report.measured import mean_difference_of, number, rate_of, ratio_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.outcome_table import Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
 
 SHAM_TITLE = "Sham event: other seeds alone"
+CHANCE_TITLE = "Flips by chance"
+NOT_BEYOND = "The flips are not shown to be more than this policy's own chance makes"
 
 
 def sham_of(records: Iterable[PairRecord]) -> report_document.Sham | None:
@@ -36,6 +38,35 @@ def sham_of(records: Iterable[PairRecord]) -> report_document.Sham | None:
         gained=rate_of(gained),
         event_lost=rate_of(event_lost),
         beyond=mean_difference_of(beyond.change, exact),
+        chance=_chance_of([record for record in played if SHAM_DYNAMIC in record.arms]),
+    )
+
+
+def _chance_of(records: Sequence[PairRecord]) -> report_document.Chance | None:
+    """Return the flips by chance and beyond it, of pairs with both rollouts played twice.
+
+    With success probabilities b and d after the event, a pair flips with b (1 - d) + d (1 - b), two Bases
+    differ with 2 b (1 - b) and two Dynamics with 2 d (1 - d). Flips less the mean of these is (d - b)
+    squared, which is the expectation of the product of two independent differences.
+    """
+    if not records:
+        return None
+    ends = [
+        tuple(bool(record.arms[name].success) for name in (BASE, DYNAMIC, SHAM, SHAM_DYNAMIC))
+        for record in records
+    ]
+    pairs = len(ends)
+    flips = Ratio(sum(base != dynamic for base, dynamic, _, _ in ends), pairs)
+    bases = Ratio(sum(base != again for base, _, again, _ in ends), pairs)
+    dynamics = Ratio(sum(dynamic != again for _, dynamic, _, again in ends), pairs)
+    products = [(dynamic - base) * (other - again) for base, dynamic, again, other in ends]
+    alike, opposite = products.count(1), products.count(-1)
+    return report_document.Chance(
+        flips=rate_of(flips),
+        base_flips=rate_of(bases),
+        dynamic_flips=rate_of(dynamics),
+        floor=number((bases.count + dynamics.count) / (2 * pairs)) or 0.0,
+        beyond=mean_difference_of(Ratio(alike - opposite, pairs), paired_difference(opposite, alike, pairs)),
     )
 
 
@@ -48,4 +79,31 @@ def sham_text(report: Report) -> str | None:
     return (
         f"lost {rate_text(sham.lost)}, by the event {count_text(sham.event_lost)}; Dynamic less sham "
         f"{change_text(sham.beyond)}; {count_text(sham.identical)} bit for bit as Base"
+    )
+
+
+def chance_text(report: Report) -> str | None:
+    """Return the flips by chance and beyond it; None where Base and Dynamic were not played twice."""
+    chance = None if report.sham is None else report.sham.chance
+    if chance is None:
+        return None
+    text = (
+        f"Base and Dynamic end differently in {rate_text(chance.flips)}, two Bases in "
+        f"{count_text(chance.base_flips)}, two Dynamics in {count_text(chance.dynamic_flips)}: "
+        f"{percent(chance.floor)} by chance, beyond it {change_text(chance.beyond)}"
+    )
+    if chance.flips.count and chance.beyond.lower is not None and chance.beyond.lower <= 0.0:
+        return f"{text}. {NOT_BEYOND}"
+    return text
+
+
+def unrepeatable_text(report: Report) -> str | None:
+    """Return a note on a policy that draws noise of its own; None for others."""
+    if report.policy is None or report.policy.get("repeatable", True):
+        return None
+    measured = "" if report.sham is None else f" {report.sham.pairs} pairs measure it."
+    return (
+        "NOT REPEATABLE: this policy draws noise that no seed of ours sets, so that a pair may end "
+        "otherwise when it is played again. Paired changes are not biased by it, but lost and gained pairs "
+        f"hold this chance as well as the event.{measured}"
     )

@@ -347,3 +347,52 @@ def test_a_sham_event_shows_what_is_lost_by_chance(
     assert results("again")[1]["sham"] == sham
     run("-k", "v0", "--libero-max-sham=1", "--libero-max-output=fixed")
     assert results("fixed")[1]["sham"]["identical"] == {"count": 8, "of": 8, "value": 1.0}
+    assert results("fixed")[1]["sham"]["chance"]["floor"] == 0.0
+
+
+def test_a_policy_that_draws_noise_of_its_own_is_called_so_and_measured(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(
+        noisy="""
+        import numpy as np
+        from pytest_libero_max import PolicySpec
+
+        class Noisy:
+            spec = PolicySpec("noisy", cameras=(), repeatable=False)
+
+            def __init__(self):
+                self.random = np.random.default_rng(0)
+
+            def reset(self, episode):
+                pass
+
+            def predict(self, observation, query):
+                action = self.random.uniform(-0.1, 0.1, (1, 7))
+                action[0, :3] += (np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]) / 0.05
+                return np.clip(action, -1, 1)
+
+        policy = Noisy
+        """
+    )
+    result = run(policy="noisy.py")
+    pairs, report = results()
+    both = [pair for pair in pairs if {"sham", "sham_dynamic"} <= pair["arms"].keys()]
+    assert 0 < len(both) == report["sham"]["pairs"] < len(pairs)
+    assert all(pair["arms"]["sham_dynamic"]["proof"] != pair["arms"]["dynamic"]["proof"] for pair in both)
+    for pair in both:
+        firings = pair["arms"]["sham_dynamic"]["firings"]
+        assert [firing["step"] for firing in firings] == [pair["arms"]["dynamic"]["firings"][0]["step"]] * 2
+    assert report["sham"]["chance"]["flips"]["of"] == len(both)
+    result.stdout.fnmatch_lines(
+        [
+            "noisy (H=1 Q=1, not repeatable) on tiny, *",
+            "NOT REPEATABLE: *",
+            "Flips by chance *two Bases*",
+            "*0.0% by chance, beyond it *",
+        ]
+    )
+    for name in ("report.md", "report.html"):
+        assert "NOT REPEATABLE" in (pytester.path / "libero-max-results" / name).read_text()
+    run("--libero-max-sham=0", "--libero-max-output=bare", policy="noisy.py")
+    assert results("bare")[1]["sham"] is None

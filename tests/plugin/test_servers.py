@@ -57,7 +57,7 @@ def test_a_policy_of_poses_plays_pairs_and_header_and_records_say_so(run: Run, r
     with fakes.http(answer) as port:
         result = run("--libero-max-profile=xvla", "-k", "distractor_burst", policy=f"http://127.0.0.1:{port}")
     result.assert_outcomes(passed=2)
-    result.stdout.fnmatch_lines(["x-vla (H=30 Q=30, absolute control) on tiny, *"])
+    result.stdout.fnmatch_lines(["x-vla (H=30 Q=30, absolute control, not repeatable) on tiny, *"])
     pairs, report = results()
     assert {pair["policy"]["control"] for pair in pairs} == {"absolute"}
     assert all(pair["arms"]["dynamic"]["firings"] for pair in pairs)
@@ -141,3 +141,50 @@ def test_a_bad_address_or_profile_stops_the_run_before_it_begins(
     result = run(*arguments, policy=policy)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines([f"ERROR: {message}"])
+
+
+def test_the_chunk_that_came_back_and_the_times_of_queries_are_kept(
+    run: Run, results: Results, blind: str
+) -> None:
+    with fakes.openpi(reach) as port:
+        result = run(
+            blind,
+            "-k",
+            "distractor_burst",
+            "--libero-max-horizon=6",
+            "--libero-max-study=cadence",
+            "--libero-max-cadence=2/2",
+            policy=f"openpi://127.0.0.1:{port}",
+        )
+    pairs, report = results()
+    assert {tuple(pair["arms"]["base"]["returned"]) for pair in pairs} == {(10, 10)}
+    assert report["returned"] == {"least": 10, "most": 10}
+    base = pairs[0]["timings"]["query_ms"]["base"]
+    assert sum(base.values()) == pairs[0]["arms"]["base"]["queries"]
+    result.stdout.fnmatch_lines(
+        [
+            "libero-max: profile blind is of a policy that draws noise of its own; *20%*",
+            "pi05-libero (H=6 [[]10 returned] Q=5, not repeatable) on tiny, *",
+            "H=10 (cut to 2) Q=2 *",
+            "H=10 (cut to 6) Q=5 (own) *",
+            "Query times: Base p50 * ms, p95 * ms (* queries); Dynamic p50 *",
+        ]
+    )
+
+
+def test_a_server_that_takes_the_published_seeds_is_repeatable_and_gets_them(
+    run: Run, results: Results, blind: str
+) -> None:
+    seeds: list[int] = []
+
+    def handle(request: Any) -> Any:
+        seeds.append(request["libero_max_noise_seed"])
+        return reach(request)
+
+    with fakes.openpi(handle, {"libero_max_deterministic_noise": True}) as port:
+        run(blind, "-k", "distractor_burst", policy=f"openpi://127.0.0.1:{port}")
+    pairs, report = results()
+    assert {pair["policy_seed"] for pair in pairs} == {195}
+    assert seeds[0] == 1729329411
+    assert report["policy"]["repeatable"] is True
+    assert report["sham"] is None

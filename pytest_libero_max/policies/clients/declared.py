@@ -12,9 +12,12 @@ from weakref import WeakSet
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.served import Actions, Adapt, ServedPolicy
-from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.policies.contract import Episode, PolicySpec, Query, published_seed
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.worlds.contract import Observation
+
+NOISE_SEED, TAKES_NOISE_SEED = "libero_max_noise_seed", "libero_max_deterministic_noise"
+"""Fields of LIBERO-MAX's authors: seed in a request, and a server's promise to draw from it alone."""
 
 
 def declared_spec(greeting: Any) -> PolicySpec:
@@ -56,12 +59,15 @@ def as_declared(profile: Profile, request: Request, horizon: int | None, query_i
 def as_prepared(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
     """Return the spec of a profile that prepares the observation, with the fields of `libero-max serve`.
 
-    H, Q and images are the profile's. Only the adapter knows the revision, the suites, the control and
+    A server that takes the noise seeds of LIBERO-MAX's authors and says so answers alike when it is asked
+    again. H, Q and images are the profile's. Only the adapter knows the revision, the suites, the control and
     whether answers repeat. Other servers declare none of it.
 
     Raises:
         ServerError: The server declares a spec that breaks a rule.
     """
+    if greeting.get(TAKES_NOISE_SEED) is True:
+        spec = replace(spec, repeatable=True)
     if "libero_max" not in greeting:
         return None, spec
     declared = declared_spec(greeting)
@@ -88,7 +94,7 @@ class Kept:
 
 
 class DeclaredPolicy(ServedPolicy):
-    """A policy whose server may be sent the cadence that is played; an adapter that reads it follows it."""
+    """A policy whose server may take the cadence that is played, or the seed of its noise, and says so."""
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
         """Return the request.
@@ -99,6 +105,8 @@ class DeclaredPolicy(ServedPolicy):
         request = super().request(observation, query)
         if self.greeting.get("cadence") is True:
             request["cadence"] = [self.spec.horizon, self.spec.query_interval]
+        if self.greeting.get(TAKES_NOISE_SEED) is True:
+            request[NOISE_SEED] = published_seed(self._episode.seed, query)
         return request
 
 

@@ -201,6 +201,11 @@ class ServerFleet:
         return self._pool.policy.batch_size
 
     @property
+    def returned(self) -> int | None:
+        """Number of actions in the last reply, before they were cut to H."""
+        return self._pool.policy.returned
+
+    @property
     def server(self) -> str:
         """Address of the server that is asked."""
         return self._pool.server

@@ -23,11 +23,15 @@ class Reply:
     Args:
         profile: Its tables ``reply`` and ``actions``.
 
+    Attributes:
+        returned: Number of actions in the last reply that was read, before the cut.
+
     Raises:
         AdapterError: A step does not exist, or the statistics cannot be read.
     """
 
     def __init__(self, profile: Profile) -> None:
+        self.returned: int | None = None
         self._at = tuple(profile.get("reply", "at", []))
         self._parts = tuple(profile.get("reply", "parts", []))
         normalised = profile.get("reply", "normalised_at")
@@ -75,6 +79,7 @@ class Reply:
                 f"the reply has {len(actions)} action(s), but {least} are executed before the next query; "
                 "lower --libero-max-query-interval"
             )
+        self.returned = len(actions)
         return actions[:most]
 
     def _find(self, reply: Any) -> tuple[Any, bool]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.policies.contract import Episode, Query
+from pytest_libero_max.policies.contract import Episode, Query, published_seed
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.policies.transforms.images import side_by_side
 from pytest_libero_max.policies.transforms.steps import INPUT_STEPS, TEXT_STEPS, Step, parse_steps
@@ -154,6 +154,7 @@ class Request:
 _QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = {
     "instruction": lambda query, episode: query.instruction,
     "seed": lambda query, episode: query.seed,
+    "published_seed": lambda query, episode: published_seed(episode.seed, query),
     "index": lambda query, episode: query.index,
     "step": lambda query, episode: query.step,
     "suite": lambda query, episode: episode.suite,

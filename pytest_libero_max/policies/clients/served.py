@@ -36,9 +36,11 @@ class ServedPolicy:
         client: The connection, which counts interruptions.
         batch_size: Number of queries in the last answered batch; 1 where the server does not say.
         server: Address of the server.
+        returned: Number of actions in the last reply, before they were cut to H; None where it is not known.
     """
 
     server: str | None = None
+    returned: int | None = None
 
     def __init__(
         self,
@@ -92,6 +94,7 @@ class ServedPolicy:
             ServerError: There are none that can be played.
         """
         actions = self._reply.read(reply, self.spec.query_interval, self.spec.horizon)
+        self.returned = self._reply.returned
         batch = reply.get("batch") if isinstance(reply, Mapping) else None
         self.batch_size = batch if isinstance(batch, int) else 1
         return actions

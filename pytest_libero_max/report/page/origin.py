@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
+from pytest_libero_max.pairing.record import QUERY_MS, PairRecord
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.store import StoredRun
 
@@ -29,6 +30,9 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
     if origin["policy"].get("profile"):
         yield "profile", origin["policy"]["profile"]
     yield from _servers(stored)
+    times = query_times_text(stored.records)
+    if times is not None:
+        yield "query times", times
     machine = [
         f"{value} cores" if name == "cores" else str(value)
         for name, value in origin["platform"].items()
@@ -44,6 +48,30 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
     git = origin.get("git")
     if git:
         yield "repository", f"{git['commit'][:12]}{', with changes' if git['dirty'] else ''}"
+
+
+def query_times_text(records: Iterable[PairRecord]) -> str | None:
+    """Return median and 95th percentile of the times of queries, by arm; None where no record has them."""
+    counts: dict[str, Counter[float]] = {}
+    for record in records:
+        for arm, times in record.timings.get(QUERY_MS, {}).items():
+            counts.setdefault(arm, Counter()).update({float(ms): int(number) for ms, number in times.items()})
+    parts = [
+        f"{arm.capitalize()} p50 {_percentile(times, 0.5):g} ms, p95 {_percentile(times, 0.95):g} ms "
+        f"({times.total():,} queries)"
+        for arm, times in counts.items()
+    ]
+    return "; ".join(parts) or None
+
+
+def _percentile(times: Counter[float], share: float) -> float:
+    """Return the smallest time that this share of the queries did not exceed."""
+    seen, wanted = 0, share * times.total()
+    for value, number in sorted(times.items()):
+        seen += number
+        if seen >= wanted:
+            return value
+    return max(times)
 
 
 def _servers(stored: StoredRun) -> Iterator[tuple[str, str]]:

@@ -28,7 +28,7 @@ from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import Viewed, page
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
+from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
@@ -101,7 +101,7 @@ def html(
     incomplete = None
     if not pairs.complete:
         incomplete = f"{incomplete_text(pairs)} All rates are over the played pairs."
-    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall)]
+    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall), unrepeatable_text(report)]
     notes = [repaired_text(pairs), *map(caveat_text, report.caveats)]
     faults = [(pair.item_id, pair.phase, pair.kind, pair.message) for pair in pairs.invalid_pairs]
     return page(
@@ -134,9 +134,11 @@ def html(
 def _results(report: Report) -> dict[str, Any]:
     """Return the values of the template for a run with played pairs."""
     overall, noise, sham = report.overall, noise_text(report), sham_text(report)
+    chance = chance_text(report)
     remarks = [
         noise and f"Noise floor, Base played twice: {noise}",
         sham and f"{SHAM_TITLE}: {sham}",
+        chance and f"{CHANCE_TITLE}: {chance}",
         clipping_text(report),
     ]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}

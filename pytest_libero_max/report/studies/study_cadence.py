@@ -122,7 +122,15 @@ def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
         trigger_coverage=rate_of(triggered),
         response_coverage=rate_of(responded),
         stale_actions=stale_of(expose(stale, unanswered=triggered.count - responded.count)),
+        returned=_whole_chunk(setting, records),
     )
+
+
+def _whole_chunk(setting: Setting, records: Sequence[PairRecord]) -> int:
+    """Return the number of actions of a chunk before it was cut to the setting's H."""
+    spans = (record.arm(name).returned for record in records for name in (setting.base, setting.dynamic))
+    own: int = records[0].policy["horizon"]
+    return max([setting.horizon, own, *(span[1] for span in spans if span)])
 
 
 def _successes(records: Sequence[PairRecord], arm: str) -> BoolArray:

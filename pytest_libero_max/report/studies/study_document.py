@@ -230,6 +230,8 @@ class CadenceSetting(Block, frozen=True, kw_only=True):
         label: H and Q in one text, for people.
         horizon: H (chunk size), the most actions a query returns.
         query_interval: Q (execution horizon, replan steps), the actions executed before the next query.
+        returned: Actions of a whole chunk, of which the first H were taken: the policy's own H, or the
+            largest number that its server returned.
         own: True for the policy's own cadence, whose pairs the rest of the report is about.
         base_success: Success in Base at this setting.
         dynamic_success: Success in Dynamic at this setting.
@@ -253,6 +255,7 @@ class CadenceSetting(Block, frozen=True, kw_only=True):
     trigger_coverage: Rate
     response_coverage: Rate
     stale_actions: StaleActions
+    returned: Positive | None = None
 
 
 class SettingDifference(Block, frozen=True, kw_only=True):

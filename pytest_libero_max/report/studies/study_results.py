@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM
+from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.blocks import Rate
 from pytest_libero_max.report.measured import rate_of
@@ -48,7 +48,7 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
 
 def _further_arms(records: Sequence[PairRecord]) -> Study | None:
     """Success by arm in a run without a study; None where no program gives a case further arms."""
-    if not any(record.arms.keys() - {BASE, DYNAMIC, SHAM, BASE_AGAIN} for record in records):
+    if not any(record.arms.keys() - {BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN} for record in records):
         return None
     return Study(
         name="arms",

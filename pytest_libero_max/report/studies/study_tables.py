@@ -23,6 +23,7 @@ from pytest_libero_max.report.studies.study_document import (
     Approach,
     BestSetting,
     Cadence,
+    CadenceSetting,
     Camera,
     ConditionContrast,
     Executed,
@@ -100,6 +101,13 @@ def study_notes(study: Study) -> list[str]:
             )
     elif study.cadence is not None and len({setting.horizon for setting in study.cadence.settings}) > 1:
         notes.append("H differs between the settings, so differences between them are not those of Q alone.")
+    if study.cadence is not None and any(
+        (setting.returned or setting.horizon) > setting.horizon for setting in study.cadence.settings
+    ):
+        notes.append(
+            "A cut chunk is the beginning of a longer one: a policy with that H of its own may answer "
+            "otherwise."
+        )
     return notes
 
 
@@ -333,13 +341,21 @@ _APPROACH: tuple[tuple[str, Callable[[Approach], int]], ...] = (
 # Query cadence.
 
 
+def setting_text(setting: CadenceSetting) -> str:
+    """Return H and Q of a setting, ``H=30 (cut to 2) Q=2`` where the policy returned 30 actions."""
+    label, whole = setting.label, setting.returned or setting.horizon
+    if whole > setting.horizon:
+        label = f"H={whole} (cut to {setting.horizon}) Q={setting.query_interval}"
+    return label + (" (own)" if setting.own else "")
+
+
 def _cadence(study: Cadence) -> list[StudyTable]:
     rows = []
     for setting in study.settings:
         stale = setting.stale_actions
         rows.append(
             (
-                setting.label + (" (own)" if setting.own else ""),
+                setting_text(setting),
                 rate_text(setting.base_success),
                 rate_text(setting.dynamic_success),
                 change_text(setting.paired_change),

@@ -14,7 +14,7 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
+from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_text
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
@@ -59,6 +59,9 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
     warning = warning_of(report.overall)
     if warning is not None:
         lines += [f"**{markdown_text(warning)}**", ""]
+    unrepeatable = unrepeatable_text(report)
+    if unrepeatable is not None:
+        lines += [f"**{markdown_text(unrepeatable)}**", ""]
     if report.caveats:
         lines += [*(f"- {markdown_text(caveat_text(caveat))}" for caveat in report.caveats), ""]
     clipping = clipping_text(report)
@@ -119,6 +122,9 @@ def _quantities(report: Report) -> list[tuple[str, str]]:
     sham = sham_text(report)
     if sham is not None:
         rows.append((SHAM_TITLE, sham))
+    chance = chance_text(report)
+    if chance is not None:
+        rows.append((CHANCE_TITLE, chance))
     return rows
 
 

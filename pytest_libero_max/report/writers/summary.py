@@ -11,8 +11,8 @@ from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import change_text, count_text, percent, rate_text
 from pytest_libero_max.report.measurable import warning_of
-from pytest_libero_max.report.report_document import Caveat, PairCounts, Report
-from pytest_libero_max.report.sham import SHAM_TITLE, sham_text
+from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
+from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_text
 from pytest_libero_max.report.studies.study_tables import study_lines
 from pytest_libero_max.report.writers.broken import broken_line, broken_lines
 
@@ -53,6 +53,7 @@ def summary_lines(
     if not pairs.complete:
         lines.append(f"Over the {pairs.played} played pairs only:")
     lines += wrap(warning_of(overall) or "", 100)
+    lines += wrap(unrepeatable_text(report) or "", 100)
     lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
     lines += [*_caveat_lines(report.caveats), *_clipping_lines(report)]
@@ -154,6 +155,9 @@ def _noise_lines(report: Report) -> list[str]:
     sham = sham_text(report)
     if sham is not None:
         lines += wrap(f"{SHAM_TITLE:<32}{sham}", 100, subsequent_indent=" " * 32)
+    chance = chance_text(report)
+    if chance is not None:
+        lines += wrap(f"{CHANCE_TITLE:<32}{chance}.", 100, subsequent_indent=" " * 32)
     return lines
 
 
@@ -241,7 +245,18 @@ def _policy(report: Report) -> str:
     privileged = ", privileged" if spec["privileged"] else ""
     control = f", {spec['control']} control" if "control" in spec else ""
     wrappers = "".join(f", {words}" for words in spec.get("wrappers", ()))
-    return f"{spec['name']} (H={spec['horizon']} Q={spec['query_interval']}{privileged}{control}{wrappers})"
+    wrappers += "" if spec.get("repeatable", True) else ", not repeatable"
+    returned = returned_text(report.returned, spec["horizon"])
+    horizon = f"H={spec['horizon']}{returned} Q={spec['query_interval']}"
+    return f"{spec['name']} ({horizon}{privileged}{control}{wrappers})"
+
+
+def returned_text(returned: Returned | None, horizon: int) -> str:
+    """Return a note on servers that return other numbers of actions than H; empty where they return H."""
+    if returned is None or (returned.least, returned.most) == (horizon, horizon):
+        return ""
+    span = f"{returned.least}" if returned.least == returned.most else f"{returned.least} to {returned.most}"
+    return f" [{span} returned]"
 
 
 def _written(paths: Sequence[str]) -> list[str]:

@@ -19,7 +19,7 @@ from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack, shortened, unpack
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
-from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.served import Actions, Adapt, ServedPolicy
 from pytest_libero_max.policies.clients.websocket import Socket
 from pytest_libero_max.policies.contract import PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
@@ -71,7 +71,7 @@ class VlaEvalLink:
             if rows and actions.shape != rows[0].shape:
                 raise ServerError(f"actions of shapes {rows[0].shape} and {actions.shape} in one chunk")
             rows.append(actions)
-        return {"actions": np.stack(rows)}
+        return {"actions": np.stack(rows), "singly": True}
 
     def close(self) -> None:
         self._socket.close()
@@ -108,6 +108,16 @@ class OneByOnePolicy(ServedPolicy):
             AdapterError: An input cannot be made.
         """
         return {**super().request(observation, query), "count": self.spec.query_interval}
+
+    def read(self, reply: Any) -> Actions:
+        """Return the actions of a reply; the length of a chunk that came one by one stays unknown.
+
+        Raises:
+            ServerError: There are none that can be played.
+        """
+        actions = super().read(reply)
+        self.returned = None if reply.get("singly") else self.returned
+        return actions
 
 
 class VlaEvalProtocol(ServerProtocol):
