@@ -180,10 +180,6 @@ class LiberoWorld(RobosuiteWorld):
         item = self._env.objects_dict.get(self._known(entity))
         return None if item is None else float(np.ravel(item.horizontal_radius)[0])
 
-    def geoms(self, entity: str) -> NDArray[np.intp]:
-        """Numbers of the geoms that belong to an entity."""
-        return self.geoms(self._known(entity))
-
     def initial_state(self, init: int) -> Array:
         """(1 + nq + nv,) time, positions and velocities, as the package's ``set_init_state`` takes them."""
         self._initial_qpos(init)
