@@ -28,8 +28,8 @@ from pytest_libero_max.worlds.contract import CONTROL_HZ, World
 SIZE_PX = 256
 """Side of a picture in a film, unless another is asked for."""
 
-EVERY = 2
-"""Policy steps from one frame to the next, unless others are asked for: ten frames a second."""
+EVERY = 4
+"""Policy steps from one frame to the next, unless others are asked for: five frames a second."""
 
 
 def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: str = "world") -> Path:

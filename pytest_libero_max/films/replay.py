@@ -97,7 +97,7 @@ def play_again(
         record: The record of the pair.
         traces: The actions of its arms.
         look: Looks at the world; see :func:`through_cameras`.
-        every: Show only every so many steps, and the last one.
+        every: Show only every so many steps, those of events, and the last one.
         also: Policy steps after which views are made even where they are not shown.
         simulate: False to show the positions that the traces have, where they have them.
 
@@ -122,7 +122,8 @@ def play_again(
         for player in players:
             player.joints = traces[player.name].joints
     ends = {player.steps for player in players}
-    shown = {*range(0, max(ends), every), max(ends)}
+    changed = {firing.step for player in players for firing in player.firings}
+    shown = {*range(0, max(ends), every), *changed, max(ends)}
     views: dict[str, View] = {}
     for step in sorted(shown | ends | {step for step in also if step < max(ends)}):
         playing = [player for player in players if step <= player.steps]
