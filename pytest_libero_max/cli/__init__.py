@@ -114,7 +114,7 @@ def parser() -> argparse.ArgumentParser:
             import_module(f"{__name__}.{name}").add_command(commands)
     texts = {str(choice.dest): " ".join((choice.help or "").split()) for choice in commands._choices_actions}
     for name, one in commands.choices.items():
-        one.description = one.description or f"{texts[name]}."
+        one.description = f"{texts[name]}. {one.description or ''}".strip()
     command.epilog = "\n".join(_listed(texts))
     return command
 

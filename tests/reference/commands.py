@@ -33,7 +33,8 @@ def _command(name: str, parser: argparse.ArgumentParser, help: str) -> str:
         if action.dest != "help" and not isinstance(action, argparse._SubParsersAction)
     ]
     usage = table(("Argument", "Meaning"), rows) if rows else ""
-    text = f"{help}. {parser.description or ''}".strip()
+    own = parser.description or ""
+    text = own if own.startswith(help) else f"{help}. {own}".strip()
     return f"## `libero-max {name}`\n\n{text}\n\n{usage}".strip()
 
 
