@@ -35,6 +35,7 @@ from pytest_libero_max.plugin.collection import (
     settings_of,
 )
 from pytest_libero_max.plugin.junit_file import tell_junit
+from pytest_libero_max.plugin.options import gates_from
 from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, result_of
 from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_space
@@ -169,7 +170,7 @@ class RunController:
 
             pairs = map(PlannedPair.of, manifest_of(self.config))
             chosen = [PlannedPair.of(case) for case in cases_of_all_shards(self.config)]
-            start = self.config.invocation_params.dir
+            start = gates_from(self.config)
             require_usable(self.settings.gate, pairs, chosen, self.settings.output, start)
 
     def _read_to_resume(self) -> None:

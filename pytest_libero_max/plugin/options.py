@@ -5,6 +5,7 @@ Precedence, for every option: command line, then ini file, then default.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -710,6 +711,8 @@ def _value(config: pytest.Config, option: Option) -> Any:
     text, where = config.getoption(option.key), option.flag
     if text is None:
         text, where = _ini_value(config, option.key), f"ini option {option.key}"
+        if option.key in _OF_FILES and text:
+            text = _beside_ini_file(config, text)
     if option.switch:
         return bool(text)
     if not text:
@@ -717,6 +720,27 @@ def _value(config: pytest.Config, option: Option) -> Any:
     if option.many:
         return tuple(_parsed(option, line, where) for line in text)
     return _parsed(option, text, where)
+
+
+_OF_FILES = ("libero_max_policy", "libero_max_profile", "libero_max_manifest", "libero_max_program")
+"""Options whose value may be a file; from the ini file it is one beside that file."""
+
+
+def _beside_ini_file(config: pytest.Config, text: str) -> str:
+    """Return a value with the path from the working directory, if it names a file beside the ini file."""
+    ending = next((ending for ending in (".py", ".toml", ".json.gz", ".json") if ending in text), None)
+    if config.inipath is None or ending is None:
+        return text
+    end = text.index(ending) + len(ending)
+    file = config.inipath.parent / text[:end]
+    return f"{os.path.relpath(file, config.invocation_params.dir)}{text[end:]}" if file.is_file() else text
+
+
+def gates_from(config: pytest.Config) -> Path:
+    """Return the folder from which paths of runs in gates start: that of the ini file for the gates in it."""
+    if config.getoption("libero_max_gate") or config.inipath is None:
+        return config.invocation_params.dir
+    return config.inipath.parent
 
 
 def _ini_value(config: pytest.Config, key: str) -> Any:

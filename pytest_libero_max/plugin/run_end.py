@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, text_of
 from pytest_libero_max.plugin.collection import cases_of, only_lists
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
-from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.options import Settings, gates_from
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import END_STATUS
@@ -164,7 +164,7 @@ class RunEnd:
         self.report, self._records = report_of(stored), stored.records
         self._query_times = query_times_text(stored.records)
         gates = () if self._waiting else self.settings.gate
-        verdicts = decide_on(gates, stored, self.report, self.config.invocation_params.dir)
+        verdicts = decide_on(gates, stored, self.report, gates_from(self.config))
         if not all(verdict.passed for verdict in verdicts):
             self._replay = replay_command(stored)
         return verdicts

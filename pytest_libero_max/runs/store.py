@@ -438,7 +438,7 @@ def _require_same_run(stored: StoredRun, wanted: Run, path: Path) -> None:
             f"{path} was begun in the order {then}, and now the order is {now}. Resume with "
             f"--libero-max-order={then}, or choose another output folder."
         )
-    if before.planned != wanted.planned:
+    if {pair.case_id: pair for pair in before.planned} != {pair.case_id: pair for pair in wanted.planned}:
         raise ReportError(
             f"{path} was planned with other cases ({len(before.planned)} then, {len(wanted.planned)} now). "
             "Resume with the same track, manifest, program and selection, or choose another output folder."

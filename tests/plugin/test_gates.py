@@ -237,6 +237,17 @@ def test_a_run_is_resumed_where_it_stopped(
         assert part[1][name] == whole[1][name]
 
 
+def test_a_merged_run_is_resumed(run: Run) -> None:
+    from pytest_libero_max.cli import main
+
+    for number in "12":
+        run(f"--libero-max-shard={number}/2", f"--libero-max-output={number}")
+    assert main(["merge", "1", "2", "--output=merged"]) == 0
+    result = run("--libero-max-output=merged", "--libero-max-resume")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["*16 of 16 planned pairs played"])
+
+
 def test_resuming_a_finished_run_plays_nothing_and_is_fine(run: Run) -> None:
     run("-k", "camera_shift")
     result = run("-k", "camera_shift", "--libero-max-resume")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -131,3 +132,13 @@ def test_a_session_that_cannot_collect_writes_nothing(project: pytest.Pytester) 
     done = project.runpytest_subprocess("libero-max", "tests")
     assert done.ret == pytest.ExitCode.INTERRUPTED
     assert list((project.path / "libero-max-results").iterdir()) == []
+
+
+def test_files_of_the_ini_file_lie_beside_it(
+    project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, results: Results
+) -> None:
+    monkeypatch.chdir(project.path / "tests")
+    monkeypatch.setenv("PYTHONPATH", str(project.path), prepend=os.pathsep)
+    done = project.runpytest_subprocess("libero-max", "--rootdir=..", "-c", "../tox.ini")
+    done.assert_outcomes(passed=2)
+    assert results("tests/libero-max-results")[1]["provenance"]["policy"]["reference"] == "../adapter.py"
