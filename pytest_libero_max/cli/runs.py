@@ -1,0 +1,98 @@
+"""``libero-max runs``: the runs below a folder, one line each."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.terminal import say
+from pytest_libero_max.errors import OptionError, ReportError
+
+if TYPE_CHECKING:
+    from pytest_libero_max.runs.status import Seen
+
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+_HEAD = ("run", "policy", "cases", "Base", "Dynamic", "change", "status", "began (UTC)")
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``runs`` to the parser."""
+    runs = commands.add_parser(
+        "runs",
+        help="List the runs below a folder with their success rates, the earliest first",
+        description="Reads the folders alone and alters nothing in them. A run that is not complete has no "
+        "rates. A run that cannot be read is named with the reason; exit status 1 where there is such a run.",
+    )
+    runs.add_argument("folder", type=Path, nargs="?", default=Path(), metavar="FOLDER", help="Default: here")
+    runs.set_defaults(run=_runs)
+
+
+def _runs(options: argparse.Namespace) -> int:
+    from pytest_libero_max.runs.status import Follower
+
+    folder: Path = options.folder
+    if not folder.is_dir():
+        raise OptionError.seen("FOLDER", folder, ", but must be a folder that exists.")
+    found, unreadable = [], []
+    for run_folder in sorted(_run_folders(folder)):
+        try:
+            seen = Follower(run_folder).look()
+            name = run_folder.relative_to(folder).as_posix()
+            found.append((_began(seen), _row(name, seen)))
+        except ReportError as error:
+            unreadable.append(f"cannot be read: {error}")
+    lines = list(_table([_HEAD, *(row for _, row in sorted(found))])) if found else []
+    say([*lines, *unreadable] or [f"There is no run below {folder}."])
+    return int(bool(unreadable))
+
+
+def _run_folders(folder: Path) -> set[Path]:
+    from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME
+
+    return {file.parent for name in (PAIRS_NAME, PACKED_PAIRS_NAME) for file in folder.rglob(name)}
+
+
+def _row(name: str, seen: Seen) -> tuple[str, ...]:
+    """Return the cells of a run.
+
+    Args:
+        name: Path of the run below the folder that is listed.
+        seen: Its status.
+    """
+    began = _began(seen)[:16].replace("T", " ")
+    cases = seen.run.provenance["case_set"]["name"]
+    return (name, seen.run.provenance["policy"]["reference"], cases, *_rates(seen), _status(seen), began)
+
+
+def _began(seen: Seen) -> str:
+    """Return the time at which the run began, in ISO 8601; empty where it is not recorded."""
+    return str(seen.run.provenance.get("started", ""))
+
+
+def _rates(seen: Seen) -> tuple[str, str, str]:
+    from pytest_libero_max.report.formats import percent, points
+    from pytest_libero_max.runs.outcomes import read_outcomes
+
+    if seen.state != "ended" or not seen.complete or not seen.progress.done:
+        return ("", "", "")
+    pairs = read_outcomes(seen.folder).pairs
+    base, dynamic = float(pairs.base.mean()), float(pairs.dynamic.mean())
+    return percent(base), percent(dynamic), f"{points(dynamic - base)} pp"
+
+
+def _status(seen: Seen) -> str:
+    count = f"{seen.progress.done} of {seen.progress.planned} pairs"
+    if seen.state != "ended":
+        return f"{seen.state}, {count}"
+    if seen.stopped is not None:
+        return f"stopped, {count}"
+    return f"complete, {seen.progress.done} pairs" if seen.complete else f"incomplete, {count}"
+
+
+def _table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
