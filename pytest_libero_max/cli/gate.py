@@ -32,7 +32,7 @@ def add_command(commands: Commands) -> None:
 def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.cli.ini_file import ini_lines
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
-    from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
+    from pytest_libero_max.report.gate_results import decide, gate_lines, not_passed_text, require_usable
     from pytest_libero_max.report.gates import parse_gates
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.report.writers.summary import incomplete_text
@@ -49,12 +49,12 @@ def _gate(options: argparse.Namespace) -> int:
     require_usable(gates, stored.run.planned, stored.run.planned, options.folder, here)
     verdicts = decide(gates, options.folder, here)
     say_coloured(gate_lines(verdicts, replay_command(stored)))
-    failed = [verdict for verdict in verdicts if not verdict.passed]
+    failed = not_passed_text(verdicts)
     counts = report_of(stored).pairs
     if not ended_as_declared(counts):
         say([f"{incomplete_text(counts)} Exit status {INCOMPLETE}."])
         return INCOMPLETE
     if failed:
-        print(f"Exit status {GATE_FAILED}: {len(failed)} of {len(gates)} gates do not hold.")
+        print(f"Exit status {GATE_FAILED}: {failed}")
         return GATE_FAILED
     return 0

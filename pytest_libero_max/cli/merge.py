@@ -43,7 +43,7 @@ def add_command(commands: Commands) -> None:
 
 def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
-    from pytest_libero_max.report.gate_results import decide, gate_lines, require_usable
+    from pytest_libero_max.report.gate_results import decide, gate_lines, not_passed_text, require_usable
     from pytest_libero_max.report.gates import parse_gates
     from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.report.writers.summary import summary_lines
@@ -58,11 +58,11 @@ def _merge(options: argparse.Namespace) -> int:
     if report.pairs.complete:
         require_usable(gates, run.planned, run.planned, options.output, here)
     verdicts = decide(gates, options.output, here)
-    failed = sum(not verdict.passed for verdict in verdicts)
+    failed = not_passed_text(verdicts)
     if verdicts:
         say_coloured(gate_lines(verdicts))
     if not report.pairs.complete:
         return INCOMPLETE
     if failed:
-        print(f"Exit status {GATE_FAILED}: {failed} of {len(gates)} gates do not hold.")
+        print(f"Exit status {GATE_FAILED}: {failed}")
     return GATE_FAILED if failed else 0

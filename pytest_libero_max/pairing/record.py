@@ -481,9 +481,11 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         return values
 
     def identity(self) -> Json:
-        """Return everything but the timings."""
+        """Return what was played: everything but the timings, and what a server returned beyond it."""
         values = self.to_dict()
         del values["timings"]
+        for arm in values["arms"].values():
+            arm.pop("returned", None)
         return values
 
     @classmethod

@@ -69,6 +69,9 @@ from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.substrates.registry import SUBSTRATES, describe_substrate, scores_of
 from pytest_libero_max.worlds.rendering import gl
 
+STOP_AFTER_ERRORS = 8
+"""Pairs that end in the same error of the policy, none being measured, after which a run is stopped."""
+
 
 class RunController:
     """Registered on the controller of a distributed run, or on the only process of a plain one.
@@ -97,7 +100,7 @@ class RunController:
         self._changed: list[ChangedPair] = []
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
         self._hook_raised = False
-        self._broken_policy: str | None = None
+        self._adapter_errors: Counter[str] = Counter()  # pairs by message
         try:
             check_reference(self.settings.reference, self.settings.profile, self.settings.revision)
             self.servers = self._read_servers()
@@ -315,10 +318,8 @@ class RunController:
             if report.skipped:
                 self.stop.stored(name, None)
             return
-        if isinstance(pair, PairError) and pair.phase == POLICY_PHASE:
-            if self._broken_policy == pair.message:  # another worker found the same
-                report.longrepr = f"As above: {pair.message}"
-            self._broken_policy = pair.message
+        if isinstance(pair, PairError) and (pair.phase == POLICY_PHASE or pair.kind == "AdapterError"):
+            self._count_adapter_error(pair.message, report)
         pair = self._stored(pair, self.cases[name])
         self._measured_now[name] = isinstance(pair, PairRecord)
         self._changed += changed_pairs([pair] if isinstance(pair, PairRecord) else [])
@@ -329,6 +330,15 @@ class RunController:
         if (reason := getattr(report, STOP_ATTRIBUTE, None)) is not None:
             self.stop.stop(reason)
         self.stop.stored(name, pair)
+
+    def _count_adapter_error(self, message: str, report: pytest.TestReport) -> None:
+        """Show an error of the policy at length once, and stop a run that so far holds nothing else."""
+        self._adapter_errors[message] += 1
+        found = self._adapter_errors[message]
+        if found > 1:
+            report.longrepr = f"As above: {message}"
+        if found >= STOP_AFTER_ERRORS and not self.measured and not any(self._measured_now.values()):
+            self.stop.stop(f"{found} pairs ended in the same error of the policy, and none was measured")
 
     def _stored(self, pair: PairRecord | PairError, case: Case) -> PairRecord | PairError:
         """Store a pair, or its error. An error that concerns all later pairs as well stops the session."""

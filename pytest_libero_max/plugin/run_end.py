@@ -224,13 +224,15 @@ class RunEnd:
         """Fail a session whose gates cannot be decided because it planned no pair."""
         if not self.settings.gate or only_lists(self.config):
             return
-        self.lines.append(f"gate FAIL  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
+        self.lines.append(f"gate open  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
         if session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = GATE_FAILED
             self.lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
 
     def _status(self, session: pytest.Session, measured_before: bool) -> tuple[list[str], int]:
         """Return the status of the run, which is pytest's unless there is more to say, and its lines."""
+        from pytest_libero_max.report.gate_results import not_passed_text
+
         if self._stop.status is not None:
             return [
                 f"Exit status {self._stop.status:d}: the run was stopped. Repair what broke and continue "
@@ -260,10 +262,8 @@ class RunEnd:
                 f"Exit status {INCOMPLETE}: the run is incomplete ({pairs.invalid} invalid, "
                 f"{pairs.missing} missing). Repair what broke and continue with --libero-max-resume."
             ], INCOMPLETE
-        failed = sum(not verdict.passed for verdict in self._verdicts)
-        if failed:
-            gates = len(self._verdicts)
-            return [f"Exit status {GATE_FAILED}: {failed} of {gates} gates do not hold."], GATE_FAILED
+        if (failed := not_passed_text(self._verdicts)) is not None:
+            return [f"Exit status {GATE_FAILED}: {failed}"], GATE_FAILED
         if pairs.complete:
             return [], status
         return [
@@ -272,11 +272,11 @@ class RunEnd:
         ], status
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        from pytest_libero_max.report.gate_results import AGAINST, AGAINST_AGAIN
+        from pytest_libero_max.report.gate_results import KEPT
         from pytest_libero_max.report.writers.broken import colour_of
 
         if terminalreporter.verbosity < 0:
-            kept = ("gate FAIL", "gate wait", AGAINST, AGAINST_AGAIN, "::error", "Exit status", "Interrupted")
+            kept = (*KEPT, "::error", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]
         if self.lines:
             terminalreporter.section("libero-max")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,13 +21,18 @@ from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
 
-AGAINST, AGAINST_AGAIN = "  lost:", "  again:"
-"""Beginnings of the lines below a gate that fails."""
+_LOST, _FAILED, _AGAIN = "  lost:", "  failed:", "  again:"
+
+KEPT = ("gate FAIL", "gate open", "gate wait", _LOST, _FAILED, _AGAIN)
+"""Beginnings of the lines on gates that ``-q`` keeps."""
+
+_SUCCESS_OF = {"base_sr": "base_success", "dynamic_sr": "dynamic_success"}
+"""Attribute of a record by the rate that is its mean; pairs where it is false count against the rate."""
 
 _NAMED = 3
 
 _OF_LOSSES = (
-    *("dynamic_sr", "delta", "delta.clustered", "preserved_success", "regressions"),
+    *("delta", "delta.clustered", "preserved_success", "regressions"),
     *("conditional_regression", "retained", "given_response_dynamic_success", "given_response_paired_change"),
 )
 """Quantities that a pair moves that Base completes and Dynamic does not."""
@@ -115,35 +121,49 @@ def gate_lines(results: Sequence[GateResult], replay: Sequence[str] = ()) -> lis
         results: Result of :func:`decide`.
         replay: The command that plays a pair again, once its item id is appended.
     """
-    marks = {"passed": "pass", "failed": "FAIL", "undecidable": "FAIL"}
+    marks = {"passed": "pass", "failed": "FAIL", "undecidable": "open"}
     lines = []
     for result in results:
         lines.append(f"gate {marks[result.verdict]}  {result.reason}")
         if result.lost:
             more = f" and {len(result.lost) - _NAMED} more" if len(result.lost) > _NAMED else ""
-            lines.append(f"{AGAINST} {', '.join(result.lost[:_NAMED])}{more}")
+            label = _FAILED if result.gate.name in _SUCCESS_OF else _LOST
+            lines.append(f"{label} {', '.join(result.lost[:_NAMED])}{more}")
     if replay and (lost := next((result.lost[0] for result in results if result.lost), None)):
-        lines.append(f"{AGAINST_AGAIN} {shlex.join([*replay, lost])}")
+        lines.append(f"{_AGAIN} {shlex.join([*replay, lost])}")
     return lines
 
 
+def not_passed_text(results: Sequence[GateResult]) -> str | None:
+    """Return the sentence on gates that did not pass, such as ``1 of 2 gates failed.``; None if all did."""
+    counts: Counter[str] = Counter(result.verdict for result in results)
+    said = {"failed": "failed", "undecidable": "cannot be decided"}
+    words = [
+        f"{counts[verdict]} of {len(results)} gates {word}"
+        for verdict, word in said.items()
+        if counts[verdict]
+    ]
+    return f"{', '.join(words)}." if words else None
+
+
 def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
-    """Pairs of a gate's scope that Base completes and Dynamic does not, by item id."""
+    """Pairs of a gate's scope that count against it, by item id: regressions, then failures of an arm."""
     label = DIMENSIONS[gate.scope[0]].label if gate.scope else None
-    if gate.name not in _OF_LOSSES:
+    if gate.name not in (*_OF_LOSSES, *_SUCCESS_OF):
         return ()
     within = {
         pair.item_id
         for pair in stored.run.planned
         if label is None or (gate.scope and label(pair) == gate.scope[1])
     }
-    return tuple(
-        sorted(
-            record.item_id
-            for record in stored.records
-            if record.outcome == "regression" and record.item_id in within
-        )
-    )
+    success = _SUCCESS_OF.get(gate.name)
+    against = [
+        (record.outcome != "regression", record.item_id)
+        for record in stored.records
+        if record.item_id in within
+        and (record.outcome == "regression" if success is None else not getattr(record, success))
+    ]
+    return tuple(name for _, name in sorted(against))
 
 
 def github_annotations(results: Sequence[GateResult]) -> list[str]:

@@ -53,6 +53,23 @@ def test_on_two_workers_it_stops_as_well(
     result.stdout.fnmatch_lines(["*Exit status 11: the run is incomplete (* invalid, * missing)*"])
 
 
+def test_a_policy_that_fails_in_every_pair_stops_the_run_and_is_shown_once(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(
+        broken=REACHER.replace("def predict(", "def predict(self, *asked): return {}['image']\n\n    def _(")
+    )
+    result = run(policy="broken.py")
+    result.assert_outcomes(errors=8)
+    assert str(result.stdout).count("Traceback") == 1
+    result.stdout.fnmatch_lines(
+        ["*Stopped: 8 pairs ended in the same error of the policy, and none was measured."]
+    )
+    assert result.ret == 11
+    report = results()[1]
+    assert (report["pairs"]["invalid"], report["pairs"]["missing"]) == (8, 8)
+
+
 def test_nothing_that_was_measured_before_is_lost(
     run: Run, results: Results, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:

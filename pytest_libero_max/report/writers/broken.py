@@ -129,7 +129,7 @@ def broken_line(report: Report) -> str:
 
 def colour_of(line: str) -> Literal["red", "green"] | None:
     """Return the colour of a line: red for what was lost or failed, green for what was gained."""
-    if line.startswith(("R   ", "gate FAIL")):
+    if line.startswith(("R   ", "gate FAIL", "gate open")):
         return "red"
     return "green" if line.startswith("G   ") else None
 
