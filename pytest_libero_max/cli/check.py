@@ -49,12 +49,13 @@ def add_command(commands: Commands) -> None:
 def _check(options: argparse.Namespace) -> int:
     from pytest_libero_max.policies.check import check_cameras
     from pytest_libero_max.policies.examination import examine, made_up
-    from pytest_libero_max.policies.loading import load_policy
+    from pytest_libero_max.policies.loading import check_reference, load_policy
     from pytest_libero_max.policies.model_inputs import model_inputs, picture_sheet
     from pytest_libero_max.policies.transforms.images import png_file
     from pytest_libero_max.substrates.contract import SubstrateOptions
     from pytest_libero_max.substrates.registry import open_substrate
 
+    check_reference(options.policy, options.profile, None)
     policy = load_policy(
         _soon(options.policy),
         horizon=options.horizon,
