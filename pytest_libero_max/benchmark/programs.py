@@ -26,6 +26,7 @@ from typing import Annotated, Any
 from msgspec import Struct
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
+from pytest_libero_max.benchmark.latency import PATTERN as LATENCY
 from pytest_libero_max.benchmark.structs import Count, Object, Positive, Word, checked, rule
 from pytest_libero_max.errors import ManifestError, OptionError
 
@@ -99,6 +100,7 @@ class _Arm(_Spelled, frozen=True):
     schedule: Annotated[tuple[Any, ...], rule("a list of entries")] = ()
     repetition: Count = 0
     cadence: _Cadence = _Cadence(1)
+    latency: Annotated[str, rule("steps, for example 4steps or 4steps,sync", pattern=LATENCY)] = "0steps"
 
 
 class _Happening(_Spelled, frozen=True):
@@ -177,10 +179,10 @@ def _check_arm(value: Json, where: str) -> str:
             )
     for i, entry in enumerate(schedule):
         check_entry(entry, f"{where}.schedule[{i}]")
-    if name in (BASE, DYNAMIC) and value.keys() & {"repetition", "cadence"}:
+    if name in (BASE, DYNAMIC) and value.keys() & {"repetition", "cadence", "latency"}:
         raise ManifestError(
-            f"{where}: {name!r} has a repetition or a cadence, but Base and Dynamic share their prefix. Give "
-            "them to an arm of another name."
+            f"{where}: {name!r} has a repetition, a cadence or a latency, but Base and Dynamic share their "
+            "prefix. Give them to an arm of another name."
         )
     if (name == BASE and schedule) or (name == DYNAMIC and not schedule):
         what = "nothing happens in Base" if name == BASE else "something happens in Dynamic"

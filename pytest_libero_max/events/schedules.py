@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.cases import Case, Event
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.benchmark.programs import BASE as BASE
 from pytest_libero_max.benchmark.programs import BASE_AGAIN as BASE_AGAIN
 from pytest_libero_max.benchmark.programs import DYNAMIC as DYNAMIC
@@ -97,6 +98,7 @@ class Arm:
         schedule: Changes of the arm with their triggers.
         repetition: Arms of another repetition share nothing: they are played from the start once more.
         cadence: Frequency of queries; None for the policy's own. Arms of another cadence share nothing.
+        latency: Time that a query takes. Arms of another latency share nothing.
 
     Raises:
         ManifestError: The name is not one, or an entry refers to one that does not come before it.
@@ -106,6 +108,7 @@ class Arm:
     schedule: Schedule = ()
     repetition: int = 0
     cadence: Cadence | None = None
+    latency: Latency = NO_LATENCY
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
@@ -131,6 +134,8 @@ class Arm:
             values["repetition"] = self.repetition
         if self.cadence is not None:
             values["cadence"] = self.cadence.to_dict()
+        if self.latency != NO_LATENCY:
+            values["latency"] = str(self.latency)
         return values
 
 
@@ -281,6 +286,7 @@ def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:
             schedule,
             raw.get("repetition", 0),
             None if cadence is None else Cadence(cadence["query_interval"], cadence.get("horizon")),
+            Latency.parse(raw["latency"]) if "latency" in raw else NO_LATENCY,
         )
     except ManifestError as error:
         raise error.within(where) from error

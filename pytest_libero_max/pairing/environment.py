@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.errors import AdapterError, ProtocolError
 from pytest_libero_max.events.schedules import BASE, Arm
 from pytest_libero_max.pairing.probes.probe import Probes
@@ -57,6 +58,9 @@ class ArmEnv:
         image_size: Their side, or height and width, pixels.
         control: Meaning of the actions.
         probes: The probes that read it.
+
+    Raises:
+        AdapterError: The arm has a latency.
     """
 
     metadata: Mapping[str, Any] = {"render_modes": []}
@@ -76,6 +80,11 @@ class ArmEnv:
             "outside", cameras=cameras, image_size=image_size, control=control, repeatable=False
         )
         self._arm = Arm(BASE) if arm is None else arm
+        if self._arm.latency != NO_LATENCY:
+            raise AdapterError(
+                f"latency={self._arm.latency} of arm {self._arm.name!r}, but whoever steps an environment "
+                "decides how late its actions are. Leave the latency out."
+            )
         self._stage = Stage(case, world, _Outside(spec), probes=probes)
         self._rollout: Rollout | None = None
         self._result: RolloutResult | None = None

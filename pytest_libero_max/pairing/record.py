@@ -15,6 +15,7 @@ from msgspec.structs import force_setattr, replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import NO_LATENCY, PATTERN, Latency
 from pytest_libero_max.benchmark.structs import (
     LARGEST,
     AnyText,
@@ -71,6 +72,8 @@ Span = Annotated[tuple[Positive, ...], rule("two integers of at least 1", min_le
 QUERY_MS = "query_ms"
 """Among the timings of a pair: numbers of queries by their milliseconds, by arm."""
 
+LatencyText = Annotated[str, rule("steps, for example 4steps or 4steps,sync", pattern=PATTERN)]
+
 ArmName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
 """Name of an arm."""
 
@@ -111,8 +114,9 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         firings: The entries of the schedule that happened, in order.
         response_step: Policy steps executed at the first query after the first firing, or None where there
             was none.
-        stale_actions: Queued actions executed after the first firing and before that query; None where
-            nothing happened. Where no query followed, all actions executed afterwards were stale.
+        stale_actions: Queued actions executed after the first firing and before that query, or with latency
+            before its answer is there, held ones included; None where nothing happened. Where no query
+            followed, all actions executed afterwards were stale.
         min_distance_m: Smallest distance of the end effector to the case's trigger entity.
         clipped_components: Number of the 7 * steps components of executed actions that are beyond +-1; the
             controller clips them. Under absolute control only those of the gripper are counted.
@@ -125,6 +129,9 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         returned: Smallest and largest number of actions that a server returned to a query, before they were
             cut to H (chunk size); absent for other policies.
         probes: Columns of ``stages`` and of each probe that was asked for, by its name. Version 2 had none.
+        latency: Time that a query took, for example ``4steps``; absent where the world waited for the policy.
+        held_steps: Steps in which the robot had no action to execute and waited for an answer; absent without
+            latency.
     """
 
     NOUN: ClassVar[str] = "arm"
@@ -145,6 +152,8 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     notes: Counts | None = None
     returned: Span | None = None
     probes: dict[str, Object] = field(default_factory=dict)
+    latency: LatencyText | None = None
+    held_steps: Count | None = None
 
     @property
     def clipped_share(self) -> float | None:
@@ -190,6 +199,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
             notes=_summed(rollout.queries[rollout.firings[0].queries if rollout.firings else 0 :]),
             returned=_span(rollout.queries),
             probes={name: dict(columns) for name, columns in seen.items() if name not in _OWN_FIELDS},
+            **({} if arm.latency == NO_LATENCY else _waiting(rollout)),
         )
 
     def to_dict(self) -> Json:
@@ -206,6 +216,14 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         arm = convert(values, cls)
         _require_consistent_arm(arm)
         return arm
+
+
+def _waiting(rollout: RolloutResult) -> dict[str, Any]:
+    trajectory = rollout.trajectory
+    return {
+        "latency": str(trajectory.latency),
+        "held_steps": sum(step.held for step in trajectory.executed),
+    }
 
 
 def _span(queries: Sequence[QueryResult]) -> tuple[int, int] | None:
@@ -633,6 +651,11 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
             f"schedule={shown(list(arm.schedule))} of the arm, but must be a list of entries with a trigger, "
             "and a change or a reversal, or null."
         )
+    if (arm.latency is None) != (arm.held_steps is None):
+        raise ReportError(
+            f"latency={shown(arm.latency)} and held_steps={arm.held_steps} of an arm, but it has both "
+            "or neither."
+        )
     if arm.schedule is not None and len(arm.firings) > len(arm.schedule):
         raise ReportError(
             f"{len(arm.firings)} firings of an arm whose schedule has {len(arm.schedule)} entries."
@@ -654,11 +677,13 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
             f"response_step={arm.response_step}, but the event was at step {event} and the arm took {steps} "
             "steps: a response comes after the event."
         )
-    stale = (steps if arm.response_step is None else arm.response_step) - event
+    delay = 0 if arm.latency is None else Latency.parse(arm.latency).steps
+    stale = (steps if arm.response_step is None else min(steps, arm.response_step + delay)) - event
     if arm.stale_actions != stale:
+        late = f" of which the answer takes {delay} steps" if delay else ""
         raise ReportError(
             f"stale_actions={arm.stale_actions}, but {stale} actions were executed between the event (step "
-            f"{event}) and the next query (response_step={arm.response_step}, steps={steps})."
+            f"{event}) and the next query{late} (response_step={arm.response_step}, steps={steps})."
         )
 
 

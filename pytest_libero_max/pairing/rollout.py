@@ -27,7 +27,8 @@ from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.pairing.trajectory import Firing, QueryResult, Step, Trajectory, next_link
 from pytest_libero_max.policies.check import check_actions, sees
 from pytest_libero_max.policies.contract import BatchItem, Query
-from pytest_libero_max.worlds.contract import Array, Observation, WorldState
+from pytest_libero_max.policies.transforms.states import axis_angle, grip_site_quaternion
+from pytest_libero_max.worlds.contract import NOOP_ACTION, Array, Observation, WorldState
 
 
 @dataclass(frozen=True)
@@ -134,12 +135,13 @@ class Rollout:
 
         Args:
             stage: Case, world and policy.
-            arms: The arms, of one cadence.
+            arms: The arms, of one cadence and one latency.
         """
         stage.begin_world()
         world = stage.world
         distance = distance_m(world.end_effector(), world.position(stage.entity))
-        rollout = cls(stage, Trajectory.begin(stage.spec.query_interval, world.digest(), distance), arms)
+        begun = Trajectory.begin(stage.spec.query_interval, world.digest(), distance, arms[0].latency)
+        rollout = cls(stage, begun, arms)
         rollout.trajectory = rollout.trajectory.watched(stage.probes.start(rollout._view()))
         return rollout
 
@@ -169,8 +171,8 @@ class Rollout:
     def due(self) -> Query | None:
         """Play on to the next query and return it; None at the end of the episode.
 
-        Entries of the schedule fire, and queued actions are executed. The same query is returned until it is
-        answered.
+        Entries of the schedule fire, and queued actions are executed; where the latency of the arms leaves
+        none, the robot waits. The same query is returned until it is answered.
 
         Raises:
             SimulatorError: The simulation broke.
@@ -316,17 +318,33 @@ class Rollout:
         if self._sees and not trajectory.just_asked:
             stage.show(trajectory.step)
         stage.watch.step()
-        action = trajectory.next_action
+        queued = trajectory.next_action
+        action = self._held() if queued is None else queued
         world.step(action)
         digest, success = world.digest(), world.succeeded()
         end_effector, entity = world.end_effector(), world.position(self._entity)
         end_effector.setflags(write=False)
         entity.setflags(write=False)
         distance, link = distance_m(end_effector, entity), next_link(trajectory.link, action, digest)
-        step = Step(action, end_effector, entity, distance, success, link, stage.joints())
+        step = Step(action, end_effector, entity, distance, success, link, stage.joints(), queued is None)
         self.trajectory = trajectory.stepped(step, digest)
         if stage.probes.on_steps:
             self._watch("step")
+
+    def _held(self) -> NDArray[np.float64]:
+        """Return the (7,) action of a robot that waits for an answer: it stands still, the gripper as it is.
+
+        Under absolute control the last pose is asked for again, or, before the first one, the present pose.
+        """
+        executed = self.trajectory.executed
+        if self._stage.spec.control == "delta":
+            gripper = executed[-1].action[-1] if executed else NOOP_ACTION[-1]
+            return np.array([*NOOP_ACTION[:-1], gripper])
+        if executed:
+            return executed[-1].action
+        seen = self._stage.world.observe(())
+        turn = axis_angle(grip_site_quaternion(seen["robot0_eef_quat"]))
+        return np.array([*seen["robot0_eef_pos"], *turn, NOOP_ACTION[-1]])
 
     def _watch(self, what: Literal["step", "query"]) -> None:
         self.trajectory = self.trajectory.watched(self._stage.probes.after(what, self._view()))

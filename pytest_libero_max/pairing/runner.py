@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.events.schedules import (
@@ -210,8 +211,8 @@ def _pair(
     clock, spec = Clock(), replace(policy.spec)
     chosen = check_arms(arms_of(case) if arms is None else arms)
     rollouts: dict[str, RolloutResult] = {}
-    for cadence in dict.fromkeys(arm.cadence for arm in chosen):
-        together = tuple(arm for arm in chosen if arm.cadence == cadence)
+    for cadence, latency in dict.fromkeys((arm.cadence, arm.latency) for arm in chosen):
+        together = tuple(arm for arm in chosen if (arm.cadence, arm.latency) == (cadence, latency))
         with played_at(policy, cadence):
             stage = Stage(case, world, policy, clock, settings.watch, settings.probes, settings.films)
             try:
@@ -283,13 +284,22 @@ def _check_policy(rollout: Rollout, stage: Stage, mode: PrefixMode) -> None:
 # The pieces.
 
 
-def play_prefix(case: Case, world: World, policy: Policy) -> BranchPoint | None:
+def play_prefix(
+    case: Case, world: World, policy: Policy, latency: Latency = NO_LATENCY
+) -> BranchPoint | None:
     """Play a case up to its event, which is not applied; None where the episode ends without it.
 
-    World and policy are left at the branch point. The arguments and errors are those of :func:`measure_pair`.
+    World and policy are left at the branch point. The other arguments and the errors are those of
+    :func:`measure_pair`.
+
+    Args:
+        case: The case.
+        world: A world of its scene.
+        policy: A checked policy.
+        latency: Time that a query takes, also where :func:`continue_rollout` goes on from there.
     """
-    event = Entry(trigger_of(case), Nothing())
-    rollout = Rollout.start(Stage(case, world, policy), (Arm(BASE), Arm(DYNAMIC, (event,))))
+    arms = (Arm(BASE, latency=latency), Arm(DYNAMIC, (Entry(trigger_of(case), Nothing()),), latency=latency))
+    rollout = Rollout.start(Stage(case, world, policy), arms)
     while rollout.running:
         rollout.let_happen()
         if rollout.parted:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.changes.nothing import ReseedPolicy
 from pytest_libero_max.events.schedules import Entry
 from pytest_libero_max.pairing.changing import Applied
@@ -42,13 +43,14 @@ class Step:
     """An executed policy step.
 
     Attributes:
-        action: (7,) as the policy returned it.
+        action: (7,) as the policy returned it, or a held one.
         end_effector: (3,) m, world frame, after the step.
         entity: (3,) m, world frame: the trigger entity after the step.
         distance_m: Distance of the two.
         success: True if the task's goal holds after the step.
         link: The hash chain's link of the step.
         joints: (nq,) positions of all joints after the step, for films; None where none are to be made.
+        held: True if the robot had no action to execute, and waited for an answer.
     """
 
     action: NDArray[np.float64]
@@ -58,6 +60,7 @@ class Step:
     success: bool
     link: bytes
     joints: NDArray[np.float32] | None = None
+    held: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,6 +131,7 @@ class Trajectory:
         queries: The queries.
         firings: The entries of the schedule that happened, in order.
         seen: The state of each probe, in the order of the probes.
+        latency: Time that a query takes.
     """
 
     query_interval: int
@@ -139,18 +143,22 @@ class Trajectory:
     queries: tuple[QueryResult, ...] = ()
     firings: tuple[Firing, ...] = ()
     seen: tuple[object, ...] = ()
+    latency: Latency = NO_LATENCY
 
     @classmethod
-    def begin(cls, query_interval: int, digest: bytes, distance_m: float) -> Trajectory:
+    def begin(
+        cls, query_interval: int, digest: bytes, distance_m: float, latency: Latency = NO_LATENCY
+    ) -> Trajectory:
         """Return the trajectory before the first step.
 
         Args:
             query_interval: Q.
             digest: Fingerprint of the world, 32 bytes.
             distance_m: Distance of the end effector to the trigger entity.
+            latency: Time that a query takes.
         """
         link = first_link(digest)
-        return cls(query_interval, link, link, digest, distance_m)
+        return cls(query_interval, link, link, digest, distance_m, latency=latency)
 
     @property
     def step(self) -> int:
@@ -174,23 +182,38 @@ class Trajectory:
 
     @property
     def queued(self) -> int:
-        """Number of actions that will be executed before the next query."""
-        return self.queries[-1].step + self.query_interval - len(self.executed) if self.queries else 0
+        """Number of actions that will be executed before the next query, held ones included."""
+        if not self.queries:
+            return 0
+        return self.queries[-1].step + self.latency.interval(self.query_interval) - len(self.executed)
 
     @property
     def pending(self) -> Actions:
-        """(k, 7) the queued actions, which an event does not cancel."""
-        if not self.queued:
+        """(k, 7) the queued actions up to the next chunk, which an event does not cancel."""
+        if not self.queries:
             return np.empty((0, 0))
-        last = self.queries[-1]
-        return last.actions[self.step - last.step : self.query_interval]
+        left = self.queries[-1].step + self.latency.steps - self.step
+        return self._queue()[: left if left > 0 else self.queued + self.latency.steps]
 
     @property
-    def next_action(self) -> NDArray[np.float64]:
-        """(7,) the first of the queued actions. There must be one."""
-        last = self.queries[-1]
-        action: NDArray[np.float64] = last.actions[len(self.executed) - last.step]
-        return action
+    def next_action(self) -> NDArray[np.float64] | None:
+        """(7,) the first queued action; None where the robot waits for an answer. A query comes before it."""
+        queue = self._queue()
+        return queue[0] if len(queue) else None
+
+    def _queue(self) -> Actions:
+        """Return the (k, 7) actions that are left of the last chunk whose answer is there."""
+        done, delay = len(self.executed), self.latency.steps
+        chunk = self.queries[-1]
+        if done < chunk.step + delay:  # its answer is under way
+            if len(self.queries) == 1:
+                return chunk.actions[:0]
+            chunk = self.queries[-2]
+        there = chunk.step + delay
+        # Actions executed since the observation were in the place of the chunk's first ones; waiting is not.
+        dropped = delay - sum(step.held for step in self.executed[chunk.step : there])
+        end = self.query_interval if self.latency.runner == "sync" else len(chunk.actions)
+        return chunk.actions[dropped + done - there : end]
 
     @property
     def just_asked(self) -> bool:
@@ -231,6 +254,7 @@ class Trajectory:
             self.queries,
             self.firings,
             self.seen,
+            self.latency,
         )
 
     def answered(self, result: QueryResult) -> Trajectory:
@@ -245,6 +269,7 @@ class Trajectory:
             (*self.queries, result),
             self.firings,
             self.seen,
+            self.latency,
         )
 
     def fired(self, entry: Entry, applied: Applied, digest: bytes) -> Trajectory:

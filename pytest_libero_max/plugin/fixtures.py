@@ -105,7 +105,8 @@ def libero_max_prefix(
     """
     from pytest_libero_max.pairing.runner import play_prefix
 
-    branch = play_prefix(libero_max_case, libero_max_world, libero_max_policy)
+    latency = libero_max_settings.latency
+    branch = play_prefix(libero_max_case, libero_max_world, libero_max_policy, latency)
     if branch is None:
         pytest.skip(f"{libero_max_case.item_id}: the trigger region is never reached")
     return branch

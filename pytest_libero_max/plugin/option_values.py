@@ -11,6 +11,7 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.plugin.array_jobs import shard_of_job
 
 if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.latency import Latency
     from pytest_libero_max.benchmark.order import Order
     from pytest_libero_max.events.schedules import Cadence
     from pytest_libero_max.report.gates import Gate
@@ -93,6 +94,21 @@ def fraction(text: str) -> float:
     if not 0.0 <= value <= 1.0:
         raise ValueError("expected a number from 0 to 1, for example 0.5")
     return value
+
+
+def latency(text: str) -> Latency:
+    """Parse the time that a query takes."""
+    from pytest_libero_max.benchmark.latency import Latency
+    from pytest_libero_max.worlds.contract import CONTROL_HZ
+
+    return Latency.parse(text, CONTROL_HZ)
+
+
+def delays(text: str) -> tuple[Latency, ...]:
+    """Parse the settings of a sweep over latencies."""
+    from pytest_libero_max.studies.latency_sweep import parse_delays
+
+    return parse_delays(text)
 
 
 def cadence(text: str) -> tuple[Cadence, ...]:

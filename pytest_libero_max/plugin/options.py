@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
@@ -208,7 +209,8 @@ OPTIONS = (
         "study",
         "NAME",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
-        "track camera unless another one is named), cadence (of the track lite), or one of another package",
+        "track camera unless another one is named), cadence and latency (of the track lite), or one of "
+        "another package",
         read.known_in(STUDIES),
     ),
     Option(
@@ -219,6 +221,13 @@ OPTIONS = (
         read.cadence,
     ),
     Option(
+        "delays",
+        "SETTINGS",
+        "Settings of the study latency: steps that a query takes, for example 1,2,4,8, or 4sync for the "
+        "runner that waits; no delay is always played",
+        read.delays,
+    ),
+    Option(
         "probe",
         "NAME",
         "Read this in every arm as well, and keep its columns in the records; may be repeated "
@@ -226,6 +235,14 @@ OPTIONS = (
         read.known_in(PROBES),
         default=(),
         many=True,
+    ),
+    Option(
+        "latency",
+        "TIME",
+        "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms, rounded up). The robot "
+        "goes on with the chunk before, and drops the actions of the new one that are late (asynchronous "
+        "inference); with ,sync behind it, it waits for the answer",
+        read.latency,
     ),
     Option("horizon", "ACTIONS", "Override H (chunk size), the most actions a query returns", read.positive),
     Option(
@@ -417,6 +434,7 @@ class Settings:
     prefix: Literal["fork", "replay"]
     strength: float
     study: Study | None
+    latency: Latency
     probe: tuple[str, ...]
     horizon: int | None
     query_interval: int | None
@@ -479,6 +497,7 @@ class Settings:
             **({} if self.sham is None else {"sham": self.sham}),
             **({} if self.strength == 1.0 else {"strength": self.strength}),
             **({} if self.study is None else {"study": self.study.to_dict()}),
+            **({} if self.latency == NO_LATENCY else {"latency": str(self.latency)}),
             **(
                 {}
                 if self.program is None
@@ -488,13 +507,14 @@ class Settings:
 
     @property
     def extras(self) -> str:
-        """Strength, study and program for pytest's header; empty for a plain run."""
+        """Strength, latency, study and program for pytest's header; empty for a plain run."""
         strength = "" if self.strength == 1.0 else f", events at strength {self.strength:g}"
+        latency = "" if self.latency == NO_LATENCY else f", latency {self.latency}"
         study = "" if self.study is None else f", study {self.study.name}"
         program = (
             "" if self.program is None else f", program {self.program.name} ({self.program.digest[:12]})"
         )
-        return strength + study + program
+        return strength + latency + study + program
 
     @property
     def case_set(self) -> str:
@@ -544,6 +564,12 @@ def resolve(config: pytest.Config) -> Settings:
     values["order"] = values["order"] or Order()
     _check_ray(config, values)
     values["study"] = _study(config, values)
+    values["latency"] = values["latency"] or NO_LATENCY
+    if values["latency"] != NO_LATENCY and values["adaptive"] is not None:
+        raise pytest.UsageError(
+            f"--libero-max-latency={values['latency']} is of a policy that is asked every Q steps, but "
+            f"--libero-max-adaptive={values['adaptive']} chooses when to ask. Leave one of them out."
+        )
     horizon, interval = values["horizon"], values["query_interval"]
     if horizon is not None and interval is not None and interval > horizon:
         raise pytest.UsageError(
@@ -616,24 +642,30 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     Raises:
         pytest.UsageError: Its settings are missing or those of another study, or it sets strengths itself.
     """
-    name, settings = values["study"], values.pop("cadence")
+    name, settings = values["study"], {swept: values.pop(swept) for swept in ("cadence", "delays")}
     if name is None:
-        if settings is not None:
-            raise pytest.UsageError(
-                "--libero-max-cadence is for the study cadence, but no study is asked for. Add "
-                "--libero-max-study=cadence."
-            )
+        for option, swept in (("cadence", "cadence"), ("delays", "latency")):
+            if settings[option] is not None:
+                raise pytest.UsageError(
+                    f"--libero-max-{option} is for the study {swept}, but no study is asked for. Add "
+                    f"--libero-max-study={swept}."
+                )
         return None
     from pytest_libero_max.studies.registry import make_study
 
     try:
-        study = make_study(name, settings)
+        study = make_study(name, settings["cadence"], settings["delays"])
     except OptionError as error:
         raise pytest.UsageError(str(error)) from None
-    if name == "cadence" and values["adaptive"] is not None:
+    if name in ("cadence", "latency") and values["adaptive"] is not None:
         raise pytest.UsageError(
-            "--libero-max-study=cadence plays fixed query intervals, but "
+            f"--libero-max-study={name} plays fixed query intervals, but "
             f"--libero-max-adaptive={values['adaptive']} chooses when to ask. Leave one of them out."
+        )
+    if name == "latency" and values["latency"] not in (None, NO_LATENCY):
+        raise pytest.UsageError(
+            "--libero-max-study=latency plays delays of its own, but "
+            f"--libero-max-latency={values['latency']} is given. Leave one of the two out."
         )
     if study.scales and values["strength"] != 1.0:
         raise pytest.UsageError(

@@ -12,6 +12,7 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, text_of
 from pytest_libero_max.pairing.record import PairError, PairRecord
@@ -177,6 +178,8 @@ def _measure(request: pytest.FixtureRequest, case: Case, process: PairProcess, p
     }
     if settings.strength != 1.0:
         fingerprints["strength"] = f"{settings.strength:g}"
+    if settings.latency != NO_LATENCY:
+        fingerprints["latency"] = str(settings.latency)
     _require_declared_spec(request.config, policy)
     pair = _measure_arms(case, world, policy, request.config, process, fingerprints)
     if settings.study is not None:
@@ -229,10 +232,10 @@ def _arms(case: Case, policy: Policy, config: pytest.Config) -> tuple[Arm, ...]:
     repeat_base = case.item_id in noise_cases_of(config)
     share = settings.sham if settings.sham is not None else 0.0 if policy.spec.repeatable else CHANCE_SHARE
     sham = bool(in_share((case,), share, "sham"))
-    pair = arms_of(case, repeat_base, settings.strength, sham)
-    if settings.study is None:
-        return pair
-    return (*pair, *settings.study.arms(case, policy.spec, settings.strength))
+    arms = arms_of(case, repeat_base, settings.strength, sham)
+    if settings.study is not None:
+        arms = (*arms, *settings.study.arms(case, policy.spec, settings.strength))
+    return tuple(replace(arm, latency=settings.latency) if arm.latency == NO_LATENCY else arm for arm in arms)
 
 
 def _keep(pair: Pair, settings: Settings) -> list[str]:

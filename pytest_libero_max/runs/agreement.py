@@ -175,6 +175,7 @@ def _require_header(run: Run, record: Played) -> None:
         ("policy", "horizon"): None if adaptive else asked.get("horizon"),
         ("policy", "query_interval"): None if adaptive else asked.get("query_interval"),
         ("fingerprints", "adapter"): asked.get("code"),
+        ("fingerprints", "latency"): run.provenance["protocol"].get("latency"),
         ("fingerprints", "strength"): None if strength is None else f"{strength:g}",
         ("fingerprints", "substrate"): run.provenance["substrate"]["name"],
         **{("fingerprints", name): version for name, version in versions.items()},

@@ -157,6 +157,7 @@ class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
     noise_floor: Positive | None = None
     sham: Share | None = None
     strength: Share | None = None
+    latency: Text | None = None
     study: Object | None = None
     program: Object | None = None
 

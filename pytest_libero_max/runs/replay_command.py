@@ -40,9 +40,11 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options += [(option, substrate.get(part)) for part, option in _SUBSTRATE.items()]
     options.append(("prefix", provenance["protocol"].get("prefix")))
     options += [("horizon", policy.get("horizon")), ("query-interval", policy.get("query_interval"))]
+    options.append(("latency", provenance["protocol"].get("latency")))
     study = provenance["protocol"].get("study") or {}
     options += [("strength", provenance["protocol"].get("strength"))]
-    options += [("study", study.get("name")), ("cadence", study.get("settings"))]
+    settings = "delays" if study.get("name") == "latency" else "cadence"
+    options += [("study", study.get("name")), (settings, study.get("settings"))]
     options += [(name, policy.get(name)) for name in ("restore", "adaptive")]
     options.append(("sham", provenance["protocol"].get("sham")))
     options += _noise_floor(provenance)

@@ -82,8 +82,8 @@ class Response(Probe[None]):
         Column(
             "stale_actions",
             "int",
-            "Number of queued actions executed after the first firing and before that query; all later ones "
-            "where no query followed",
+            "Number of queued actions executed after the first firing and before that query, or with latency "
+            "before its answer is there; all later ones where no query followed",
             "steps",
             optional=True,
         ),
@@ -99,7 +99,9 @@ class Response(Probe[None]):
         event = trajectory.firings[0]
         after = (query.step for query in trajectory.queries[event.queries :] if query.is_asked)
         response_step = next(after, None)
-        last = trajectory.step if response_step is None else response_step
+        last = trajectory.step
+        if response_step is not None:
+            last = min(last, response_step + trajectory.latency.steps)
         return {"response_step": response_step, "stale_actions": last - event.step}
 
 

@@ -198,11 +198,13 @@ def _header(report: Report) -> list[str]:
 
 
 def title_text(report: Report) -> str:
-    """Return policy with H and Q, substrate, part of the case set, strength and program on one line."""
+    """Return policy with H and Q, substrate, case set, strength, latency and program on one line."""
     count = report.pairs.unsupported
     unsupported = f", {count} of them unsupported" if count else ""
     strength = report.provenance["protocol"].get("strength")
     scaled = "" if strength is None else f", events at strength {strength:g}"
+    latency = report.provenance["protocol"].get("latency")
+    scaled += "" if latency is None else f", latency {latency}"
     program = report.provenance["protocol"].get("program")
     if program is not None:
         scaled += f", program {program['name']} ({program['digest'][:12]})"
