@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pytest_libero_max import changes, errors, probes, strategies, transforms, triggers
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.benchmark.latency import Latency
     from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
     from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.changes.change import Change, Evidence
@@ -63,6 +64,7 @@ __all__ = [
     "EventKind",
     "Evidence",
     "Identity",
+    "Latency",
     "LiberoMaxError",
     "Manifest",
     "Moment",
@@ -132,6 +134,7 @@ _TO_USE = {
         "continue_rollout",
     ),
     "pairing.environment": ("ArmEnv",),
+    "benchmark.latency": ("Latency",),
     "events.schedules": ("Arm", "Entry", "Revert", "program_of"),
     "pairing.record": ("PairRecord", "PairError"),
     "runs.store": ("read_pairs",),

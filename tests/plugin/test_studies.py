@@ -106,6 +106,57 @@ def test_the_cadence_study_plays_its_settings(run: Run, results: Results, pytest
     assert header(pytester)["study"] == {"name": "cadence", "settings": "8,2,4"}
 
 
+def test_a_latency_is_in_the_header_the_records_and_the_report_and_runs_must_agree_on_it(
+    run: Run, results: Results, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = run("--libero-max-limit=2", "--libero-max-latency=160ms")
+    done.stdout.fnmatch_lines(["*, latency 4steps*", "*, latency 4steps:*"])
+    assert header(pytester)["latency"] == "4steps"
+    records, _ = results()
+    assert {record["fingerprints"]["latency"] for record in records} == {"4steps"}
+    assert {arm["latency"] for record in records for arm in record["arms"].values()} == {"4steps"}
+    run("--libero-max-limit=2", "--libero-max-latency=4steps", "--libero-max-resume").assert_outcomes(
+        deselected=2
+    )
+    for other in ("--libero-max-latency=4steps,sync", "--libero-max-prefix=fork"):
+        again = run("--libero-max-limit=2", "--libero-max-resume", other)
+        assert again.ret == pytest.ExitCode.USAGE_ERROR
+        again.stdout.fnmatch_lines(["*protocol.latency: '4steps', *"])
+    run("--libero-max-limit=2", "--libero-max-output=plain")
+    assert main(["merge", "libero-max-results", "plain", "--output", "joined"]) != 0
+    assert "protocol.latency: None, '4steps'" in capsys.readouterr().err
+    assert main(["compare", "libero-max-results", "plain"]) == 0
+    assert "protocol.latency" in capsys.readouterr().out
+    again = run("--libero-max-limit=2", "--libero-max-latency=4steps", "--libero-max-prefix=replay")
+    again.assert_outcomes(passed=2)
+    assert [record["arms"] for record in results()[0]] == [record["arms"] for record in records]
+
+
+def test_the_latency_study_plays_its_delays(run: Run, results: Results, pytester: pytest.Pytester) -> None:
+    done = run("--libero-max-limit=2", "--libero-max-study=latency", "--libero-max-delays=8,2,2sync")
+    done.assert_outcomes(passed=2)
+    done.stdout.fnmatch_lines(
+        ["Study: Latency", "d=0 (0 ms) *", "d=2 (100 ms) *", "d=2 (100 ms) sync *", "d=8 (400 ms) *"]
+    )
+    records, report = results()
+    names = [f"{arm}{end}" for end in ("", "_d8", "_d2", "_d2sync") for arm in ("base", "dynamic")]
+    assert [list(record["arms"]) for record in records] == [names] * 2
+    assert "latency" not in records[0]["arms"]["base"]
+    assert records[0]["arms"]["base_d2sync"]["latency"] == "2steps,sync"
+    settings = report["study"]["latency"]["settings"]
+    assert [(setting["steps"], setting["own"]) for setting in settings] == [
+        (0, True),
+        (2, False),
+        (2, False),
+        (8, False),
+    ]
+    assert settings[0]["held"] == 0.0 < settings[1]["held"] < settings[2]["held"]
+    assert header(pytester)["study"] == {"name": "latency", "settings": "8,2,2sync"}
+    run("--libero-max-limit=2", "--libero-max-output=plain")
+    for record, plain in zip(records, results("plain")[0], strict=True):
+        assert {name: record["arms"][name] for name in ("base", "dynamic")} == plain["arms"]
+
+
 def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
     done = run("--libero-max-study=cadence", "--libero-max-cadence=2,16")
     done.assert_outcomes(errors=1)
@@ -122,6 +173,20 @@ def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
         (("--libero-max-cadence=2",), "*no study is asked for*"),
         (("--libero-max-study=camera-timing", "--libero-max-cadence=2"), "*is for the study cadence*"),
         (("--libero-max-study=cadence", "--libero-max-cadence=4/8"), "*Q=8 > H=4*"),
+        (("--libero-max-study=latency",), "*Add --libero-max-delays=1,2,4,8*"),
+        (("--libero-max-delays=2",), "*no study is asked for*"),
+        (("--libero-max-study=cadence", "--libero-max-delays=2"), "*needs its settings*"),
+        (("--libero-max-study=latency", "--libero-max-delays=0,2"), "*expected steps from 1 to 999*"),
+        (("--libero-max-study=latency", "--libero-max-delays=2,2"), "*at least one, each once*"),
+        (
+            ("--libero-max-study=latency", "--libero-max-delays=2", "--libero-max-latency=1steps"),
+            "*plays delays of its own*",
+        ),
+        (
+            ("--libero-max-latency=200",),
+            "*--libero-max-latency='200': expected a whole number with its unit*",
+        ),
+        (("--libero-max-latency=4steps", "--libero-max-adaptive=image"), "*chooses when to ask*"),
         (
             ("--libero-max-study=camera-strength", "--libero-max-strength=0.5"),
             "*plays the event at strengths of its own*",
@@ -140,11 +205,13 @@ def test_a_camera_study_refuses_cases_with_other_events(run: Run) -> None:
     done.stdout.fnmatch_lines(["*target_relocation (2 cases)*-m 'not target_relocation'*"])
 
 
-@pytest.mark.parametrize(("study", "track"), [("camera-timing", "camera"), ("cadence", "lite")])
+@pytest.mark.parametrize(
+    ("study", "track"), [("camera-timing", "camera"), ("cadence", "lite"), ("latency", "lite")]
+)
 def test_a_study_has_a_track_of_its_own(pytester: pytest.Pytester, study: str, track: str) -> None:
     pytester.makepyfile(adapter=REACHER)
     flags = ["--libero-max-policy=adapter.py", f"--libero-max-study={study}", "--collect-only", "-q"]
-    flags += ["--libero-max-cadence=2"] if study == "cadence" else []
+    flags += {"cadence": ["--libero-max-cadence=2"], "latency": ["--libero-max-delays=2"]}.get(study, [])
     own = pytester.runpytest_inprocess(*flags, "--libero-max-limit=2", "-v")
     own.stdout.fnmatch_lines([f"*track {track} *"])
     named = pytester.runpytest_inprocess(*flags, "--libero-max-track=smoke", "--libero-max-limit=2", "-v")

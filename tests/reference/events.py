@@ -77,7 +77,8 @@ is as it was before. A case carries its program under `program`, beside `scenari
 - `strength` beside a `change` is the share of it that happens, above 0, at most 1.
 - An arm other than these two may have a `repetition` above 0, to share nothing with the others, and a
   `cadence`, at which it is played: `query_interval` (Q, the executed actions) and `horizon` (H, the chunk
-  size).
+  size). A `latency` is the time that its queries take, `"4steps"` or `"4steps,sync"`
+  ([meaning](../studies/README.md#latency)).
 - The name of the program ends the ids of the test items, its digest is in the run's header, and the digest of
   each case covers it: a run is not resumed, merged or compared with one of another program.
 """

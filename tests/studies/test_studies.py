@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.latency import Latency
 from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
@@ -261,7 +262,11 @@ def test_settings_are_read_as_they_are_written(cadences: list[Cadence]) -> None:
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
-    study = make_study(name, (Cadence(2),) if name == "cadence" else None)
+    cadences, delays = {
+        "cadence": ((Cadence(2),), None),
+        "latency": (None, (Latency(2), Latency(2, "sync"))),
+    }.get(name, (None, None))
+    study = make_study(name, cadences, delays)
     assert type(study_from_dict(study.to_dict())) is STUDIES[name]
     damage: list[Any] = [{"name": name, "more": 1}, {"name": "weather"}, [], {"name": name, "settings": "x"}]
     for damaged in damage:

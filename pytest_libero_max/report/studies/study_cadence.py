@@ -1,16 +1,19 @@
-"""Query cadence: outcomes, stale actions and best setting of a sweep, from the records."""
+"""Query cadence and latency: outcomes, stale actions and best setting of a sweep, from the records."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from msgspec.structs import asdict
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.report.blocks import MeanDifference
 from pytest_libero_max.report.measured import (
     ends,
     interval_of,
@@ -25,6 +28,8 @@ from pytest_libero_max.report.studies.study_document import (
     BestSetting,
     Cadence,
     CadenceSetting,
+    Latencies,
+    LatencySetting,
     SettingChange,
     SettingDifference,
 )
@@ -34,6 +39,8 @@ from pytest_libero_max.stats.intervals import mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, setting_arm
+from pytest_libero_max.studies.latency_sweep import LatencySweep, delay_arm
+from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 
 @dataclass(frozen=True)
@@ -98,32 +105,73 @@ def cadence_results(study: CadenceSweep, records: Sequence[PairRecord]) -> Caden
     )
 
 
+def latency_results(study: LatencySweep, records: Sequence[PairRecord]) -> Latencies:
+    """Compute everything that is reported of a latency sweep.
+
+    Raises:
+        ReportError: A record lacks an arm of the study.
+    """
+    settings = sorted({NO_LATENCY, *study.settings}, key=lambda setting: (setting.steps, setting.runner))
+    return Latencies(settings=[_delayed(setting, records) for setting in settings] if records else [])
+
+
+def _delayed(setting: Latency, records: Sequence[PairRecord]) -> LatencySetting:
+    own = setting == NO_LATENCY
+    base, dynamic = (name if own else delay_arm(name, setting) for name in (BASE, DYNAMIC))
+    arms = [record.arm(name) for record in records for name in (base, dynamic)]
+    held = Ratio(sum(arm.held_steps or 0 for arm in arms), sum(arm.steps or 0 for arm in arms))
+    delay = f"d={setting.steps} ({1000 * setting.steps // CONTROL_HZ} ms)"
+    return LatencySetting(
+        label=delay + (" sync" if setting.runner == "sync" else ""),
+        own=own,
+        steps=setting.steps,
+        runner=setting.runner,
+        base_cost=_less(_successes(records, base), _successes(records, BASE)),
+        dynamic_cost=_less(_successes(records, dynamic), _successes(records, DYNAMIC)),
+        held=number(held.value),
+        **_measured(base, dynamic, records),
+    )
+
+
+def _less(late: BoolArray, none: BoolArray) -> MeanDifference:
+    table = tabulate(none, late)
+    exact = paired_difference(table.regression, table.change_associated_success, table.total)
+    return mean_difference_of(table.change, exact)
+
+
 def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
-    base, dynamic = (_successes(records, arm) for arm in (setting.base, setting.dynamic))
-    outcomes = tabulate(base, dynamic)
-    arms: list[ArmRecord] = [record.arm(setting.dynamic) for record in records]
-    triggered = Ratio(sum(bool(arm.firings) for arm in arms), len(arms))
-    responded = Ratio(sum(arm.response_step is not None for arm in arms), len(arms))
-    stale = [arm.stale_actions or 0 for arm in arms if arm.response_step is not None]
-    bootstrap = mean_change(dynamic.astype(np.int64) - base, [record.source for record in records])
-    exact = paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total)
     return CadenceSetting(
         label=setting.label,
         horizon=setting.horizon,
         query_interval=setting.query_interval,
         own=setting.own,
-        base_success=rate_of(outcomes.base),
-        dynamic_success=rate_of(outcomes.dynamic),
-        paired_change=SettingChange(
+        returned=_whole_chunk(setting, records),
+        **_measured(setting.base, setting.dynamic, records),
+    )
+
+
+def _measured(base_arm: str, dynamic_arm: str, records: Sequence[PairRecord]) -> dict[str, Any]:
+    """Return what is reported of every setting of a sweep, by field."""
+    base, dynamic = (_successes(records, arm) for arm in (base_arm, dynamic_arm))
+    outcomes = tabulate(base, dynamic)
+    arms: list[ArmRecord] = [record.arm(dynamic_arm) for record in records]
+    triggered = Ratio(sum(bool(arm.firings) for arm in arms), len(arms))
+    responded = Ratio(sum(arm.response_step is not None for arm in arms), len(arms))
+    stale = [arm.stale_actions or 0 for arm in arms if arm.response_step is not None]
+    bootstrap = mean_change(dynamic.astype(np.int64) - base, [record.source for record in records])
+    exact = paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total)
+    return {
+        "base_success": rate_of(outcomes.base),
+        "dynamic_success": rate_of(outcomes.dynamic),
+        "paired_change": SettingChange(
             **asdict(mean_difference_of(outcomes.change, exact)), bootstrap_by_source=interval_of(bootstrap)
         ),
-        outcomes=outcomes_of(outcomes),
-        conditional_regression=rate_of(outcomes.conditional_regression),
-        trigger_coverage=rate_of(triggered),
-        response_coverage=rate_of(responded),
-        stale_actions=stale_of(expose(stale, unanswered=triggered.count - responded.count)),
-        returned=_whole_chunk(setting, records),
-    )
+        "outcomes": outcomes_of(outcomes),
+        "conditional_regression": rate_of(outcomes.conditional_regression),
+        "trigger_coverage": rate_of(triggered),
+        "response_coverage": rate_of(responded),
+        "stale_actions": stale_of(expose(stale, unanswered=triggered.count - responded.count)),
+    }
 
 
 def _whole_chunk(setting: Setting, records: Sequence[PairRecord]) -> int:

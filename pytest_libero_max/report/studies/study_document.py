@@ -223,16 +223,12 @@ class SettingChange(MeanDifference, frozen=True, kw_only=True):
     bootstrap_by_source: Interval
 
 
-class CadenceSetting(Block, frozen=True, kw_only=True):
-    """One setting of a cadence sweep. Its executed prefixes are its own.
+class Setting(Block, frozen=True, kw_only=True):
+    """One setting of a sweep. Its executed prefixes are its own.
 
     Attributes:
-        label: H and Q in one text, for people.
-        horizon: H (chunk size), the most actions a query returns.
-        query_interval: Q (execution horizon, replan steps), the actions executed before the next query.
-        returned: Actions of a whole chunk, of which the first H were taken: the policy's own H, or the
-            largest number that its server returned.
-        own: True for the policy's own cadence, whose pairs the rest of the report is about.
+        label: The setting in one text, for people.
+        own: True for the pairs that the rest of the report is about: the policy's own cadence, no delay.
         base_success: Success in Base at this setting.
         dynamic_success: Success in Dynamic at this setting.
         paired_change: Dynamic less Base, the mean over the cases.
@@ -244,8 +240,6 @@ class CadenceSetting(Block, frozen=True, kw_only=True):
     """
 
     label: Text
-    horizon: Positive
-    query_interval: Positive
     own: bool
     base_success: Rate
     dynamic_success: Rate
@@ -255,7 +249,39 @@ class CadenceSetting(Block, frozen=True, kw_only=True):
     trigger_coverage: Rate
     response_coverage: Rate
     stale_actions: StaleActions
+
+
+class CadenceSetting(Setting, frozen=True, kw_only=True):
+    """One setting of a cadence sweep.
+
+    Attributes:
+        horizon: H (chunk size), the most actions a query returns.
+        query_interval: Q (execution horizon, replan steps), the actions executed before the next query.
+        returned: Actions of a whole chunk, of which the first H were taken: the policy's own H, or the
+            largest number that its server returned.
+    """
+
+    horizon: Positive
+    query_interval: Positive
     returned: Positive | None = None
+
+
+class LatencySetting(Setting, frozen=True, kw_only=True):
+    """One setting of a latency sweep.
+
+    Attributes:
+        steps: Control steps from an observation to the first action that may follow from it.
+        runner: async where the robot goes on with the chunk before, sync where it waits for the answer.
+        base_cost: Success in Base less that without delay, the mean over the cases.
+        dynamic_cost: Success in Dynamic less that without delay, the mean over the cases.
+        held: Share of the executed steps of Base and Dynamic in which the robot waited for an answer.
+    """
+
+    steps: Count
+    runner: Text
+    base_cost: MeanDifference
+    dynamic_cost: MeanDifference
+    held: Share | None
 
 
 class SettingDifference(Block, frozen=True, kw_only=True):
@@ -310,6 +336,16 @@ class Cadence(Block, frozen=True, kw_only=True):
     best: dict[str, BestSetting]
 
 
+class Latencies(Block, frozen=True, kw_only=True):
+    """Results of a latency sweep.
+
+    Attributes:
+        settings: No delay first, then by steps.
+    """
+
+    settings: list[LatencySetting]
+
+
 class Executed(Block, frozen=True, kw_only=True):
     """Executed steps and queries; settle steps and queries asked again as a check are not counted.
 
@@ -340,9 +376,10 @@ class Study(Block, frozen=True, kw_only=True):
         title: Heading of its part of the report.
         cases: Measured cases.
         arms: Success by arm, over the cases that were played in it: programs, and studies of other packages;
-            None for the camera studies and the cadence sweep.
+            None for the camera studies and the sweeps.
         camera: Results of a camera study; None for another one.
         cadence: Results of a cadence sweep; None for another study.
+        latency: Results of a latency sweep; None for another study.
         executed: Steps and queries that were executed.
     """
 
@@ -352,4 +389,5 @@ class Study(Block, frozen=True, kw_only=True):
     arms: dict[str, Rate] | None = None
     camera: Camera | None = None
     cadence: Cadence | None = None
+    latency: Latencies | None = None
     executed: Executed

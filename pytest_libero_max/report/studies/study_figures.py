@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
-from pytest_libero_max.report.studies.study_document import Cadence, Camera, Study
+from pytest_libero_max.report.studies.study_document import Camera, Setting, Study
 from pytest_libero_max.report.writers.svg import (
     ACCENT,
     GAIN,
@@ -49,8 +49,9 @@ def study_figures(study: Study | None) -> dict[str, str]:
     """
     if study is None or study.cases == 0:
         return {}
-    if study.cadence is not None:
-        return {"cadence": cadence_plot(study.title, study.cadence)}
+    for name, sweep in (("cadence", study.cadence), ("latency", study.latency)):
+        if sweep is not None:
+            return {name: sweep_plot(study.title, sweep.settings)}
     if study.camera is None:
         return {}
     figures = {"study-contrasts": contrast_plot(study.title, study.camera)}
@@ -113,9 +114,8 @@ def strength_plot(title: str, study: Camera) -> str:
     )
 
 
-def cadence_plot(title: str, study: Cadence) -> str:
+def sweep_plot(title: str, settings: Sequence[Setting]) -> str:
     """Success in Base and Dynamic at every setting, in the order of the table."""
-    settings = study.settings
     places = [(index + 0.5) / len(settings) for index in range(len(settings))]
     ticks = list(zip(places, (setting.label for setting in settings), strict=True))
     lines = [

@@ -10,12 +10,13 @@ from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, 
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.blocks import Rate
 from pytest_libero_max.report.measured import rate_of
-from pytest_libero_max.report.studies.study_cadence import cadence_results
+from pytest_libero_max.report.studies.study_cadence import cadence_results, latency_results
 from pytest_libero_max.report.studies.study_camera import camera_results
 from pytest_libero_max.report.studies.study_document import Executed, Study
 from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraTiming
+from pytest_libero_max.studies.latency_sweep import LatencySweep
 from pytest_libero_max.studies.registry import study_from_dict
 
 
@@ -35,13 +36,16 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
     study = study_from_dict(protocol["study"])
     camera = camera_results(study, records, tasks) if isinstance(study, CameraTiming) else None
     cadence = cadence_results(study, records) if isinstance(study, CadenceSweep) else None
+    latency = latency_results(study, records) if isinstance(study, LatencySweep) else None
+    known = any(part is not None for part in (camera, cadence, latency))
     return Study(
         name=study.name,
         title=study.title,
         cases=len(records),
-        arms=success_by_arm(records) if camera is None and cadence is None else None,
+        arms=None if known else success_by_arm(records),
         camera=camera,
         cadence=cadence,
+        latency=latency,
         executed=executed(records),
     )
 

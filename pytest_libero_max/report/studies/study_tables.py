@@ -28,6 +28,7 @@ from pytest_libero_max.report.studies.study_document import (
     ConditionContrast,
     Executed,
     GroupInterval,
+    Latencies,
     Mean,
     SettingDifference,
     SourceRate,
@@ -72,6 +73,8 @@ def study_tables(study: Study) -> list[StudyTable]:
         return []
     if study.camera is not None:
         return _camera(study.camera)
+    if study.latency is not None:
+        return [_latency(study.latency)]
     return _arms(study.arms or {}) if study.cadence is None else _cadence(study.cadence)
 
 
@@ -338,7 +341,7 @@ _APPROACH: tuple[tuple[str, Callable[[Approach], int]], ...] = (
 )
 
 
-# Query cadence.
+# Query cadence and latency.
 
 
 def setting_text(setting: CadenceSetting) -> str:
@@ -380,6 +383,37 @@ def _cadence(study: Cadence) -> list[StudyTable]:
             for what, key in (("Base", "base_success"), ("Dynamic", "dynamic_success"))
         ),
     ]
+
+
+def _latency(study: Latencies) -> StudyTable:
+    rows = []
+    for setting in study.settings:
+        stale = setting.stale_actions
+        rows.append(
+            (
+                setting.label,
+                rate_text(setting.base_success),
+                rate_text(setting.dynamic_success),
+                change_text(setting.paired_change),
+                "" if setting.own else change_text(setting.base_cost),
+                "" if setting.own else change_text(setting.dynamic_cost),
+                percent(setting.conditional_regression.value),
+                "n/a" if stale.mean is None else f"{stale.median:g} / {stale.mean:.2f}",
+                percent(setting.held),
+            )
+        )
+    head = ("Delay", "Base", "Dynamic", "Change", "Base: cost", "Dynamic: cost", "Lost", "Stale", "Waiting")
+    return StudyTable(
+        "Delays",
+        head,
+        rows,
+        "d: control steps from an observation to the first action that may follow from it. Until the answer "
+        "is there the robot goes on with the chunk before; sync: it waits. Cost: success less that without "
+        "delay, over the same cases. Stale: median and mean of the steps from the event to the first action "
+        "after a query that followed it. Waiting: share of the steps without an action to execute. Every "
+        "delay has an executed prefix of its own.",
+        narrow=4,
+    )
 
 
 def _best(what: str, best: BestSetting) -> StudyTable:
