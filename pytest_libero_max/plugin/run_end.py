@@ -272,10 +272,11 @@ class RunEnd:
         ], status
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        from pytest_libero_max.report.gate_results import KEPT
         from pytest_libero_max.report.writers.broken import colour_of
 
         if terminalreporter.verbosity < 0:
+            from pytest_libero_max.report.gate_results import KEPT
+
             kept = (*KEPT, "::error", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]
         if self.lines:

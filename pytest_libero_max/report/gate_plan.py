@@ -121,6 +121,25 @@ def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> list[in
     ]
 
 
+def pairs_to_show(gate: Gate, more_than: int, loss: float, gain: float) -> int | None:
+    """Return the smallest of :data:`SIZES` at which runs with these shares mostly pass a gate.
+
+    Args:
+        gate: One on an end of the interval of a difference.
+        more_than: Number of pairs that did not suffice.
+        loss: Share of pairs lost.
+        gain: Share of pairs gained.
+
+    Returns:
+        None where the gate cannot be planned, or no size suffices.
+    """
+    if gate.name not in _DIFFERENCES or gate.operator in ("==", "!="):
+        return None
+    chances = Chances(1 - gain, loss, gain)
+    larger = (pairs for pairs in SIZES if pairs > more_than)
+    return next((pairs for pairs in larger if chance_of_passing(gate, pairs, chances) >= 1 - MISS), None)
+
+
 def _end(pairs: int, end: str | None, confidence: float) -> Callable[[Counts, Counts], NDArray[np.float64]]:
     """Return a function of gains and losses: their difference, or an end of its interval."""
 

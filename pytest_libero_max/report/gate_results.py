@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from pytest_libero_max.report.comparison.comparison_document import SuccessContr
 from pytest_libero_max.report.comparison.contrasts import contrast_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
-from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups
+from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups, shown
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
@@ -107,6 +107,7 @@ def decide_on(
     for gate in gates:
         result = evaluate_gate(gate, report, contrasts)
         if result.verdict == "failed":
+            result = replace(result, reason=f"{result.reason}{_why_an_end_fails(gate, report, contrasts)}")
             found = against.get(gate.run or "", "")
             lost = _lost(stored, gate) if gate.run is None or isinstance(found, str) else found[1]
             result = replace(result, lost=lost)
@@ -144,6 +145,33 @@ def not_passed_text(results: Sequence[GateResult]) -> str | None:
         if counts[verdict]
     ]
     return f"{', '.join(words)}." if words else None
+
+
+def _why_an_end_fails(gate: Gate, report: Report, contrasts: Mapping[str, SuccessContrast | str]) -> str:
+    """Return a sentence on a failed gate on the end of an interval: violated, or not shown by these pairs."""
+    from pytest_libero_max.report.gate_plan import pairs_to_show
+
+    if gate.end is None:
+        return ""
+    other = "upper" if gate.end == "lower" else "lower"
+    far, estimate = (evaluate_gate(replace(gate, end=end), report, contrasts) for end in (other, None))
+    if far.value is None or estimate.value is None:
+        return ""
+    if not far.passed:
+        return f" Violated: the {other} end, {shown(gate, far.value)}, does not meet it either."
+    text = f" Not shown: the {other} end, {shown(gate, far.value)}, meets it"
+    if not estimate.passed:
+        return f"{text}, but the estimate, {shown(gate, estimate.value)}, does not."
+    contrast = contrasts.get(gate.run or "")
+    if isinstance(contrast, SuccessContrast):
+        pairs, lost, gained = contrast.cases, contrast.first_only, contrast.second_only
+    else:
+        block = report.overall if gate.scope is None else report.by[gate.scope[0]][gate.scope[1]]
+        pairs, outcomes = block.played, block.outcomes
+        lost, gained = outcomes.regression, outcomes.change_associated_success
+    needed = pairs_to_show(gate, pairs, lost / pairs, gained / pairs)
+    more = "" if needed is None else f"; with such losses and gains, {needed} pairs would mostly show it"
+    return f"{text}, and so does the estimate, {shown(gate, estimate.value)}{more}."
 
 
 def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:

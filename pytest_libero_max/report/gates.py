@@ -22,6 +22,9 @@ A gate over pairs of which some are missing or invalid, or whose denominator is 
 one on what the event changed, or against another run, where Base succeeds in less than 20% of the pairs, or
 the event happened in less than 50%: it would pass because nothing was there to be lost. Gate ``base_sr`` and
 ``trigger_coverage`` as well. An undecidable gate is not passed, and its reason is said.
+
+Where an end of an interval fails a gate, it is said which: *violated*, if the other end does not meet it
+either, or *not shown*, with the number of pairs that would mostly show it.
 """
 
 from __future__ import annotations
@@ -262,7 +265,7 @@ def evaluate_gate(
     passed = meets(gate, value)
     verdict: Verdict = "passed" if passed else "failed"
     what = "the 90% interval reaches" if gate.name == EQUIVALENT else "it is"
-    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, {what} {_shown(gate, value)}.")
+    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, {what} {shown(gate, value)}.")
 
 
 def meets(gate: Gate, value: float) -> bool:
@@ -270,7 +273,7 @@ def meets(gate: Gate, value: float) -> bool:
     return OPERATORS[gate.operator](Fraction(repr(value)), gate.threshold)
 
 
-def _shown(gate: Gate, value: float) -> str:
+def shown(gate: Gate, value: float) -> str:
     """Return the value in the unit of the gate, with as many decimals as show on which side it lies."""
     if not gate.percent:
         return f"{value:.12g}"

@@ -171,6 +171,39 @@ def _store(folder: Path, run: StoredRun) -> Path:
     return folder
 
 
+@pytest.mark.parametrize(
+    ("gate", "reason"),
+    [
+        (
+            "delta.lower >= -25%",
+            "failed, it is -29.0%. Not shown: the upper end, 2.8%, meets it, and so does the estimate, "
+            "-12.5%; with such losses and gains, 100 pairs would mostly show it.",
+        ),
+        (
+            "dynamic_sr_vs(old).lower >= -20%",
+            "failed, it is -29.0%. Not shown: the upper end, 2.8%, meets it, and so does the estimate, "
+            "-12.5%; with such losses and gains, 400 pairs would mostly show it.",
+        ),
+        (
+            "delta.lower >= -10%",
+            "failed, it is -29.0%. Not shown: the upper end, 2.8%, meets it, but the estimate, "
+            "-12.5%, does not.",
+        ),
+        (
+            "delta.upper >= 5%",
+            "failed, it is 2.8%. Violated: the lower end, -29.0%, does not meet it either.",
+        ),
+    ],
+)
+def test_an_end_of_an_interval_that_fails_a_gate_violates_it_or_does_not_show_it(
+    tmp_path: Path, gate: str, reason: str
+) -> None:
+    _store(tmp_path / "old", _run(ALWAYS))
+    new = _store(tmp_path / "new", _run(MIXED))
+    (result,) = decide(parse_gates([gate]), new, start=tmp_path)
+    assert result.reason == f"{gate}: {reason}"
+
+
 def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> None:
     _store(tmp_path / "old", _run(ALWAYS))
     new = _store(tmp_path / "new", _run(MIXED))
