@@ -105,7 +105,8 @@ def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list
             if not group.named:
                 continue
             head = f"{len(group.pairs)} x {group.cause}, {group.event}"
-            head += "" if group.cause == NOT_RECORDED else f": {group.pairs[0].sentence}"
+            first = ": " if len(group.pairs) == 1 else "; the first: "
+            head += "" if group.cause == NOT_RECORDED else f"{first}{group.pairs[0].sentence}"
             lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
             lines += [f"{letter}   {pair.item_id}{_film(pair, films)}" for pair in group.named]
         more = sum(len(group.pairs) - len(group.named) for group in groups)
