@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.report.writers.report_files import report_of
+from pytest_libero_max.report.writers.summary import summary_lines
+from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.libero.lacking import lacking_own
 
 ROOT = Path(__file__).parents[1]
@@ -71,3 +74,13 @@ def test_a_page_counts_what_plays_with_own_source_variations(track: str, words: 
         "pytest_libero_max/substrates/README.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}"
     )
     assert len(cases) - len(lacking_own(cases)) == play
+
+
+def test_the_readme_shows_the_numbers_of_the_published_run() -> None:
+    stored = read_pairs(ROOT / "reports" / "smoke" / "stale_expert")
+    said = summary_lines(report_of(stored), [])
+    _, _, printed = (ROOT / "README.md").read_text().partition("== libero-max ==")
+    numbers, _, _ = printed.partition("\n4 x ")
+    shown = [line for line in numbers.splitlines()[1:] if line not in ("", "...")]
+    assert len(shown) > 15
+    assert [line for line in shown if line not in said] == []

@@ -58,7 +58,7 @@ def test_the_lines_name_pairs_with_their_films_and_say_how_to_see_the_rest() -> 
     film = {"camera_shift-dropped-01": "films/one.mp4"}
     lines = broken_lines(report(MANY), film)
     assert lines[1].startswith("What broke: 33 of ")
-    assert lines[2] == "30 x missed_moved_target, target_relocation: It was missed_moved_target."
+    assert lines[2] == "30 x missed_moved_target, target_relocation; the first: It was missed_moved_target."
     assert "R   camera_shift-dropped-01  films/one.mp4" in lines
     assert sum(line.startswith("R   ") for line in lines) == 14
     assert "19 more: in the table of cases of report.html, by outcome and cause." in lines
