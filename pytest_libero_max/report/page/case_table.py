@@ -25,6 +25,7 @@ from pytest_libero_max.substrates.registry import SUBSTRATES
 from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _FILMED = ("yes", "no")
+_FIRED = ("yes", "never")
 
 
 def run_cases(
@@ -68,6 +69,7 @@ def run_cases(
         *label_columns(planned),
         {**outcome, "outcome": True, "chips": True},
         *_causes(found),
+        *_fired(found),
         number_column("base_steps", "Base steps", steps["base_steps"], secondary=True),
         number_column("dynamic_steps", "Dynamic steps", steps["dynamic_steps"], secondary=True),
         number_column("stale", "Stale actions", [record and record.stale_actions for record in found]),
@@ -106,6 +108,13 @@ def run_cases(
 def _views(films: Sequence[str]) -> set[str]:
     """Return the views of films: ``film`` of the world, ``policy view`` of what the policy saw."""
     return {"policy view" if film.rpartition(".")[0].endswith("--policy") else "film" for film in films}
+
+
+def _fired(found: Sequence[PairRecord | None]) -> Iterator[Json]:
+    """Return a column that tells pairs whose event never happened, where there are some."""
+    if any(record is not None and not record.triggered for record in found):
+        fired = ["not played" if record is None else _FIRED[not record.triggered] for record in found]
+        yield {**label_column("fired", "Event happened", fired, _FIRED), "chips": True}
 
 
 def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:

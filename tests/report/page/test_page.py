@@ -58,6 +58,12 @@ def test_every_planned_pair_is_in_the_table_whatever_became_of_it() -> None:
     cases = run_cases(run, {}, {})
     assert cases["items"] == sorted(pair.item_id for pair in run.run.planned)
     outcomes = _column(cases, "outcome")
+    fired = _column(cases, "fired")
+    assert (fired[PAIRS[1].item_id], fired[PAIRS[2].item_id], fired[PAIRS[10].item_id]) == (
+        "not played",
+        "never",
+        "yes",
+    )
     assert [outcomes[pair.item_id] for pair in run.run.planned[:4]] == [
         "missing",
         "invalid",
