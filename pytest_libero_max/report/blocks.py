@@ -255,9 +255,9 @@ class Result(Block, frozen=True, kw_only=True):
         mcnemar: Exact two-sided McNemar test of regressions against gains.
         trigger_coverage: Pairs whose event fired.
         response_coverage: Pairs in which the policy was queried after the event.
-        stale_actions: Queued actions executed between the event and the next query, over the pairs that have
-            one. They measure the delay of feedback under the policy's own serving protocol, not whether a
-            change was noticed.
+        stale_actions: Queued actions executed between the event and the next query, with latency its answer,
+            over the pairs that have one. They measure the delay of feedback under the policy's own serving
+            protocol, not whether a change was noticed.
         given_response: The same results over the pairs in which a query followed the event. The rollout
             itself decides whether one did, so these do not replace the results over all pairs.
         floor: True if Base success is below the level at which a small change says nothing about robustness;

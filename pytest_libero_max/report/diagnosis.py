@@ -398,16 +398,16 @@ def _is_surface(name: str) -> bool:
 
 
 def _froze_after_event(seen: _Seen) -> str | None:
-    """The hand stopped within half a second of the first query after the event, for good. Base moved on."""
+    """The hand stopped within half a second of the first answer to the event, for good. Base moved on."""
     event, base = seen.event, seen.base
     if event is None or base is None or seen.still < _STILL_STEPS or seen.row.holding:
         return None
-    asked = event.step if seen.arm.response_step is None else seen.arm.response_step
+    answered = event.step if seen.arm.response_step is None else event.step + (seen.arm.stale_actions or 0)
     stopped = int(seen.stages["still_step"])
     there = None if seen.other is None or seen.other.closest_m is None else seen.other.closest_m + _ARRIVED_M
     if there is not None and seen.row.closest_m is not None and seen.row.closest_m <= there:
         return None
-    if stopped > asked + _REACTION_STEPS or (base.steps or 0) <= stopped:
+    if stopped > answered + _REACTION_STEPS or (base.steps or 0) <= stopped:
         return None
     return (
         f"The hand stopped at step {stopped}, {max(stopped - event.step, 0)} steps after the event, "
