@@ -12,6 +12,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ProtocolError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, change_of, trigger_of
 from pytest_libero_max.events.triggers import AtStart, Proximity, distance_m, trigger_from_dict
+from pytest_libero_max.studies.event_timing import RESET
 from pytest_libero_max.studies.study import Study
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.pairing.runner import Pair
     from pytest_libero_max.policies.contract import PolicySpec
 
-RESET = "reset"
 STRENGTHS = (0.25, 0.5, 1.0)
 """Strengths of the strength study. The last is the event itself."""
 

@@ -23,6 +23,7 @@ _LATENCY = "latency"
 _OWN = {
     "camera-timing": "camera_study:CameraTiming",
     "camera-strength": "camera_study:CameraStrength",
+    "event-timing": "event_timing:EventTiming",
     _CADENCE: "cadence_sweep:CadenceSweep",
     _LATENCY: "latency_sweep:LatencySweep",
 }

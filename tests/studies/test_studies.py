@@ -21,6 +21,7 @@ from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.report.studies.study_results import executed
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, cadence_text, parse_cadence
 from pytest_libero_max.studies.camera_study import CameraStrength, CameraTiming, first_crossing
+from pytest_libero_max.studies.event_timing import EventTiming
 from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.studies.registry import STUDIES, make_study, study_from_dict
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -69,6 +70,23 @@ def test_strength_0_equals_base_bit_for_bit(
     one, other = pair.rollouts["base"], pair.rollouts["dynamic"]
     for name in ("actions", "end_effector", "entity"):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+@pytest.mark.parametrize("event", CHANGES)
+def test_reset_has_the_change_before_the_first_query_and_leaves_the_pair_as_it_is(
+    world: TinyWorld, event: str
+) -> None:
+    case, policy = make_case(event, distance_m=0.25), Approaching(wait=2)
+    plain = measure_pair(case, world, policy).record
+    arms = (*arms_of(case), *EventTiming().arms(case, policy.spec))
+    studied = measure_pair(case, world, policy, arms=arms).record
+    assert {name: studied.arms[name].proof for name in plain.arms} == {
+        name: arm.proof for name, arm in plain.arms.items()
+    }
+    (firing,) = studied.arms["reset"].firings
+    assert (firing.step, firing.queries) == (0, 0)
+    assert plain.evidence is not None
+    assert firing.evidence["operation"] == plain.evidence["operation"]
 
 
 @pytest.mark.parametrize("event", CHANGES)

@@ -36,7 +36,8 @@ from pytest_libero_max.stats.conditions import (
 )
 from pytest_libero_max.stats.intervals import MeanChange, clopper_pearson, mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
-from pytest_libero_max.studies.camera_study import RESET, CameraTiming, at_strength
+from pytest_libero_max.studies.camera_study import CameraTiming, at_strength
+from pytest_libero_max.studies.event_timing import RESET
 
 
 def camera_results(study: CameraTiming, records: Sequence[PairRecord], tasks: Sequence[str]) -> Camera:

@@ -368,6 +368,32 @@ class Executed(Block, frozen=True, kw_only=True):
     queries_as_pairs: Count
 
 
+class ArmContrast(Block, frozen=True, kw_only=True):
+    """Success in an arm less that in another, over the cases that were played in both.
+
+    Attributes:
+        first: The arm.
+        second: The other one.
+        event: Event of the cases; None for all of them.
+        cases: Their number.
+        gains: Cases that succeed in the first arm alone.
+        losses: Cases that succeed in the second arm alone.
+        value: Mean difference; None without a case.
+        lower: Lower end of its exact 95% interval.
+        upper: Upper end of the same.
+    """
+
+    first: Text
+    second: Text
+    event: Text | None
+    cases: Count
+    gains: Count
+    losses: Count
+    value: Difference | None
+    lower: Difference | None
+    upper: Difference | None
+
+
 class Study(Block, frozen=True, kw_only=True):
     """Results of the study of a run.
 
@@ -377,6 +403,8 @@ class Study(Block, frozen=True, kw_only=True):
         cases: Measured cases.
         arms: Success by arm, over the cases that were played in it: programs, and studies of other packages;
             None for the camera studies and the sweeps.
+        by_event: The same by event.
+        contrasts: Each further arm less Base, and Dynamic less it, of all cases and of each event.
         camera: Results of a camera study; None for another one.
         cadence: Results of a cadence sweep; None for another study.
         latency: Results of a latency sweep; None for another study.
@@ -387,6 +415,8 @@ class Study(Block, frozen=True, kw_only=True):
     title: Text
     cases: Count
     arms: dict[str, Rate] | None = None
+    by_event: dict[str, dict[str, Rate]] | None = None
+    contrasts: list[ArmContrast] | None = None
     camera: Camera | None = None
     cadence: Cadence | None = None
     latency: Latencies | None = None

@@ -6,18 +6,23 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.blocks import Rate
-from pytest_libero_max.report.measured import rate_of
+from pytest_libero_max.report.measured import ends, number, rate_of
 from pytest_libero_max.report.studies.study_cadence import cadence_results, latency_results
 from pytest_libero_max.report.studies.study_camera import camera_results
-from pytest_libero_max.report.studies.study_document import Executed, Study
+from pytest_libero_max.report.studies.study_document import ArmContrast, Executed, Study
 from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraTiming
 from pytest_libero_max.studies.latency_sweep import LatencySweep
 from pytest_libero_max.studies.registry import study_from_dict
+
+_USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
+"""Arms of runs without a study."""
 
 
 def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json) -> Study | None:
@@ -42,7 +47,7 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
         name=study.name,
         title=study.title,
         cases=len(records),
-        arms=None if known else success_by_arm(records),
+        **({} if known else _arms(records)),
         camera=camera,
         cadence=cadence,
         latency=latency,
@@ -52,14 +57,53 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
 
 def _further_arms(records: Sequence[PairRecord]) -> Study | None:
     """Success by arm in a run without a study; None where no program gives a case further arms."""
-    if not any(record.arms.keys() - {BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN} for record in records):
+    if not any(record.arms.keys() - _USUAL for record in records):
         return None
     return Study(
         name="arms",
         title="arms of programs",
         cases=len(records),
-        arms=success_by_arm(records),
+        **_arms(records),
         executed=executed(records),
+    )
+
+
+def _arms(records: Sequence[PairRecord]) -> dict[str, Any]:
+    """Return what is reported of arms without a part of the report of their own."""
+    events = sorted({record.event for record in records}, key=[*EVENTS].index)
+    by_event = {event: [record for record in records if record.event == event] for event in events}
+    arms = success_by_arm(records)
+    others = [name for name in arms if name not in _USUAL]
+    pairs = [pair for name in others for pair in ((name, BASE), (DYNAMIC, name))]
+    return {
+        "arms": arms,
+        "by_event": {event: success_by_arm(some) for event, some in by_event.items()},
+        "contrasts": [
+            _contrast(first, second, event, some)
+            for first, second in pairs
+            for event, some in ((None, records), *by_event.items())
+        ],
+    }
+
+
+def _contrast(first: str, second: str, event: str | None, records: Sequence[PairRecord]) -> ArmContrast:
+    both = [
+        (record.arms[first].success, record.arms[second].success)
+        for record in records
+        if first in record.arms and second in record.arms
+    ]
+    gains, losses, cases = both.count((True, False)), both.count((False, True)), len(both)
+    lower, upper = ends(paired_difference(losses, gains, cases))
+    return ArmContrast(
+        first=first,
+        second=second,
+        event=event,
+        cases=cases,
+        gains=gains,
+        losses=losses,
+        value=number((gains - losses) / cases if cases else None),
+        lower=lower,
+        upper=upper,
     )
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 
-from pytest_libero_max.report.blocks import Rate
 from pytest_libero_max.report.formats import (
     change_text,
     count_text,
@@ -75,7 +74,7 @@ def study_tables(study: Study) -> list[StudyTable]:
         return _camera(study.camera)
     if study.latency is not None:
         return [_latency(study.latency)]
-    return _arms(study.arms or {}) if study.cadence is None else _cadence(study.cadence)
+    return [*_arms(study)] if study.cadence is None else _cadence(study.cadence)
 
 
 def study_notes(study: Study) -> list[str]:
@@ -163,10 +162,37 @@ def _aligned(table: StudyTable) -> list[str]:
     ]
 
 
-def _arms(arms: Mapping[str, Rate]) -> list[StudyTable]:
+def _arms(study: Study) -> Iterator[StudyTable]:
+    """Yield the tables of arms: success, and the contrasts of all cases and of each event."""
+    arms, by_event = study.arms or {}, study.by_event or {}
     rows = [(name, rate_text(rate)) for name, rate in arms.items()]
     note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
-    return [StudyTable("Success by arm", ("Arm", "Success"), rows, note, narrow=2)]
+    yield StudyTable("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
+    yield StudyTable(
+        "Success by arm and event",
+        ("Event", *arms),
+        [
+            (event, *(count_text(rates[arm]) if arm in rates else "" for arm in arms))
+            for event, rates in by_event.items()
+        ],
+        narrow=1 + len(arms),
+    )
+    contrasts = study.contrasts or []
+    names = list(dict.fromkeys(f"{row.first} - {row.second}" for row in contrasts))
+    changes = [
+        (
+            event or "all",
+            *(change_text(row) if row.cases else "" for row in contrasts if row.event == event),
+        )
+        for event in dict.fromkeys(row.event for row in contrasts)
+    ]
+    yield StudyTable(
+        "Contrasts of arms",
+        ("Event", *names),
+        changes,
+        "Over the cases that were played in both. Exact 95% intervals, each for itself.",
+        narrow=1 + len(names),
+    )
 
 
 # Camera timing and strength.
