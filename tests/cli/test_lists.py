@@ -1,0 +1,50 @@
+"""What ``libero-max profiles`` and ``libero-max events`` say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.policies.profile import profile_names
+
+
+def test_each_profile_has_a_line_with_its_protocol_chunks_and_policy(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["profiles"]) == 0
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert tuple(lines) == profile_names()
+    assert lines["pi05_libero"].split(None, 4)[1:4] == ["openpi", "H=10", "Q=5"]
+    assert lines["xvla"].endswith("X-VLA behind its own HTTP server")
+    assert max(map(len, lines.values())) <= 145
+
+
+def test_one_profile_is_explained_with_the_commands_that_use_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["profiles", "pi05_libero"]) == 0
+    out = capsys.readouterr().out
+    assert "uv run scripts/serve_policy.py --env LIBERO" in out
+    assert "libero-max check openpi://HOST:PORT --profile pi05_libero" in out
+    assert main(["profiles", "openvla_oft_goal"]) == 0
+    assert "Suites: libero_goal." in capsys.readouterr().out
+
+
+def test_a_profile_of_ones_own_is_explained_and_a_wrong_name_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "mine.toml"
+    own.write_text('extends = "pi05_libero"\n')
+    assert main(["profiles", str(own)]) == 0
+    assert capsys.readouterr().out.startswith("mine: H=10 Q=5")
+    assert main(["profiles", "pi05_liber"]) == 1
+    assert "Did you mean 'pi05_libero'?" in capsys.readouterr().err
+
+
+def test_each_event_is_described(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["events"]) == 0
+    out = capsys.readouterr().out
+    found = [line.partition(":")[0] for line in out.splitlines() if not line.startswith(" ")]
+    assert found[:8] == list(BENCHMARK_EVENTS)
+    assert out.count("Expected: ") == len(found)
