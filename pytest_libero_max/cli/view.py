@@ -1,0 +1,82 @@
+"""``libero-max view``: the page of a run in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import webbrowser
+from contextlib import suppress
+from functools import partial
+from http import HTTPStatus
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_libero_max.cli.terminal import say
+from pytest_libero_max.errors import ReportError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+_PAGE = "report.html"
+_RANGE = re.compile(r"bytes=(\d+)-(\d*)")
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``view`` to the parser."""
+    view = commands.add_parser(
+        "view",
+        help="Show the page of a run in the browser, with its films",
+        description="Serves the folder on this machine alone, at an address that is printed, until Ctrl-C. A "
+        "page that is missing is made first.",
+    )
+    view.add_argument("folder", type=Path, metavar="RUN", help="Folder of the run")
+    view.add_argument("--port", type=int, default=0, help="Default: one that is free")
+    view.add_argument("--no-browser", action="store_true", help="Print the address alone")
+    view.set_defaults(run=_view)
+
+
+def _view(options: argparse.Namespace) -> int:
+    from pytest_libero_max.report.writers.report_files import write_reports
+
+    folder: Path = options.folder
+    if not (folder / _PAGE).is_file():
+        write_reports(folder)
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", options.port), partial(_Files, directory=str(folder)))
+    except OSError as error:
+        raise ReportError(
+            f"--port={options.port} cannot be used: {error.strerror}. Choose another."
+        ) from None
+    address = f"http://127.0.0.1:{server.server_port}/{_PAGE}"
+    say([f"{address} (Ctrl-C ends it)"])
+    if not options.no_browser:
+        webbrowser.open(address)
+    with server, suppress(KeyboardInterrupt):
+        server.serve_forever()
+    return 0
+
+
+class _Files(SimpleHTTPRequestHandler):
+    """Files of the folder, in parts where a browser asks for one, as it does to step through a film."""
+
+    def do_GET(self) -> None:
+        asked = _RANGE.fullmatch(self.headers.get("Range", ""))
+        file = Path(self.translate_path(self.path))
+        if asked is None or not file.is_file():
+            super().do_GET()
+            return
+        content = file.read_bytes()
+        first, last = int(asked[1]), min(int(asked[2] or len(content)), len(content) - 1)
+        if first > last:
+            self.send_error(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE)
+            return
+        self.send_response(HTTPStatus.PARTIAL_CONTENT)
+        self.send_header("Content-Type", self.guess_type(file))
+        self.send_header("Content-Range", f"bytes {first}-{last}/{len(content)}")
+        self.send_header("Content-Length", str(last + 1 - first))
+        self.end_headers()
+        self.wfile.write(content[first : last + 1])
+
+    def log_message(self, format: str, *values: Any) -> None:
+        pass
