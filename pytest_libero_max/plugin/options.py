@@ -400,7 +400,21 @@ OPTIONS = (
         False,
         switch=True,
     ),
-    Option("output", "FOLDER", "Folder for pairs.jsonl and report.json", read.text, DEFAULT_OUTPUT),
+    Option(
+        "output",
+        "FOLDER|auto",
+        f"Folder for pairs.jsonl and report.json; auto: {DEFAULT_OUTPUT}-0001 and so on, with "
+        "--libero-max-resume the last of them",
+        read.text,
+        DEFAULT_OUTPUT,
+    ),
+    Option(
+        "compare",
+        "RUN|last",
+        "At the end, compare the run with this one; last: with the last complete run of the same cases "
+        "beside the output folder",
+        read.text,
+    ),
     Option(
         "resume",
         "",
@@ -463,6 +477,7 @@ class Settings:
     ray_gpus: float
     ray_ship: bool
     output: Path
+    compare: str | None
     resume: bool
 
     @property
@@ -553,7 +568,7 @@ def resolve(config: pytest.Config) -> Settings:
                 "--libero-max-track and --libero-max-manifest both name the cases; give one of them."
             )
         values["manifest"] = _path(config, values["manifest"])
-    values["output"] = _path(config, values["output"])
+    values["output"] = _output(config, values["output"], values["resume"])
     values["program"] = _program(config, values)
     values["libero"] = tuple(_path(config, folder) for folder in values["libero"])
     if values["libero_assets"] is not None:
@@ -787,6 +802,16 @@ def _parsed(option: Option, text: str, where: str) -> Any:
         return option.parse(str(text))
     except ValueError as error:
         raise pytest.UsageError(f"{where}={text!r}: {error}") from None
+
+
+def _output(config: pytest.Config, text: str, resume: bool) -> Path:
+    """Return the output folder; a number that is chosen is kept, because workers are given the options."""
+    if text == "auto":
+        made = sorted(config.invocation_params.dir.glob(f"{DEFAULT_OUTPUT}-[0-9][0-9][0-9][0-9]"))
+        last = int(made[-1].name[-4:]) if made else 0
+        text = f"{DEFAULT_OUTPUT}-{last + (not made or not resume):04d}"
+        config.option.libero_max_output = text
+    return _path(config, text)
 
 
 def _path(config: pytest.Config, text: str) -> Path:

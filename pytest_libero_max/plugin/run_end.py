@@ -25,6 +25,7 @@ from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
 from pytest_libero_max.runs.media import films_in
+from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
 
@@ -57,6 +58,7 @@ class RunEnd:
         self.report: Report | None = None
         self._query_times: str | None = None
         self._stop = stop
+        self._run: Run | None = None
         self._records: Sequence[PairRecord] = ()
         self._filmed: list[str] = []
         self._replay: Sequence[str] = ()
@@ -161,7 +163,7 @@ class RunEnd:
         from pytest_libero_max.report.writers.report_files import report_of
 
         stored = read_pairs(self.settings.output)
-        self.report, self._records = report_of(stored), stored.records
+        self.report, self._run, self._records = report_of(stored), stored.run, stored.records
         self._query_times = query_times_text(stored.records)
         gates = () if self._waiting else self.settings.gate
         verdicts = decide_on(gates, stored, self.report, gates_from(self.config))
@@ -182,6 +184,10 @@ class RunEnd:
         self.lines += summary_lines(self.report, paths, films)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(self.report, paths)
+        if self.settings.compare is not None and self._run is not None:
+            from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
+
+            self.lines += comparison_at_the_end(self.settings.compare, folder, self._run, here)
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
         self.lines += gate_lines(self._verdicts, self._replay)

@@ -89,7 +89,42 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
         lines.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
     lines += substrate_lines(comparison.substrate)
     lines += _difference_lines(comparison.differences)
-    lines += ["", _run_row("rank", "open", "run", "Base", "Dynamic", "change [95%]", "95% by task", "lost")]
+    lines += ["", *_run_rows(comparison)]
+    lines.append(OPEN_RANKS)
+    lines += ["", *_contrast_lines("Dynamic success", comparison.contrasts)]
+    lines += ["", *_contrast_lines("Base success", comparison.base_contrasts)]
+    lines += ["", *_contrast_lines("Paired change", comparison.change_contrasts)]
+    lines += ["", *_event_lines(comparison.by_event)]
+    lines += ["", *_profile_lines(comparison)]
+    return [*lines, "", *_flip_lines(comparison, changed)]
+
+
+def short_lines(comparison: Comparison, flips: int = 5) -> list[str]:
+    """Render the end of a run that is compared with an earlier one: rates, Dynamic success, changed cases.
+
+    Args:
+        comparison: Of two runs, the earlier one first.
+        flips: Number of changed cases to list.
+    """
+    changed = len(comparison.flips)
+    more = shlex.join(["libero-max", "compare", *(run.name for run in comparison.runs)])
+    comparison = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
+    first, second = (
+        f"{run.name} ({run.policy['name']})" if run.policy else run.name for run in comparison.runs
+    )
+    return [
+        f"{second} against {first}, on {comparison.pairs.common} common cases",
+        *_difference_lines(comparison.differences),
+        *_run_rows(comparison),
+        *_contrast_lines("Dynamic success", comparison.contrasts),
+        *_flip_lines(comparison, changed)[: 1 + flips],
+        f"More: {more}",
+    ]
+
+
+def _run_rows(comparison: Comparison) -> list[str]:
+    runs = comparison.runs
+    lines = [_run_row("rank", "open", "run", "Base", "Dynamic", "change [95%]", "95% by task", "lost")]
     lines += [
         _run_row(
             rank_text(run),
@@ -103,13 +138,7 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
         )
         for run in sorted(runs, key=lambda run: run.rank or len(runs) + 1)
     ]
-    lines.append(OPEN_RANKS)
-    lines += ["", *_contrast_lines("Dynamic success", comparison.contrasts)]
-    lines += ["", *_contrast_lines("Base success", comparison.base_contrasts)]
-    lines += ["", *_contrast_lines("Paired change", comparison.change_contrasts)]
-    lines += ["", *_event_lines(comparison.by_event)]
-    lines += ["", *_profile_lines(comparison)]
-    return [*lines, "", *_flip_lines(comparison, changed)]
+    return lines
 
 
 def with_short_names(comparison: Comparison) -> Comparison:

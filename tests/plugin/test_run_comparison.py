@@ -1,0 +1,51 @@
+"""One run after another: numbered output folders, and the comparison with the run before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Run = Callable[..., pytest.RunResult]
+
+FIRST, SECOND = "libero-max-results-0001", "libero-max-results-0002"
+NUMBERED = ("-k", "camera_shift", "--libero-max-output=auto", "--libero-max-compare=last")
+
+
+def test_folders_are_numbered_and_each_run_is_compared_with_the_one_before(
+    run: Run, pytester: pytest.Pytester
+) -> None:
+    result = run(*NUMBERED)
+    result.stdout.fnmatch_lines([f"No comparison: there is no other complete run*beside {FIRST}."])
+    result = run(*NUMBERED, "-n", "1", subprocess=True)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(
+        [
+            f"{SECOND} (reacher) against {FIRST} (reacher), on 2 common cases",
+            f"*{FIRST} *0.0%*0.0%*",
+            "Dynamic success, second against first *",
+            "No case changed.",
+            f"More: libero-max compare {FIRST} {SECOND}",
+        ]
+    )
+    assert sorted(path.name for path in pytester.path.glob("libero-max-results*")) == [FIRST, SECOND]
+
+
+def test_resuming_goes_on_in_the_last_folder(run: Run, pytester: pytest.Pytester) -> None:
+    for _ in range(2):
+        run(*NUMBERED)
+    last = Path(SECOND, "pairs.jsonl")
+    last.write_bytes(b"".join(last.read_bytes().splitlines(keepends=True)[:2]))
+    result = run(*NUMBERED, "--libero-max-resume")
+    result.stdout.fnmatch_lines(["*2 of 2 planned pairs played", f"{SECOND} (reacher) against {FIRST}*"])
+    assert not Path("libero-max-results-0003").exists()
+
+
+def test_a_run_of_other_cases_is_no_last_one_and_cannot_be_named(run: Run) -> None:
+    run("-k", "target_relocation", "--libero-max-output=auto")
+    result = run(*NUMBERED)
+    result.stdout.fnmatch_lines([f"No comparison: there is no other complete run*beside {SECOND}."])
+    result = run(*NUMBERED[:2], f"--libero-max-compare={FIRST}")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines([f"No comparison with {FIRST}: The runs have no measured case in common*"])
