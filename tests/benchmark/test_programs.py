@@ -94,6 +94,8 @@ def entry(**fields: Any) -> dict[str, Any]:
         (arm(repetition=-1), r"repetition=-1, but must be an integer of at least 0"),
         (arm(cadence={"query_interval": 0}), "query_interval=0 and horizon=0, but 1 <= Q <= H"),
         (arm(cadence={"query_interval": 4, "horizon": 2}), "but 1 <= Q <= H"),
+        (arm(latency="200ms"), r"latency='200ms', but must be steps, for example 4steps"),
+        (arm(name="dynamic", latency="4steps"), "Base and Dynamic share their prefix"),
         (arm(schedule={}), r"arms\[0\]\.schedule={}, but must be a list of entries"),
         (entry(trigger="evnt"), r"schedule\[0\]\.trigger must be a JSON object, not str"),
         (entry(trigger={"typ": "at_start"}), r"trigger\.type=None, but must be a non-empty string"),

@@ -27,6 +27,7 @@ RESET = {
     "arms": [{"name": "reset", "schedule": [{"trigger": {"type": "at_start"}, "change": "event"}]}],
 }
 SLOWER = {"name": "slower", "arms": [{"name": "base_q8", "cadence": {"query_interval": 8}}]}
+LATE = {"name": "late", "arms": [{"name": "base_late", "latency": "2steps,sync"}]}
 LATER = {
     "name": "later",
     "arms": [
@@ -225,3 +226,13 @@ def test_a_study_is_of_cases_without_a_program(pytester: pytest.Pytester, run: R
     done = run("--libero-max-study=camera-timing")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
     assert "these are of cases with a program: camera_shift (1 case)" in done.stdout.str() + done.stderr.str()
+
+
+def test_an_arm_of_a_program_has_a_latency_of_its_own(play: Run, results: Results) -> None:
+    play(LATE)
+    record, _ = results()[0]
+    assert record["arms"]["base_late"]["latency"] == "2steps,sync"
+    assert "latency" not in record["arms"]["base"]
+    play(LATE, "--libero-max-latency=3steps")
+    record, _ = results()[0]
+    assert [arm["latency"] for arm in record["arms"].values()] == ["3steps", "3steps", "2steps,sync"]

@@ -93,6 +93,20 @@ def test_the_replay_command_plays_one_case_of_that_run() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("study", "option"),
+    [
+        ({"name": "cadence", "settings": "2,4"}, "--libero-max-cadence=2,4"),
+        ({"name": "latency", "settings": "2,4sync"}, "--libero-max-delays=2,4sync"),
+    ],
+)
+def test_the_replay_command_names_latency_and_settings(study: Json, option: str) -> None:
+    protocol = {"prefix": "fork", "noise_floor": None, "latency": "4steps,sync", "study": study}
+    command = replay_command(_run(ALWAYS, protocol=protocol))
+    assert "--libero-max-latency=4steps,sync" in command
+    assert option in command
+
+
 def test_the_replay_command_of_a_policy_behind_a_server_names_its_profile() -> None:
     policy = {
         "reference": "openpi://host:8000",
