@@ -31,6 +31,23 @@ def test_one_profile_is_explained_with_the_commands_that_use_it(capsys: pytest.C
     assert "Suites: libero_goal." in capsys.readouterr().out
 
 
+WITH_AN_ADAPTER = ("served", "wrapped", "cosmos_policy", "fastwam", "lightwam", "smolvla", "molmoact2")
+"""Behind a server that its user writes, like the three whose authors have none, or one that is refused."""
+
+
+@pytest.mark.parametrize("name", profile_names())
+def test_a_profile_says_how_its_server_is_started(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["profiles", name]) == 0
+    first, *comment, _, check, play = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"{name}: ") or first == name
+    assert (check.split()[:2], play.split()[0]) == (["libero-max", "check"], "pytest")
+    if name in (*WITH_AN_ADAPTER, "xiaomi_robotics_0", "mimic_video", "himem_wam"):
+        return
+    commands = [line for line in comment if line.startswith("    ")]
+    other = name.startswith("openvla_oft_") or "how it is started is in" in " ".join(comment)
+    assert commands or other
+
+
 def test_a_profile_of_ones_own_is_explained_and_a_wrong_name_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -149,7 +149,10 @@ def test_the_digest_is_that_of_what_is_asked_and_not_of_where(tmp_path: Path) ->
 
 def test_the_page_lists_every_profile_with_its_protocol() -> None:
     page = (profiles.FOLDER.parent / "README.md").read_text(encoding="utf-8")
-    listed = {name: scheme for scheme, name in re.findall(r"\| `([a-z0-9-]+)://` \| `(\w+)` \|", page)}
+    listed = {
+        name: scheme
+        for scheme, name in re.findall(r"\| `([a-z0-9-]+)://` \| (?:\*\*)?`(\w+)`(?:\*\*)? \|", page)
+    }
     assert listed == {name: load_profile(name).protocol for name in profile_names()}
 
 
