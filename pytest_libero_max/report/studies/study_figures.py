@@ -150,15 +150,18 @@ def _plot(
             text(_LEFT - 8, _up(tick / 100) + 4, f"{tick}%", "end", 11, MUTED),
         ]
     for place, words in ticks:
-        shapes.append(text(_across(place), _ABOVE + _HEIGHT + 18, words, "middle", 11, MUTED))
-    shapes.append(text(_LEFT + _WIDTH / 2, _ABOVE + _HEIGHT + 40, axis, "middle", 12, MUTED))
+        for number, part in enumerate(words.split(" (")):
+            shown = part if number == 0 else f"({part}"
+            y = _ABOVE + _HEIGHT + 18 + 14 * number
+            shapes.append(text(_across(place), y, shown, "middle", 11, MUTED))
+    shapes.append(text(_LEFT + _WIDTH / 2, _ABOVE + _HEIGHT + 52, axis, "middle", 12, MUTED))
     for index, series in enumerate(lines):
         shapes += _series(series, 4.0 * index)
         shapes += [
             circle(_LEFT + 90 * index + 6, 14, 5, series.color),
             text(_LEFT + 90 * index + 16, 18, series.name),
         ]
-    return document(_LEFT + _WIDTH + 120, _ABOVE + _HEIGHT + 52, title, shapes)
+    return document(_LEFT + _WIDTH + 120, _ABOVE + _HEIGHT + 64, title, shapes)
 
 
 def _series(series: Series, aside: float) -> list[str]:

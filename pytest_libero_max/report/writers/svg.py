@@ -18,12 +18,18 @@ ACCENT = "#2b6fd6"
 FONT = "font-family='system-ui, sans-serif'"
 
 
+_HEADING = 30
+"""Height of the title of a document."""
+
+
 def document(width: float, height: float, title: str, shapes: list[str]) -> str:
-    """Return a standalone SVG document with an accessible title."""
+    """Return a standalone SVG document with its title above the shapes."""
+    height += _HEADING
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {_n(width)} {_n(height)}' "
         f"width='{_n(width)}' height='{_n(height)}' role='img'>"
-        f"<title>{escape(printable(title))}</title>" + "".join(shapes) + "</svg>"
+        f"<title>{escape(printable(title))}</title>"
+        f"{text(12, 20, title, size=14)}<g transform='translate(0 {_HEADING})'>{''.join(shapes)}</g></svg>"
     )
 
 
