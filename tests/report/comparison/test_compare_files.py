@@ -68,8 +68,8 @@ def test_the_figure_of_events_has_a_dot_for_every_run(count: int, boxes: int) ->
     comparison = compare_runs(dict(reversed([*_runs(count).items()])))
     figure = event_changes(comparison)
     root = ElementTree.fromstring(figure)
-    assert len(root.findall(f"{SVG}circle")) == count * 8 + count  # and those of the legend
-    assert len(root.findall(f"{SVG}rect")) == boxes
+    assert len([*root.iter(f"{SVG}circle")]) == count * 8 + count  # and those of the legend
+    assert len([*root.iter(f"{SVG}rect")]) == boxes
     first, second = (run.by_event for run in comparison.runs[:2])
     worse = sum((second[event].value or 0) < (first[event].value or 0) for event in first)
     assert worse
@@ -86,7 +86,7 @@ def test_the_quartiles_are_over_the_runs() -> None:
 
 def test_the_figure_of_outcomes_has_bars_as_long_as_the_shares() -> None:
     root = ElementTree.fromstring(outcome_shares(THREE))
-    bars = [float(bar.attrib["width"]) for bar in root.findall(f"{SVG}rect")][4:]
+    bars = [float(bar.attrib["width"]) for bar in root.iter(f"{SVG}rect")][4:]
     assert len(bars) == 3 * 4
     for run, start in zip(plain(THREE)["runs"], range(0, 12, 4), strict=True):
         whole = sum(bars[start : start + 4])

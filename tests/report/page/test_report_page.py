@@ -116,9 +116,11 @@ def test_an_arrow_goes_from_base_to_dynamic() -> None:
     records = [record_of(pair, True, index % 2 == 0) for index, pair in enumerate(pairs)]
     root = ElementTree.fromstring(FIGURES["base-to-dynamic"](build_report(records, [], pairs, PROVENANCE)))
     lines = [
-        shape.attrib for shape in root if shape.tag.endswith("line") and shape.attrib["stroke-width"] != "1"
+        shape.attrib
+        for shape in root.iter()
+        if shape.tag.endswith("line") and shape.attrib["stroke-width"] != "1"
     ]
-    rings = [float(shape.attrib["cx"]) for shape in root if shape.tag.endswith("circle")]
+    rings = [float(shape.attrib["cx"]) for shape in root.iter() if shape.tag.endswith("circle")]
     assert [float(line["x1"]) for line in lines] == rings == [640.0, 640.0]
     assert [float(line["x2"]) for line in lines] == [430.0, 430.0]
 
