@@ -448,8 +448,10 @@ def _hit_obstacle(seen: _Seen) -> str | None:
 
 
 def _moved_goal(seen: _Seen) -> str | None:
-    """The robot moved the destination 5 cm or more, or knocked it over."""
+    """The robot grasped the object, and moved the destination 5 cm or more, or knocked it over."""
     row, stages, place = seen.row, seen.stages, seen.row.place or ""
+    if row.grasp_step is None:
+        return None
     for name, step, way in zip(*(stages[key] for key in ("moved", "moved_step", "moved_m")), strict=True):
         toppled = name in stages["toppled"]
         if (place == name or place.startswith(f"{name}_")) and (toppled or way >= _PUSHED_M):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
@@ -217,3 +218,13 @@ def test_a_failure_in_base_is_named_there_and_said_to_be_old_in_dynamic(
     found = diagnosed(record, "base")
     assert found.cause == cause, found.sentence
     assert diagnosed(record, "dynamic").cause == "already_failing_in_base"
+
+
+def test_a_basket_that_is_pushed_after_a_missed_grasp_is_not_the_cause(substrate: EmbeddedSubstrate) -> None:
+    record = play(Broken(plain, beside_m=0.07), "camera_shift", OBJECT, substrate)
+    base = record.arms["base"]
+    assert base.probes is not None
+    later = {"moved": ["basket_1"], "moved_step": [200], "moved_m": [0.08]}
+    pushed = structs.replace(base, probes={"stages": {**base.probes["stages"], **later}})
+    found = diagnosed(structs.replace(record, arms={**record.arms, "base": pushed}), "base")
+    assert found.cause == "grasp_missed", found.sentence
