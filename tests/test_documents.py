@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import re
 from pathlib import Path
 
@@ -128,8 +129,11 @@ def _imported(source: str) -> list[str]:
 
 
 def _is_public(name: str) -> bool:
-    """True for a name of the façade, and for one of a module that is such a name."""
+    """True for a name of the façade, and for one of a module that is such a name or needs an extra."""
     _, *path = name.split(".")
+    if path[0] == "gym":
+        pytest.importorskip("gymnasium", reason="the extra gym")
+        return path[1] in importlib.import_module("pytest_libero_max.gym").__all__
     value: object = pytest_libero_max
     for part in path:
         if part not in getattr(value, "__all__", ()):

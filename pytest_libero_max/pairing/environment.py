@@ -1,12 +1,13 @@
 """One arm of a case as an environment for other people's loops: Gymnasium's ``reset`` and ``step``.
 
-Gymnasium need not be installed. The environment has no spaces and no vector form; it is the rollout that the
-runner plays, asked for one action at a time.
+Gymnasium need not be installed. The environment has no spaces and no vector form, which
+:mod:`pytest_libero_max.gym` adds; it is the rollout that the runner plays, given one action at a time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
-from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.errors import ActionError, AdapterError, ProtocolError
 from pytest_libero_max.events.schedules import BASE, Arm
 from pytest_libero_max.pairing.probes.probe import Probes
 from pytest_libero_max.pairing.probes.standard import STANDARD
 from pytest_libero_max.pairing.rollout import Rollout, RolloutResult
 from pytest_libero_max.pairing.stage import Stage
+from pytest_libero_max.policies.check import check_actions
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
-from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, World
+from pytest_libero_max.worlds.contract import Observation, World
 
 Info = dict[str, Any]
 
@@ -44,20 +46,27 @@ class _Outside:
         raise AdapterError("the actions of an environment come from its step(action), not from a policy.")
 
 
+_ANY = PolicySpec("outside")
+
+
 class ArmEnv:
     """An arm of a case that is stepped from outside, shaped like ``gymnasium.Env``.
 
-    The actions lead to the states, the proof and the results of the same actions in the runner. Play Base
-    and Dynamic one after the other: with the same actions, ``info["proof"]`` is equal up to the event.
+    The actions lead to the states, the proof and the results of the same actions in the runner. With the
+    result of ``base`` the arm has the executed prefix of Base: until its first event, Base's actions are
+    executed and proved to lead to Base's states, and the given ones are compared with them.
 
     Args:
         case: The case.
         world: A world of its scene, in any state.
         arm: The arm; Base unless given.
-        cameras: Images of the observation.
-        image_size: Their side, or height and width, pixels.
-        control: Meaning of the actions.
+        spec: Cameras, image size and control, and the ``query_interval`` Q (execution horizon, replan steps)
+            at which whoever steps it asks the policy, from the first step on.
         probes: The probes that read it.
+        base: The ended Base rollout of the case.
+
+    Attributes:
+        differing: Steps of the executed prefix at which another action was given than Base executed.
 
     Raises:
         AdapterError: The arm has a latency.
@@ -71,21 +80,19 @@ class ArmEnv:
         case: Case,
         world: World,
         arm: Arm | None = None,
-        cameras: tuple[str, ...] = CAMERAS,
-        image_size: ImageSize = 256,
-        control: Control = "delta",
+        spec: PolicySpec = _ANY,
         probes: Probes = STANDARD,
+        base: RolloutResult | None = None,
     ) -> None:
-        spec = PolicySpec(
-            "outside", cameras=cameras, image_size=image_size, control=control, repeatable=False
-        )
         self._arm = Arm(BASE) if arm is None else arm
         if self._arm.latency != NO_LATENCY:
             raise AdapterError(
                 f"latency={self._arm.latency} of arm {self._arm.name!r}, but whoever steps an environment "
                 "decides how late its actions are. Leave the latency out."
             )
-        self._stage = Stage(case, world, _Outside(spec), probes=probes)
+        self._stage = Stage(case, world, _Outside(replace(spec, repeatable=False)), probes=probes)
+        self._base = base
+        self.differing: list[int] = []
         self._rollout: Rollout | None = None
         self._result: RolloutResult | None = None
 
@@ -111,10 +118,16 @@ class ArmEnv:
 
         Returns:
             LIBERO's observation, and the info of :meth:`step`.
+
+        Raises:
+            ProtocolError: The episode begins in another state than Base.
         """
         self._result = None
+        self.differing = []
         self._rollout = Rollout.start(self._stage, (self._arm,))
-        self._rollout.due()
+        if self._base is not None and self._rollout.trajectory.first != self._base.trajectory.first:
+            raise self._elsewhere(0)
+        self._rollout.let_happen()
         return self._rollout.observed(), self._info(self._rollout, 0)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
@@ -131,14 +144,23 @@ class ArmEnv:
 
         Raises:
             ActionError: The action cannot be played.
-            ProtocolError: The episode has not begun, or has ended.
+            ProtocolError: The episode has not begun, or has ended; or an action of the executed prefix led to
+                another state than in Base.
         """
         rollout = self._rollout
         if rollout is None or self._result is not None:
             raise ProtocolError("no episode is running. Call reset() first.")
         fired = len(rollout.trajectory.firings)
-        rollout.answer(action)
-        if rollout.due() is None:
+        try:
+            given = check_actions(action, replace(self._stage.spec, horizon=1, query_interval=1))
+        except ActionError as error:
+            raise error.within(f"step {rollout.trajectory.step}") from error
+        shared = self._base is not None and not fired
+        rollout.execute(self._of_base(rollout.trajectory.step, given) if shared else given[0])
+        if shared:
+            self._require_shared(rollout)
+        rollout.let_happen()
+        if not rollout.running:
             self._result = rollout.result()
             self._stage.require_untouched()
         done, success = self._result is not None, rollout.success
@@ -147,6 +169,27 @@ class ArmEnv:
 
     def close(self) -> None:
         """Do nothing: the world belongs to the caller."""
+
+    def _of_base(self, step: int, given: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the (7,) action that Base executed, after comparing it with the given one."""
+        assert self._base is not None
+        executed = self._base.trajectory.executed[step].action
+        if given.tobytes() != executed.tobytes():
+            self.differing.append(step)
+        return executed
+
+    def _require_shared(self, rollout: Rollout) -> None:
+        assert self._base is not None
+        step = rollout.trajectory.step
+        if rollout.trajectory.link != self._base.trajectory.executed[step - 1].link:
+            raise self._elsewhere(step)
+
+    def _elsewhere(self, step: int) -> ProtocolError:
+        return ProtocolError(
+            f"{self._stage.case.item_id}: after step {step} of the executed prefix the world of arm "
+            f"{self._arm.name!r} is another than in Base, so the arms are not comparable. The simulation "
+            "does not repeat itself on this machine, or something else writes to the world."
+        )
 
     def _info(self, rollout: Rollout, fired: int) -> Info:
         trajectory = rollout.trajectory

@@ -216,6 +216,26 @@ class Rollout:
             raise error.within(f"query {index} at step {step}") from error
         self._take(QueryResult(index, step, checked, notes))
 
+    def execute(self, action: NDArray[np.float64]) -> None:
+        """Execute one action of a loop that keeps the queue itself; call :meth:`let_happen` before and after.
+
+        A query counts as made at the first of every Q actions.
+
+        Args:
+            action: (7,), checked.
+        """
+        trajectory, step = self.trajectory, self.trajectory.step
+        if not trajectory.queued:
+            chunk = np.tile(action, (trajectory.query_interval, 1))
+            self._take(QueryResult(len(trajectory.queries), step, chunk))
+        else:
+            last = trajectory.queries[-1]
+            chunk = last.actions.copy()
+            chunk[step - last.step :] = action
+            queries = (*trajectory.queries[:-1], replace(last, actions=chunk))
+            self.trajectory = replace(trajectory, queries=queries)
+        self._execute()
+
     # Driving it with the policy of the stage.
 
     def ask(self) -> None:

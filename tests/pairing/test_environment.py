@@ -13,9 +13,12 @@ from pytest_libero_max.errors import ActionError, ProtocolError
 from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.pairing.environment import ArmEnv
 from pytest_libero_max.pairing.runner import measure_pair
+from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 
 from .actors import Approaching, Solvable, make_case
+
+BLIND = PolicySpec("outside", horizon=5, query_interval=4, cameras=())
 
 
 @pytest.fixture
@@ -46,14 +49,14 @@ def test_an_environment_is_the_arm_that_the_runner_plays(worlds: list[TinyWorld]
     record = pair.record
     assert pair.dynamic is not None
     base_arm, dynamic_arm = arms_of(case)
-    base = ArmEnv(case, worlds[1], base_arm, cameras=())
-    dynamic = ArmEnv(case, worlds[2], dynamic_arm, cameras=())
+    base = ArmEnv(case, worlds[1], base_arm, BLIND)
+    dynamic = ArmEnv(case, worlds[2], dynamic_arm, BLIND)
     with pytest.raises(ProtocolError, match="no episode is running"):
         base.step(np.zeros(7))
     for env, rollout in ((base, pair.base), (dynamic, pair.dynamic)):
         events, proofs = stepped(env, rollout.actions)
         assert env.result.proof == proofs[-1] == rollout.proof
-        assert env.result.probes["approach"] == rollout.probes["approach"]
+        assert env.result.probes == rollout.probes
         assert [event["step"] for event in events] == [firing.step for firing in rollout.firings]
         if events:
             assert events[0]["evidence"] == record.evidence
@@ -64,7 +67,7 @@ def test_an_environment_is_the_arm_that_the_runner_plays(worlds: list[TinyWorld]
 
 def test_an_environment_shows_what_was_asked_for_and_ends_with_success() -> None:
     world = Solvable(lambda world: world.steps >= 13)
-    env = ArmEnv(make_case(), world, cameras=("agentview",), image_size=16)
+    env = ArmEnv(make_case(), world, spec=PolicySpec("outside", cameras=("agentview",), image_size=16))
     observation, info = env.reset()
     assert observation["agentview_image"].shape == (16, 16, 3)
     assert info["instruction"] == world.language

@@ -54,7 +54,9 @@ other name, and every other module, is internal and may move.
 
 ## `pytest_libero_max`
 
-Nothing heavy is imported before a name is used. For adapters, and for playing and reading pairs in Python:
+Nothing heavy is imported before a name is used. `pytest_libero_max.gym`, which needs the extra `gym`, is
+public too and [described apart](../fixtures/runners/README.md). For adapters, and for playing and reading
+pairs in Python:
 
 {_table((name, public[name]) for name in used)}
 

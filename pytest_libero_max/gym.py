@@ -1,0 +1,352 @@
+"""Gymnasium environments of the pairs of a run, for evaluation loops of others; the extra ``gym``.
+
+A run hands out an environment for each case and arm, and writes the record of a pair when both arms have
+ended, into a ``pairs.jsonl`` that ``libero-max report``, ``compare``, ``gate`` and ``film`` read::
+
+    run = PairedRun("results", PolicySpec("my_policy", horizon=10, query_interval=5), "lite", limit=100)
+    for case in run.cases:
+        for arm in run.arms(case):
+            env = run.env(case, arm)
+            observation, info = env.reset()
+            ...
+"""
+
+from __future__ import annotations
+
+import atexit
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import SyncVectorEnv
+from numpy.typing import ArrayLike
+
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.order import Order
+from pytest_libero_max.benchmark.sampling import stratified
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.errors import LiberoMaxError, ProtocolError, did_you_mean
+from pytest_libero_max.events.registry import check_cases
+from pytest_libero_max.events.schedules import BASE, Arm, arms_of
+from pytest_libero_max.pairing.environment import ArmEnv, Info
+from pytest_libero_max.pairing.record import ArmRecord, PairError, PairRecord
+from pytest_libero_max.pairing.rollout import RolloutResult
+from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
+from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.provenance import collect
+from pytest_libero_max.runs.store import PairStore
+from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
+from pytest_libero_max.substrates.registry import DEFAULT, describe_substrate, open_substrate, scores_of
+from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World, height_and_width
+
+_STATE = {
+    "robot0_eef_pos": 3,
+    "robot0_eef_quat": 4,
+    "robot0_gripper_qpos": 2,
+    "robot0_gripper_qvel": 2,
+    "robot0_joint_pos": 7,
+    "robot0_joint_vel": 7,
+}
+
+
+class PairedRun:
+    """A run whose pairs are played by somebody else's loop, in one process and one thread.
+
+    A run that was ended early goes on where it was: give the same arguments again.
+
+    Args:
+        folder: Output folder of the run.
+        policy: The policy as its records name it: cameras and image size of the observations, H (chunk size)
+            and Q (execution horizon, replan steps: each answer's first Q actions are executed). With
+            ``repeatable`` its answers in Dynamic's executed prefix must be those in Base, or the pair is an
+            error.
+        cases: A track, or a manifest.
+        limit: At most so many cases of it, spread evenly; None: all.
+        substrate: Name of the substrate.
+        options: Its options.
+
+    Attributes:
+        cases: The cases that are to be played, in the order of play.
+
+    Raises:
+        ReportError: The folder holds another run.
+        OptionError: The folder cannot be written to, or another run is in progress in it.
+        ManifestError: The track is unknown.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        policy: PolicySpec,
+        cases: str | Manifest = "smoke",
+        limit: int | None = None,
+        substrate: str = DEFAULT,
+        options: SubstrateOptions | None = None,
+    ) -> None:
+        manifest = load_track(cases) if isinstance(cases, str) else cases
+        check_cases(manifest.cases)
+        planned = Order().of(manifest.cases if limit is None else stratified(manifest.cases, limit))
+        provenance = collect(
+            policy={"reference": policy.name, "code": "outside", "horizon": None, "query_interval": None},
+            substrate=describe_substrate(substrate, options),
+            scores=scores_of(substrate),
+            case_set={
+                "name": cases if isinstance(cases, str) else manifest.digest[:12],
+                "digest": manifest.digest,
+                "limit": limit,
+            },
+            protocol={"prefix": "replay", "noise_floor": None},
+            command=sys.argv,
+        )
+        self._store, stored = PairStore.resume(Path(folder), Run.of(planned, provenance))
+        measured = frozenset[str]() if stored is None else stored.measured
+        self.policy = policy
+        self.cases = tuple(
+            case for case in planned if case.case_id not in measured and policy.supports(case.suite)
+        )
+        self._left = {case.case_id for case in self.cases}
+        self._begun: dict[str, tuple[str, dict[str, str]]] = {}
+        self._ended: dict[str, dict[str, RolloutResult]] = {}
+        self._open: Callable[[], Substrate] = lambda: open_substrate(substrate, options)
+        self._substrates: dict[int, Substrate] = {}
+        self._playing: dict[int, ArmOfRun] = {}
+        atexit.register(self.close)
+
+    def arms(self, case: Case) -> tuple[str, ...]:
+        """Return the names of the arms of a case, in the order in which they are to be played: Base first."""
+        return tuple(arm.name for arm in arms_of(case))
+
+    def env(self, case: Case, arm: str = BASE, place: int = 0) -> ArmOfRun:
+        """Return the environment of an arm of a case. Environments of the same place are played in turn.
+
+        Args:
+            case: One of :attr:`cases`.
+            arm: Name of one of its arms.
+            place: Number of the set of worlds; environments that are played at once have different ones.
+
+        Raises:
+            ProtocolError: The case has no such arm.
+        """
+        arms = {each.name: each for each in arms_of(case)}
+        if arm not in arms:
+            raise ProtocolError(f"{case.item_id} has no arm {arm!r}. {did_you_mean(arm, arms)}")
+        return ArmOfRun(self, case, arms[arm], place)
+
+    def vector(self, cases: Sequence[Case], arm: str = BASE) -> SyncVectorEnv:
+        """Return one arm of several cases as a vector environment, each with a world of its own."""
+        return SyncVectorEnv(
+            [lambda case=case, place=place: self.env(case, arm, place) for place, case in enumerate(cases)]
+        )
+
+    def close(self) -> None:
+        """Close the worlds and end the run; done when the last pair has ended, and at the end of Python."""
+        atexit.unregister(self.close)
+        for substrate in self._substrates.values():
+            substrate.close()
+        self._substrates.clear()
+        self._playing.clear()
+        self._store.close()
+
+    # For the environments.
+
+    def _begin(self, env: ArmOfRun) -> tuple[World, RolloutResult | None]:
+        """Return the world of an arm and the Base rollout that it shares its prefix with."""
+        base = self._ended.get(env.case.case_id, {}).get(BASE)
+        if env.arm.name != BASE and base is None:
+            raise ProtocolError(
+                f"{env.case.item_id}: arm {env.arm.name!r} shares the executed prefix of Base, which has not "
+                "been played to its end by this run. Play Base first."
+            )
+        if env.place not in self._substrates:
+            self._substrates[env.place] = self._open()
+        self._playing[env.place] = env
+        return self._substrates[env.place].world(env.case), None if env.arm.name == BASE else base
+
+    def _require_playing(self, env: ArmOfRun) -> None:
+        if self._playing.get(env.place) is not env:
+            raise ProtocolError(
+                f"{env.case.item_id}: another environment has been reset in the same world meanwhile. Play "
+                "one episode to its end before the next, or give environments different places."
+            )
+
+    def _fingerprints(self, env: ArmOfRun, world: World) -> dict[str, str]:
+        return {
+            **self._substrates[env.place].fingerprint(),
+            **scene_fingerprints(world, env.case.init_state_index),
+            "adapter": "outside",
+        }
+
+    def _failed(self, case: Case, error: LiberoMaxError, phase: str) -> None:
+        if case.case_id in self._left:
+            self._store.append(PairError.of(case, error, phase))
+
+    def _end(self, env: ArmOfRun, result: RolloutResult) -> None:
+        """Take in an arm that has ended; write the record when it was the last one of its pair."""
+        case, arms = env.case, arms_of(env.case)
+        if case.case_id not in self._left:
+            return
+        rollouts = self._ended.setdefault(case.case_id, {})
+        rollouts[env.arm.name] = result if result.firings or env.arm.name == BASE else rollouts[BASE]
+        if env.differing and self.policy.repeatable:
+            self._failed(case, _differs(env, self.policy), env.arm.name)
+        elif len(rollouts) == len(arms):
+            rollouts = {arm.name: rollouts[arm.name] for arm in arms}
+            instruction, fingerprints = self._begun.pop(case.case_id)
+            played = {arm.name: ArmRecord.of(arm, rollouts) for arm in arms}
+            self._store.append(PairRecord.of(case, instruction, played, self.policy, fingerprints, {}))
+        else:
+            return
+        del self._ended[case.case_id]
+        self._left.remove(case.case_id)
+        if not self._left:
+            self.close()
+
+
+class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
+    """One arm of a case. Its actions are LIBERO's: movement (3), rotation (3) and gripper, -1 to 1.
+
+    The infos are those of :class:`~pytest_libero_max.ArmEnv` without ``probes``, with ``arm`` and
+    ``is_success``. An arm that is
+    played again, after its pair has been written, is not written again.
+
+    Attributes:
+        case: The case.
+        arm: The arm.
+        place: Number of the set of worlds.
+        task_description: The instruction; empty before the first reset.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - Gymnasium's
+    render_mode = "rgb_array"
+
+    def __init__(self, run: PairedRun, case: Case, arm: Arm, place: int) -> None:
+        self.case, self.arm, self.place = case, arm, place
+        self.task = self.task_description = ""
+        self._run, self._max_episode_steps = run, case.budget
+        self._env: ArmEnv | None = None
+        self._seen: Observation = {}
+        shape = (*height_and_width(run.policy.image_size), 3)
+        images = {f"{name}_image": spaces.Box(0, 255, shape, np.uint8) for name in run.policy.cameras}
+        state = {name: spaces.Box(-np.inf, np.inf, (size,), np.float64) for name, size in _STATE.items()}
+        self.observation_space = spaces.Dict({**state, **images})
+        bound = 1.0 if run.policy.control == "delta" else np.inf
+        self.action_space = spaces.Box(-bound, bound, (ACTION_DIM,), np.float64)
+
+    @property
+    def differing(self) -> tuple[int, ...]:
+        """Steps of the executed prefix at which the given action was another one than Base's."""
+        return () if self._env is None else tuple(self._env.differing)
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin the episode, in the world as the case fixes it; see :meth:`ArmEnv.reset`.
+
+        Raises:
+            ProtocolError: Base has not been played to its end before this arm.
+            SubstrateError: The substrate cannot build the case.
+        """
+        run, case = self._run, self.case
+        world, base = run._begin(self)
+        try:
+            fingerprints = run._fingerprints(self, world) if base is None else {}
+            self._env = ArmEnv(case, world, self.arm, run.policy, base=base)
+            self._seen, info = self._env.reset()
+        except LiberoMaxError as error:
+            run._failed(case, error, self.arm.name)
+            raise
+        self.task = self.task_description = info["instruction"]
+        if base is None:
+            run._begun[case.case_id] = (self.task_description, fingerprints)
+        return self._seen, self._with(info, False)
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
+        """Execute one action, or that of Base in the executed prefix; see :meth:`ArmEnv.step`.
+
+        Raises:
+            ActionError: The action cannot be played.
+            ProtocolError: No episode is running, or the executed prefix differs from Base's.
+        """
+        self._run._require_playing(self)
+        assert self._env is not None
+        try:
+            self._seen, reward, terminated, truncated, info = self._env.step(action)
+        except LiberoMaxError as error:
+            self._run._failed(self.case, error, self.arm.name)
+            raise
+        if terminated or truncated:
+            self._run._end(self, self._env.result)
+        self.task_description = info["instruction"]
+        return self._seen, reward, terminated, truncated, self._with(info, terminated)
+
+    def render(self) -> Any:
+        """Return the image of the first camera, upright; None for a policy without cameras."""
+        cameras = self._run.policy.cameras
+        return self._seen[f"{cameras[0]}_image"][::-1] if cameras and self._seen else None
+
+    def _with(self, info: Info, success: bool) -> Info:
+        kept = {name: value for name, value in info.items() if name != "probes"}  # vectors refuse their None
+        return {**kept, "arm": self.arm.name, "is_success": success}
+
+
+class LiberoLoop:
+    """An arm behind the methods of LIBERO's ``OffScreenRenderEnv``, for loops written for it.
+
+    The first ten steps after :meth:`set_init_state` are taken for the loop's own waiting steps and not
+    executed: the world has settled already.
+
+    Args:
+        env: The arm.
+    """
+
+    def __init__(self, env: ArmOfRun) -> None:
+        self._env, self._waits = env, 0
+        self._seen: Observation = {}
+
+    @property
+    def task_description(self) -> str:
+        """The instruction of the policy, after :meth:`reset`."""
+        return str(self._env.task_description)
+
+    def seed(self, seed: int) -> None:
+        """Do nothing: the case fixes everything."""
+
+    def reset(self) -> Observation:
+        """Begin the episode and return the observation."""
+        self._waits = SETTLE_STEPS
+        self._seen, _ = self._env.reset()
+        return self._seen
+
+    def set_init_state(self, state: object = None) -> Observation:
+        """Return the observation of the case's initial state, which :meth:`reset` has set."""
+        return self._seen
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, Info]:
+        """Execute one action, after ten that are not; returns observation, reward, done and info."""
+        if self._waits:
+            self._waits -= 1
+            return self._seen, 0.0, False, {}
+        self._seen, reward, terminated, truncated, info = self._env.step(action)
+        return self._seen, reward, terminated or truncated, info
+
+    def close(self) -> None:
+        """Do nothing: the worlds belong to the run."""
+
+
+def _differs(env: ArmOfRun, policy: PolicySpec) -> ProtocolError:
+    steps = env.differing
+    return ProtocolError(
+        f"{env.case.item_id}: policy {policy.name!r} answered differently in arm {env.arm.name!r} at "
+        f"{len(steps)} steps of the executed prefix, at step {steps[0]} first, though it saw what it saw in "
+        "Base. Reset its memory and seed its noise when an episode begins, or declare "
+        "PolicySpec(repeatable=False)."
+    )
+
+
+__all__ = ["ArmOfRun", "LiberoLoop", "PairedRun"]

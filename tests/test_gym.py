@@ -1,0 +1,167 @@
+"""Pairs that are played by other loops, through Gymnasium."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.cli import main
+from pytest_libero_max.errors import ProtocolError
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.runner import play_pair
+from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
+from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.runs.store import read_pairs
+from pytest_libero_max.substrates.registry import open_substrate
+from pytest_libero_max.worlds.contract import Observation
+
+from .pairing.actors import Approaching, make_case
+
+pytest.importorskip("gymnasium", reason="the extra gym")
+
+from pytest_libero_max.gym import ArmOfRun, LiberoLoop, PairedRun
+
+EVENTS = ("camera_shift", "target_relocation")
+NEVER = make_case(distance_m=0.0001, init_state_index=4, case_id="never", record={"case_id": "never"})
+CASES = Manifest("tiny", "1.0.0", {}, (*map(make_case, EVENTS), NEVER))
+
+
+def chunks(policy: Policy, case: Case) -> Callable[[Observation, str], NDArray[np.float64]]:
+    """A client as loops have it: a queue of Q actions, asked for an action at every step."""
+    queue: deque[NDArray[np.float64]] = deque()
+    asked: list[Query] = []
+    step = 0
+
+    def act(observation: Observation, instruction: str) -> NDArray[np.float64]:
+        nonlocal step
+        if not queue:
+            query = Query(len(asked), step, instruction, query_seed(case.policy_seed, len(asked)))
+            asked.append(query)
+            queue.extend(policy.predict(observation, query)[: policy.spec.query_interval])
+        step += 1
+        return queue.popleft()
+
+    policy.reset(Episode(case.suite, case.task_index, "", case.policy_seed, case.budget))
+    return act
+
+
+def play(env: ArmOfRun, policy: Policy) -> None:
+    act, done = chunks(policy, env.case), False
+    observation, info = env.reset(seed=1)
+    while not done:
+        assert env.observation_space.contains(dict(observation))
+        observation, _, terminated, truncated, info = env.step(act(observation, info["instruction"]))
+        done = terminated or truncated
+
+
+def same(record: PairRecord, ours: PairRecord) -> None:
+    assert record.arms == ours.arms
+    assert (record.instruction, record.policy) == (ours.instruction, ours.policy)
+
+
+def test_a_loop_of_ones_own_writes_the_records_of_the_runner(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    policy = Approaching(wait=2, horizon=5, interval=4)
+    run = PairedRun(tmp_path, policy.spec, CASES, substrate="tiny")
+    with pytest.raises(ProtocolError, match="Play Base first"):
+        run.env(run.cases[0], DYNAMIC).reset()
+    with pytest.raises(ProtocolError, match=r"no arm 'dynamik'\. Did you mean 'dynamic'"):
+        run.env(run.cases[0], "dynamik")
+    for arm in (BASE, DYNAMIC):
+        for case in run.cases:
+            play(run.env(case, arm), policy)
+    substrate = open_substrate("tiny")
+    records = read_pairs(tmp_path).records
+    assert [record.trigger_step is not None for record in records].count(True) == len(EVENTS)
+    for case, record in zip(run.cases, records, strict=True):
+        same(record, play_pair(case, substrate.world(case), policy))
+    substrate.close()
+    assert main(["report", str(tmp_path)]) == 0
+    assert (tmp_path / "report.html").exists()
+    assert not PairedRun(tmp_path, policy.spec, CASES, substrate="tiny").cases
+    capsys.readouterr()
+
+
+def test_answers_in_the_prefix_are_compared_and_not_executed(tmp_path: Path) -> None:
+    case = CASES.cases[0]
+    for repeatable in (True, False):
+        policy = Approaching(wait=2)
+        object.__setattr__(policy.spec, "repeatable", repeatable)
+        run = PairedRun(
+            tmp_path / str(repeatable), policy.spec, Manifest("t", "1", {}, (case,)), None, "tiny"
+        )
+        play(run.env(case, BASE), policy)
+        policy.wait = 3
+        dynamic = run.env(case, DYNAMIC)
+        play(dynamic, policy)
+        assert dynamic.differing == (2,)
+        stored = read_pairs(tmp_path / str(repeatable))
+        assert len(stored.records) == (not repeatable)
+        assert ["at 1 steps of the executed prefix, at step 2" in each.message for each in stored.errors] == (
+            [True] * repeatable
+        )
+
+
+def test_a_vector_of_cases_and_two_environments_in_one_world(tmp_path: Path) -> None:
+    policy = Approaching(wait=2)
+    run = PairedRun(tmp_path, policy.spec, CASES, substrate="tiny")
+    for arm in (BASE, DYNAMIC):
+        vector, done = run.vector(run.cases, arm), np.zeros(len(run.cases), dtype=bool)
+        acts = [chunks(policy, case) for case in run.cases]
+        observations, _ = vector.reset()
+        while not done.all():
+            each = [{name: values[i] for name, values in observations.items()} for i in range(len(done))]
+            actions = np.array([act(seen, "") for act, seen in zip(acts, each, strict=True)])
+            observations, _, terminated, truncated, info = vector.step(actions)
+            done |= terminated | truncated
+        assert list(info["arm"]) == [arm] * len(done)
+    substrate = open_substrate("tiny")
+    for case, record in zip(run.cases, read_pairs(tmp_path).records, strict=True):
+        same(record, play_pair(case, substrate.world(case), policy))
+    run = PairedRun(tmp_path / "interleaved", policy.spec, CASES, substrate="tiny")
+    one, other = (run.env(case) for case in CASES.cases[:2])
+    one.reset()
+    other.reset()
+    with pytest.raises(ProtocolError, match="another environment has been reset"):
+        one.step(np.zeros(7))
+    run.close()
+
+
+def libero_loop(env: LiberoLoop, policy: Policy, case: Case) -> bool:
+    """Play an episode as evaluation code for LIBERO does: reset, initial state, ten waiting steps."""
+    act = chunks(policy, case)
+    env.seed(7)
+    env.reset()
+    observation, done = env.set_init_state(None), False
+    for step in range(case.budget + 10):
+        if step < 10:
+            observation, _, done, _ = env.step([0.0] * 6 + [-1.0])
+            continue
+        action = act(observation, "")
+        observation, _, done, _ = env.step(action.tolist())
+        if done:
+            break
+    return done
+
+
+def test_a_loop_written_for_libero_plays_a_pair_on_a_robot(tmp_path: Path) -> None:
+    policy = load_policy("random")
+    policy.spec = type(policy.spec)("random", cameras=())
+    run = PairedRun(tmp_path, policy.spec, load_track("smoke"), limit=1)
+    (case,) = run.cases
+    for arm in run.arms(case):
+        assert libero_loop(LiberoLoop(run.env(case, arm)), policy, case)
+    substrate = open_substrate("embedded")
+    (record,) = read_pairs(tmp_path).records
+    same(record, play_pair(case, substrate.world(case), policy))
+    substrate.close()
