@@ -21,7 +21,17 @@ from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 GROUPS = {
     "Start here": ("doctor", "check", "show", "compare", "gate", "film"),
     "Before a run": ("profiles", "events", "plan", "power", "serve", "launch", "bench"),
-    "During and after runs": ("runs", "view", "watch", "merge", "report", "publish", "recovery", "rerun"),
+    "During and after runs": (
+        "runs",
+        "view",
+        "trend",
+        "watch",
+        "merge",
+        "report",
+        "publish",
+        "recovery",
+        "rerun",
+    ),
     "Training data": ("demos",),
     "Make the benchmark": (
         "catalogue",

@@ -116,16 +116,25 @@ def strength_plot(title: str, study: Camera) -> str:
 
 def sweep_plot(title: str, settings: Sequence[Setting]) -> str:
     """Success in Base and Dynamic at every setting, in the order of the table."""
-    places = [(index + 0.5) / len(settings) for index in range(len(settings))]
-    ticks = list(zip(places, (setting.label for setting in settings), strict=True))
+    return success_plot(
+        f"{title}: success by setting",
+        "setting",
+        [setting.label for setting in settings],
+        [setting.base_success for setting in settings],
+        [setting.dynamic_success for setting in settings],
+    )
+
+
+def success_plot(
+    title: str, axis: str, labels: Sequence[str], base: Sequence[Estimate], dynamic: Sequence[Estimate]
+) -> str:
+    """Success in Base and Dynamic side by side, at each of some places with a label."""
+    places = [(index + 0.5) / len(labels) for index in range(len(labels))]
     lines = [
         Series(name, color, list(zip(places, rates, strict=True)))
-        for name, color, rates in (
-            ("Base", NEUTRAL, [setting.base_success for setting in settings]),
-            ("Dynamic", ACCENT, [setting.dynamic_success for setting in settings]),
-        )
+        for name, color, rates in (("Base", NEUTRAL, base), ("Dynamic", ACCENT, dynamic))
     ]
-    return _plot(f"{title}: success by setting", "setting", ticks, lines)
+    return _plot(title, axis, list(zip(places, labels, strict=True)), lines)
 
 
 def _plot(

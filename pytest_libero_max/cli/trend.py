@@ -1,0 +1,113 @@
+"""``libero-max trend``: several runs in their order, for example of the checkpoints of a training, one line each."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.terminal import say
+from pytest_libero_max.errors import OptionError
+
+if TYPE_CHECKING:
+    from pytest_libero_max.report.comparison.comparison_document import ComparedRun
+
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+
+_HEAD = ("run", "Base [95%]", "Dynamic [95%]", "change [95%]", "lost", "causes of what was lost")
+_CAUSES = 3
+"""Number of causes that are printed; the CSV has all."""
+
+
+def add_command(commands: Commands) -> None:
+    """Add ``trend`` to the parser."""
+    trend = commands.add_parser(
+        "trend",
+        help="Follow success and causes over several runs, for example of checkpoints, in the order given",
+        description="All numbers are over the cases that every run has measured. Intervals are of each run "
+        "alone; libero-max compare has the paired contrasts of two.",
+    )
+    trend.add_argument("folders", type=Path, nargs="+", metavar="RUN", help="Folders of two or more runs")
+    trend.add_argument("--csv", type=Path, metavar="FILE", help="Also write the numbers here")
+    trend.add_argument("--figure", type=Path, metavar="FILE", help="Also draw success by run here, as SVG")
+    trend.set_defaults(run=_trend)
+
+
+def _trend(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+    from pytest_libero_max.report.comparison.compare_text import with_short_names
+    from pytest_libero_max.report.studies.study_figures import success_plot
+    from pytest_libero_max.report.writers.report_files import write_text
+
+    if len(options.folders) < 2:
+        raise OptionError.seen("RUN", options.folders[0], ", but a trend is of two or more runs.")
+    read = read_runs(options.folders)
+    comparison = with_short_names(compare_runs(read, restrict=True))
+    cases = {pair.item_id for pair in common_cases(read, restrict=True).planned}
+    causes = [_causes(folder, cases) for folder in options.folders]
+    pairs = comparison.pairs
+    left_out = [f"{len(ids)} of {name}" for name, ids in pairs.left_out.items() if ids]
+    say(
+        [
+            f"{len(causes)} runs on {pairs.common} common cases"
+            + (f"; left out: {', '.join(left_out)}" if left_out else ""),
+            *_table([_HEAD, *map(_row, comparison.runs, causes)]),
+        ]
+    )
+    if options.csv:
+        _write_csv(options.csv, comparison.runs, causes)
+    if options.figure:
+        names = [run.name for run in comparison.runs]
+        base, dynamic = ([getattr(run, rate) for run in comparison.runs] for rate in _RATES)
+        title = f"Success on {pairs.common} common cases"
+        write_text(options.figure, success_plot(title, "run", names, base, dynamic))
+
+
+_RATES = ("base_success", "dynamic_success")
+
+
+def _causes(folder: Path, cases: set[str]) -> Counter[str]:
+    """Count the causes of the regressions of a run among some cases."""
+    from pytest_libero_max.report.diagnosis import changed_pairs
+    from pytest_libero_max.runs.store import read_pairs
+
+    changed = changed_pairs(record for record in read_pairs(folder).records if record.item_id in cases)
+    return Counter(pair.cause for pair in changed if pair.outcome == "regression")
+
+
+def _row(run: ComparedRun, causes: Counter[str]) -> tuple[str, ...]:
+    from pytest_libero_max.report.formats import count_text, interval_text, percent, points
+
+    rates = (getattr(run, rate) for rate in _RATES)
+    change = run.paired_change
+    return (
+        run.name,
+        *(f"{percent(rate.value)} {interval_text(rate)}" for rate in rates),
+        f"{points(change.value)} {interval_text(change, signed=True)}",
+        count_text(run.conditional_regression),
+        ", ".join(f"{cause} {count}" for cause, count in causes.most_common(_CAUSES)),
+    )
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+
+
+def _write_csv(file: Path, runs: Sequence[ComparedRun], causes: Sequence[Counter[str]]) -> None:
+    """Write one line a run: shares as fractions, then the number of regressions of each cause."""
+    every = sorted({cause for counted in causes for cause in counted})
+    numbers = [f"{rate}{end}" for rate in (*_RATES, "paired_change") for end in ("", "_lower", "_upper")]
+    with file.open("w", newline="", encoding="utf-8") as opened:
+        writer = csv.writer(opened, lineterminator="\n")
+        writer.writerow(("run", *numbers, "lost", "of", *every))
+        for run, counted in zip(runs, causes, strict=True):
+            estimates = [getattr(run, name) for name in (*_RATES, "paired_change")]
+            ends = [value for one in estimates for value in (one.value, one.lower, one.upper)]
+            lost = run.conditional_regression
+            writer.writerow((run.name, *ends, lost.count, lost.of, *(counted[cause] for cause in every)))
