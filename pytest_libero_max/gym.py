@@ -1,7 +1,8 @@
 """Gymnasium environments of the pairs of a run, for evaluation loops of others; the extra ``gym``.
 
 A run hands out an environment for each case and arm, and writes the record of a pair when both arms have
-ended, into a ``pairs.jsonl`` that ``libero-max report``, ``compare``, ``gate`` and ``film`` read::
+ended, into a ``pairs.jsonl`` that ``libero-max report``, ``compare`` and ``gate`` read. It keeps no traces,
+of which films are made::
 
     run = PairedRun("results", PolicySpec("my_policy", horizon=10, query_interval=5), "lite", limit=100)
     for case in run.cases:
@@ -29,6 +30,7 @@ from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.benchmark.sampling import stratified
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import LiberoMaxError, ProtocolError, did_you_mean
 from pytest_libero_max.events.registry import check_cases
@@ -97,10 +99,15 @@ class PairedRun:
             substrate=describe_substrate(substrate, options),
             scores=scores_of(substrate),
             case_set={
-                "name": cases if isinstance(cases, str) else manifest.digest[:12],
+                "name": f"track {cases}" if isinstance(cases, str) else manifest.digest[:12],
                 "digest": manifest.digest,
                 "limit": limit,
             },
+            selection=Selection.choose(
+                (case.case_id for case in planned),
+                len(manifest),
+                [] if limit is None else [f"limit={limit}"],
+            ).to_dict(),
             protocol={"prefix": "replay", "noise_floor": None},
             command=sys.argv,
         )

@@ -1,4 +1,4 @@
-"""``libero-max trend``: several runs in their order, for example of the checkpoints of a training, one line each."""
+"""``libero-max trend``: several runs in their order, for example of checkpoints, one line each."""
 
 from __future__ import annotations
 
