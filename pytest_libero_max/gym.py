@@ -219,8 +219,7 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
     """One arm of a case. Its actions are LIBERO's: movement (3), rotation (3) and gripper, -1 to 1.
 
     The infos are those of :class:`~pytest_libero_max.ArmEnv` without ``probes``, with ``arm`` and
-    ``is_success``. An arm that is
-    played again, after its pair has been written, is not written again.
+    ``is_success``. An arm that is played after its pair has been written is not written again.
 
     Attributes:
         case: The case.

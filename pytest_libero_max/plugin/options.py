@@ -209,8 +209,8 @@ OPTIONS = (
         "study",
         "NAME",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
-        "track camera unless another one is named), cadence and latency (of the track lite), or one of "
-        "another package",
+        "track camera unless another one is named), event-timing, cadence and latency (of the track lite), "
+        "or one of another package",
         read.known_in(STUDIES),
     ),
     Option(
