@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -89,18 +90,20 @@ def pairs_needed(loss: float, gain: float, target: float, alpha: float = ALPHA) 
     Power is slightly saw-toothed in the number of pairs, so a few pairs fewer may do as well.
     """
     _check(loss, gain)
+    return fewest(lambda pairs: power(pairs, loss, gain, alpha) >= target)
+
+
+def fewest(shown: Callable[[int], bool]) -> int | None:
+    """Return a number from which on something is shown, found by bisection; None above a million."""
     high = 1
-    while power(high, loss, gain, alpha) < target:
+    while not shown(high):
         high *= 2
         if high > MOST_PAIRS:
             return None
     low = high // 2
     while high - low > 1:
         middle = (low + high) // 2
-        if power(middle, loss, gain, alpha) >= target:
-            high = middle
-        else:
-            low = middle
+        low, high = (low, middle) if shown(middle) else (middle, high)
     return high
 
 

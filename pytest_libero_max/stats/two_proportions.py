@@ -1,0 +1,138 @@
+"""Two proportions of independent episodes: Fisher's exact test, its interval, and sample sizes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special, stats
+from scipy.optimize import brentq
+
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
+from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.power import ALPHA, MOST_PAIRS, fewest
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
+_FAR = 1e-13
+"""Mass left out at each end of a distribution that is integrated over."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A difference of two proportions, the first less the second.
+
+    Attributes:
+        value: The difference.
+        interval: Its exact interval; None without an episode on one side.
+        log10_p: Decimal logarithm of the two-sided p-value of Fisher's exact test; None likewise.
+    """
+
+    value: float | None
+    interval: Interval | None
+    log10_p: float | None
+
+
+def compare_proportions(first: Ratio, second: Ratio, confidence: float = CONFIDENCE) -> Difference:
+    """Compare the proportions of two sets of independent episodes.
+
+    The p-value is twice the smaller tail of Fisher's exact test, at most 1. The interval is the melded one:
+    Clopper and Pearson's confidence distributions of both proportions are combined. Zero lies outside of it
+    exactly where p < 1 - confidence. Both are conservative. Reference: M. P. Fay, M. A. Proschan and
+    E. Brittain (2015), Combining one-sample confidence procedures for inference in the two-sample case,
+    Biometrics 71:146-156.
+
+    Raises:
+        ReportError: A count is negative, or larger than its number of episodes.
+    """
+    for ratio in (first, second):
+        if not 0 <= ratio.count <= ratio.of:
+            raise ReportError(
+                f"{ratio.count} of {ratio.of}, but a count is from 0 to its number of episodes."
+            )
+    if first.value is None or second.value is None:
+        return Difference(None, None, None)
+    tail = (1 - confidence) / 2
+    interval = Interval(-_upper(second, first, tail), _upper(first, second, tail))
+    return Difference(first.value - second.value, interval, _fisher(first, second))
+
+
+def episodes_to_show(first: float, second: float, alpha: float = ALPHA) -> int | None:
+    """Return the number of episodes on each side at which these very rates would be significant.
+
+    The larger count is rounded down and the smaller one up. None above a million, and for equal rates.
+    """
+    high, low = max(first, second), min(first, second)
+
+    def shown(n: int) -> bool:
+        more, less = math.floor(high * n + 1e-9), math.ceil(low * n - 1e-9)
+        return more > less and 10 ** _fisher(Ratio(more, n), Ratio(less, n)) < alpha
+
+    return fewest(shown)
+
+
+def episodes_for_power(first: float, second: float, target: float, alpha: float = ALPHA) -> int | None:
+    """Return about how many episodes on each side show a difference of these true rates with a probability.
+
+    The normal approximation with the correction for continuity that follows Fisher's exact test. Reference:
+    J. T. Casagrande, M. C. Pike and P. G. Smith (1978), Biometrics 34:483-486. None above a million, and for
+    equal rates.
+
+    Args:
+        first: A rate.
+        second: Another one.
+        target: The probability, for example 0.8.
+        alpha: Two-sided level.
+    """
+    gap, mean = abs(first - second), (first + second) / 2
+    if gap == 0:
+        return None
+    spread = special.ndtri(1 - alpha / 2) * math.sqrt(2 * mean * (1 - mean))
+    spread += special.ndtri(target) * math.sqrt(first * (1 - first) + second * (1 - second))
+    plain = (spread / gap) ** 2
+    needed = math.ceil(plain / 4 * (1 + math.sqrt(1 + 4 / (plain * gap))) ** 2)
+    return needed if needed <= MOST_PAIRS else None
+
+
+def pairs_to_show(losses: int, gains: int, pairs: int, alpha: float = ALPHA) -> int | None:
+    """Return the number of pairs at which these shares of discordant pairs would be significant.
+
+    The larger count is rounded down and the smaller one up. None above a million, and for equal counts.
+    """
+    from pytest_libero_max.stats.significance import mcnemar
+
+    high, low = max(losses, gains) / pairs, min(losses, gains) / pairs
+
+    def shown(n: int) -> bool:
+        return 10 ** mcnemar(math.floor(high * n + 1e-9), math.ceil(low * n - 1e-9)).log10_p < alpha
+
+    return fewest(shown)
+
+
+def _fisher(first: Ratio, second: Ratio) -> float:
+    """Decimal logarithm of twice the smaller tail of Fisher's exact test, at most 0."""
+    given = stats.hypergeom(first.of + second.of, first.count + second.count, first.of)
+    tail = min(float(given.logcdf(first.count)), float(given.logsf(first.count - 1)))
+    return min(0.0, (tail + math.log(2)) / math.log(10))
+
+
+def _upper(first: Ratio, second: Ratio, tail: float) -> float:
+    """Upper bound of the first proportion less the second."""
+    lower, upper = (second.count, second.of - second.count + 1), (first.count + 1, first.of - first.count)
+
+    def exceeds(gap: float) -> float:
+        """P(A - B > gap), A by the upper distribution of the first, B by the lower one of the second."""
+        if lower[0] == 0:  # B is 0
+            return float(upper[1] == 0 or special.betaincc(*upper, max(gap, 0.0)))
+        if upper[1] == 0:  # A is 1
+            return float(special.betainc(*lower, min(1 - gap, 1.0)))
+        low, high = special.betaincinv(*lower, _FAR), special.betainccinv(*lower, _FAR)
+        at = low + (high - low) * (1 + _NODES) / 2
+        logs = special.xlogy(lower[0] - 1, at) + special.xlog1py(lower[1] - 1, -at) - special.betaln(*lower)
+        share = special.betaincc(*upper, np.clip(at + gap, 0, 1))
+        return float((high - low) / 2 * (np.exp(logs) * share) @ _WEIGHTS)
+
+    if exceeds(1.0 - 1e-12) >= tail:
+        return 1.0
+    return float(brentq(lambda gap: exceeds(gap) - tail, -1.0, 1.0 - 1e-12, xtol=1e-11))
