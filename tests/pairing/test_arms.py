@@ -13,7 +13,18 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from pytest_libero_max import strategies
-from pytest_libero_max.changes import Evidence, Factor, Nothing, SetInstruction, change_from_dict
+from pytest_libero_max.changes import (
+    Change,
+    Evidence,
+    Factor,
+    Nothing,
+    SetInstruction,
+    SetLighting,
+    SetSensorCorruption,
+    SetVisualTheme,
+    ShiftCamera,
+    change_from_dict,
+)
 from pytest_libero_max.errors import AdapterError, ChangeError, ManifestError
 from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of
 from pytest_libero_max.events.triggers import AtStart, BudgetFraction, Proximity, StepsAfter
@@ -165,6 +176,29 @@ def test_what_a_transient_event_did_is_taken_back(world: Counting) -> None:
     moved = pair.rollouts["mid"].entity - pair.rollouts["transient"].entity
     assert not moved[: back.step].any()
     assert moved[back.step, 0] == pytest.approx(0.04, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        SetLighting(0.2),
+        ShiftCamera("agentview", (0.1, 0.0, 0.0), 5.0, 0.0),
+        SetVisualTheme((2, 0, 1), (0.7, 1.15, 1.3)),
+        SetSensorCorruption(24.0, 0.08, 7),
+    ],
+    ids=lambda change: change.operation,
+)
+def test_a_transient_change_of_pictures_ends_in_the_world_of_base_bit_for_bit(
+    world: Counting, change: Change
+) -> None:
+    flash = (Entry(Proximity("box_1", 0.25), change), Entry(StepsAfter(4), Revert(0)))
+    arms = (Arm("base"), Arm("dynamic", flash))
+    rollouts = measure_pair(make_case(), world, Approaching(wait=2), arms=arms).rollouts
+    base, dynamic = rollouts["base"].trajectory, rollouts["dynamic"].trajectory
+    there, back = dynamic.firings
+    assert back.step == there.step + 4
+    assert dynamic.link != base.link
+    assert (dynamic.step, dynamic.digest) == (base.step, base.digest)
 
 
 def test_a_change_at_the_start_is_there_before_the_policy_begins(world: Counting) -> None:

@@ -18,6 +18,7 @@ from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.events.registry import check_cases
 from pytest_libero_max.pairing.prefix import PrefixMode
+from pytest_libero_max.pairing.probes.registry import probes_called
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.policies.loading import load_policy
@@ -50,7 +51,7 @@ def test_fork_and_replay_measure_the_same_pair_with_images_at_every_query(event:
 NAMED = {"event": "value"}
 """The entity that the event's own trigger names."""
 
-SWITCH = {
+SWITCH: Json = {
     "operation": "set_task",
     "instruction": "pick up the tomato sauce and place it in the basket",
     "goal": [["in", "tomato_sauce_1", "basket_1_contain_region"]],
@@ -178,3 +179,17 @@ def test_a_manifest_plays_more_arms_of_other_cadences_and_repetitions(
     assert (arms["reset_again"].proof, arms["reset_again"].shares) == (arms["reset"].proof, None)
     assert arms["base_q4"].queries == -(-arms["base_q4"].steps // 4)  # type: ignore[operator]  # it is played
     assert {name: arms[name] for name in plain.arms} == plain.arms
+
+
+def test_a_switch_of_the_goal_is_scored_by_the_new_goal_and_by_the_first(
+    tmp_path: Path, substrate: EmbeddedSubstrate
+) -> None:
+    case = loaded(tmp_path, [{"name": "dynamic", "schedule": [entry("event", SWITCH)]}])
+    settings = PairSettings(probes=probes_called(["first_goal"]))
+    arms = measure_pair(case, substrate.world(case), load_policy("expert"), settings).record.arms
+    seen = {name: arm.probes["first_goal"] for name, arm in arms.items()}
+    assert seen["base"]["goal"] == seen["dynamic"]["goal"] != [" ".join(SWITCH["goal"][0])]
+    assert {name: (arm.success, seen[name]["held"]) for name, arm in arms.items()} == {
+        "base": (True, True),
+        "dynamic": (True, False),
+    }

@@ -84,7 +84,7 @@ class Breaking(Probe[Any]):
         return {"number": 1}
 
 
-ALL = Probes(STANDARD.standard, (Counting(), Queries(), PROBES["contact_timeline"]))
+ALL = Probes(STANDARD.standard, (Counting(), Queries(), PROBES["contact_timeline"], PROBES["safety"]))
 
 
 @pytest.fixture
@@ -170,7 +170,7 @@ def test_contacts_over_time_end_with_the_contacts_at_the_end(world: TinyWorld) -
 def test_a_record_keeps_the_columns_of_the_probes_that_were_asked_for(world: TinyWorld) -> None:
     record = played(world, ALL).record
     for name, arm in record.arms.items():
-        assert list(arm.probes) == ["stages", "counting", "queries", "contact_timeline"]
+        assert list(arm.probes) == ["stages", "counting", "queries", "contact_timeline", "safety"]
         assert arm.probes["counting"]["number"] == arm.steps, name
     assert PairRecord.from_dict(json.loads(json.dumps(record.to_dict()))) == record
     assert list(played(world, STANDARD).record.to_dict()["arms"]["base"]["probes"]) == ["stages"]
@@ -284,7 +284,7 @@ def test_an_error_of_the_policy_stays_its_own(world: TinyWorld) -> None:
 
 
 def test_probes_are_found_by_name() -> None:
-    assert list(PROBES) == ["contact_timeline"]
+    assert list(PROBES) == ["contact_timeline", "first_goal", "safety"]
     assert probes_called(()) == STANDARD
     assert probes_called(["contact_timeline", "contact_timeline"]).names == ("contact_timeline",)
     with pytest.raises(OptionError, match=r"probe='contact_time' is not a probe\. Did you mean 'contact_tim"):

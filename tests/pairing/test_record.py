@@ -14,6 +14,7 @@ from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairReco
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.tiny.world import TinyWorld
+from tests.mujoco_line import of_the_reference
 
 from .actors import Approaching, make_case
 
@@ -45,6 +46,7 @@ def test_the_pair_of_a_record_of_version_1_is_what_it_was(number: int) -> None:
     assert PairRecord.from_dict(json.loads(json.dumps(new))) == record
 
 
+@of_the_reference
 def test_the_same_pair_today_says_the_same() -> None:
     old = PairRecord.from_dict(stored()[1])
     policy = Approaching(wait=3, horizon=4, interval=4)

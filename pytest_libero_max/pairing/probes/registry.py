@@ -24,11 +24,13 @@ def _own() -> Mapping[str, Callable[[], Probe[Any]]]:
 
 def _loader(name: str) -> Callable[[], Probe[Any]]:
     def load() -> Probe[Any]:
+        from pytest_libero_max.pairing.probes.probe import Probe
+
         module = importlib.import_module(f"{_MODULES}.{name}")
         (kind,) = (
             value
             for value in vars(module).values()
-            if isinstance(value, type) and value.__module__ == module.__name__
+            if isinstance(value, type) and issubclass(value, Probe) and value.__module__ == module.__name__
         )
         return _accept(name, kind)
 

@@ -191,12 +191,7 @@ class Stages(Probe[State]):
     def start(self, view: View) -> State:
         """Places of everything, before the first step."""
         world = view.world
-        objects = tuple(
-            (name, *_rest(world, name))
-            for name, entity in sorted(world.entities.items())  # LIBERO has them in another order each time
-            if entity.kind == "object" and name not in world.parked
-        )
-        return State(_tracks(view), _point(world.end_effector()), objects)
+        return State(_tracks(view), _point(world.end_effector()), rests_of(world))
 
     def step(self, state: State, view: View) -> State:
         """Follow the objects of the goal; everything else every fifth step."""
@@ -224,7 +219,7 @@ class Stages(Probe[State]):
         rows = [_row(track, state, view) for track in state.tracks]
         moved = dict(state.moved)
         rests = {name: (rest, up) for name, rest, up in state.objects}
-        now = {name: _rest(view.world, name) for name in rests}
+        now = {name: rest_of(view.world, name) for name in rests}
         ends = {name: distance_m(np.array(at), np.array(rests[name][0])) for name, (at, _) in now.items()}
         subjects = {track.entity for track in state.tracks}
         others = [name for name in rests if name not in subjects and ends[name] >= MOVED_M]
@@ -245,13 +240,18 @@ class Stages(Probe[State]):
             "moved": others,
             "moved_step": [moved.get(name, trajectory.step) for name in others],
             "moved_m": [_metres(ends[name]) for name in others],
-            "toppled": [name for name, (_, up) in now.items() if _tilt_deg(up, rests[name][1]) >= 45.0],
+            "toppled": [name for name, (_, up) in now.items() if tilt_deg(up, rests[name][1]) >= 45.0],
             "wrong": [name for name, _ in state.wrong],
             "wrong_step": [number for _, number in state.wrong],
         }
 
 
 # The goal.
+
+
+def goal_entities(view: View) -> tuple[str, ...]:
+    """Return the objects of the goal, and the fixtures of its drawers, doors and knobs, each once."""
+    return tuple(dict.fromkeys(track.entity for track in _tracks(view)))
 
 
 def _tracks(view: View) -> tuple[Track, ...]:
@@ -264,17 +264,17 @@ def _tracks(view: View) -> tuple[Track, ...]:
 
 def _goal(world: PrivilegedWorld) -> tuple[Fact, ...]:
     """Return the facts of the goal that are about entities."""
-    return tuple(fact for fact in world.goal if _owner(world, fact.subject) in world.entities)
+    return tuple(fact for fact in world.goal if owner_of(world, fact.subject) in world.entities)
 
 
 def _track(world: PrivilegedWorld, fact: Fact) -> Track:
-    entity = _owner(world, fact.subject)
+    entity = owner_of(world, fact.subject)
     if fact.place is None:
         return Track(fact, entity, True, _point(_part(world, fact)), _joints(world, fact))
     return Track(fact, entity, False, _point(world.position(entity)))
 
 
-def _owner(world: World, place: str) -> str:
+def owner_of(world: World, place: str) -> str:
     """Return the entity that a place belongs to; the place itself where there is none."""
     names = (name for name in world.entities if place == name or place.startswith(f"{name}_"))
     return max(names, key=len, default=place)
@@ -303,7 +303,7 @@ def _place(world: World, place: str) -> Array:
         try:
             site: Array = cast(PrivilegedWorld, world).data.site(place).xpos
         except KeyError:
-            place = _owner(world, place)
+            place = owner_of(world, place)
         else:
             return site
     return world.position(place)
@@ -413,24 +413,24 @@ def _after_change(state: State, view: View) -> State:
         tracks = tuple(known.get(fact) or _track(cast(PrivilegedWorld, world), fact) for fact in new)
     for firing in firings[state.firings :]:
         tracks = tuple(_displaced(track, world, firing) for track in tracks)
-        placed = _positions(firing, "after")
+        placed = positions_of(firing, "after")
         objects = {name: (rest, up) for name, rest, up in state.objects}
         for name in placed.keys() & world.entities.keys() - set(world.parked):
-            objects[name] = (placed[name], objects[name][1] if name in objects else _rest(world, name)[1])
+            objects[name] = (placed[name], objects[name][1] if name in objects else rest_of(world, name)[1])
         kept = sorted(name for name in objects if name not in world.parked)
         state = replace(state, objects=tuple((name, *objects[name]) for name in kept))
     return replace(state, tracks=tracks, firings=len(firings))
 
 
 def _displaced(track: Track, world: World, firing: Firing) -> Track:
-    before, after = _positions(firing, "before"), _positions(firing, "after")
+    before, after = positions_of(firing, "before"), positions_of(firing, "after")
     old, old_place, rest = track.old, track.old_place, track.rest
     if track.entity in after and not track.part:
         rest = after[track.entity]
         if _far(was := before.get(track.entity, rest), rest):
             old = was
     place = track.fact.place if track.fact else None
-    owner = None if place is None else _owner(world, place)
+    owner = None if place is None else owner_of(world, place)
     if place is not None and owner in before.keys() & after and _far(before[owner], after[owner]):
         now, shift = _place(world, place), np.subtract(after[owner], before[owner])
         old_place = _point(now - shift)
@@ -446,8 +446,8 @@ def _displaced(track: Track, world: World, firing: Firing) -> Track:
     )
 
 
-def _positions(firing: Firing, when: str) -> dict[str, Point]:
-    """Positions of the objects that a change moved, m."""
+def positions_of(firing: Firing, when: str) -> dict[str, Point]:
+    """Return the positions of the objects that a change moved, (3,) m each, ``before`` it or ``after`` it."""
     found = getattr(firing.applied.evidence, when).get("position_m", {})
     return {name: tuple(map(float, at)) for name, at in found.items()} if isinstance(found, Mapping) else {}
 
@@ -546,12 +546,12 @@ def _row(track: Track, state: State, view: View) -> dict[str, Any]:
     first = track.satisfied_step
     away = away_old = tilt = fell = shift = strayed = None
     if not track.part:
-        at, up = _rest(world, track.entity)
+        at, up = rest_of(world, track.entity)
         away = _away_m(track, world, at)
         if track.old_place is not None:
             away_old = math.hypot(at[0] - track.old_place[0], at[1] - track.old_place[1])
         start = next((up for name, _, up in state.objects if name == track.entity), None)
-        tilt = None if start is None else round(_tilt_deg(up, start), 1)
+        tilt = None if start is None else round(tilt_deg(up, start), 1)
         if track.lost_step is not None:
             fell = _metres(track.lost_at[2] - at[2])
             strayed = _metres(math.hypot(at[0] - track.lost_at[0], at[1] - track.lost_at[1]))
@@ -604,14 +604,23 @@ def _repeated(view: View) -> int:
     return number
 
 
-def _rest(world: World, name: str) -> tuple[Point, Point]:
-    """Position of an object, m, and what of it points up: the world's vertical in its frame."""
+def rest_of(world: World, name: str) -> tuple[Point, Point]:
+    """Return the position of an object, (3,) m, and what of it points up: the vertical in its frame."""
     at, (w, x, y, z) = world.pose(name)
     return _point(at), (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
 
 
-def _tilt_deg(up: Point, start: Point) -> float:
-    """Angle between what points up of an object and what pointed up at the start, degrees."""
+def rests_of(world: World) -> tuple[tuple[str, Point, Point], ...]:
+    """Return every object that is in the scene, sorted by name, with its :func:`rest_of`."""
+    return tuple(
+        (name, *rest_of(world, name))
+        for name, entity in sorted(world.entities.items())  # LIBERO has them in another order each time
+        if entity.kind == "object" and name not in world.parked
+    )
+
+
+def tilt_deg(up: Point, start: Point) -> float:
+    """Return the angle between what points up of an object and what pointed up at the start, degrees."""
     cosine = sum(one * other for one, other in zip(up, start, strict=True))
     return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
 
