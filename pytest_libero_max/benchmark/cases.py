@@ -149,6 +149,10 @@ class Case:
         """True if the authors' format cannot express the case."""
         return self.program is not None or self.event.trigger["type"] != PROXIMITY
 
+    def fits(self, program: Program) -> bool:
+        """Return True if a program makes sense in the case, as far as the program says it."""
+        return program.fits(self.event.name, self.suite, self.event.entity)
+
     def playing(self, program: Program) -> Case:
         """Return the case with a program laid over it.
 

@@ -57,12 +57,18 @@ class Manifest:
         return canonical_digest([case.record for case in self.cases])
 
     def playing(self, program: Program) -> Manifest:
-        """Return the manifest with a program laid over its cases.
+        """Return the manifest with a program laid over the cases that it fits; the others stay as they are.
 
         Raises:
-            ManifestError: A case has one of its own.
+            ManifestError: A case has one of its own, or the program fits none.
         """
-        return replace(self, cases=tuple(case.playing(program) for case in self.cases), recognition=None)
+        fit = sum(case.fits(program) for case in self.cases)
+        if not fit:
+            raise ManifestError(
+                f"program {program.name!r} fits none of the {len(self)} cases: {program.because} Play others."
+            )
+        cases = tuple(case.playing(program) if case.fits(program) else case for case in self.cases)
+        return replace(self, cases=cases, recognition=None)
 
     def to_json(self) -> str:
         """Return the manifest's file content: sorted keys, two spaces, a final newline."""

@@ -19,7 +19,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,8 +29,11 @@ from msgspec import Struct
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
 from pytest_libero_max.benchmark.latency import PATTERN as LATENCY
-from pytest_libero_max.benchmark.structs import Count, Object, Positive, Word, checked, rule
-from pytest_libero_max.errors import ManifestError, OptionError
+from pytest_libero_max.benchmark.structs import Count, Object, Positive, Text, Word, checked, rule
+from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
+
+FOLDER = Path(__file__).with_name("named_programs")
+"""The programs of this package, a file each."""
 
 BASE = "base"
 DYNAMIC = "dynamic"
@@ -54,12 +59,21 @@ class Program:
     Attributes:
         name: Lower-case letters, digits and underscores; ends the ids of the test items.
         arms: The arms that are spelled out, in the order in which they are played.
-        path: The file that it was read from; None where there is none.
+        about: What is played, in words; empty where it does not say.
+        only: Patterns of the cases that it fits, by ``event``, ``suite`` and ``entity`` (of the trigger); a
+            case has to match one of each. Empty: it fits all.
+        without: Patterns of the cases that it does not fit, likewise: none may match.
+        because: Why it does not fit the others, in words.
+        source: Name under which it comes with the package, or the path of its file; empty where it has none.
     """
 
     name: str
     arms: tuple[Json, ...]
-    path: Path | None = field(default=None, compare=False)
+    about: str = field(default="", compare=False)
+    only: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
+    without: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
+    because: str = field(default="", compare=False)
+    source: str = field(default="", compare=False)
 
     def __hash__(self) -> int:
         return hash(self.name)
@@ -69,9 +83,26 @@ class Program:
         """SHA-256 of the canonical JSON of the program, hexadecimal."""
         return canonical_digest(self.to_dict())
 
+    def fits(self, event: str, suite: str, entity: str) -> bool:
+        """Return True if the program makes sense in a case, as far as the program says it.
+
+        Args:
+            event: Name of the case's event.
+            suite: Its suite.
+            entity: The entity that its trigger names.
+        """
+        said = {"event": event, "suite": suite, "entity": entity}
+        return all(_matches(said[key], patterns) for key, patterns in self.only.items()) and not any(
+            _matches(said[key], patterns) for key, patterns in self.without.items()
+        )
+
     def to_dict(self) -> Json:
-        """JSON types; :func:`parse_program` reads them."""
+        """Return what is played, as JSON types that :func:`parse_program` reads."""
         return {"name": self.name, "arms": list(self.arms)}
+
+
+def _matches(value: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(value, pattern) for pattern in patterns)
 
 
 _Name = Annotated[
@@ -84,9 +115,22 @@ class _Spelled(Struct, frozen=True, forbid_unknown_fields=True):
     """An object of a program: exactly these fields."""
 
 
+_Patterns = Annotated[tuple[Text, ...], rule("a non-empty list of patterns", min_length=1)] | None
+
+
+class _Cases(_Spelled, frozen=True):
+    event: _Patterns = None
+    suite: _Patterns = None
+    entity: _Patterns = None
+
+
 class _Program(_Spelled, frozen=True):
     name: _Name
     arms: Annotated[tuple[Object, ...], rule("a non-empty list of arms", min_length=1)]
+    about: Text = ""
+    only: _Cases = _Cases()
+    without: _Cases = _Cases()
+    because: Text = ""
 
 
 class _Cadence(_Spelled, frozen=True):
@@ -107,11 +151,40 @@ class _Happening(_Spelled, frozen=True):
     trigger: Any
     change: Any
     strength: Annotated[float, rule("a number above 0, at most 1", gt=0, le=1)] = 1.0
+    times: Positive = 1
 
 
 class _Reversal(_Spelled, frozen=True):
     trigger: Any
     reverts: Count
+
+
+def program_names() -> tuple[str, ...]:
+    """Return the names of the programs of this package, sorted."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.json")))
+
+
+def find_program(text: str, folder: Path = Path()) -> Program:
+    """Return a program of this package, or one from a file.
+
+    Args:
+        text: The name of one of this package, or the path of a file.
+        folder: Folder that a path begins in.
+
+    Raises:
+        OptionError: It is neither, or the file breaks the format.
+    """
+    if text in program_names():
+        return replace(load_program(FOLDER / f"{text}.json"), source=text)
+    path = folder / Path(text).expanduser()
+    if not path.exists() and not path.suffix:
+        raise OptionError.seen(
+            "program",
+            text,
+            f": there is no such program, nor a file. {did_you_mean(text, program_names())} "
+            "`libero-max programs` lists them.",
+        )
+    return load_program(path)
 
 
 def load_program(path: Path) -> Program:
@@ -127,7 +200,7 @@ def load_program(path: Path) -> Program:
             f"Cannot read program {str(path)!r}: {error}. Give the path of a JSON file.", path=path
         ) from error
     try:
-        return replace(parse_program(document), path=path)
+        return replace(parse_program(document), source=str(path))
     except ManifestError as error:
         raise OptionError(f"{path}: {error}", field=error.field, value=error.value, path=path) from error
 
@@ -163,7 +236,20 @@ def parse_program(value: Any, where: str = "program") -> Program:
                 f"{where}.arms[{i}].name", called, " of two arms. Give each a name of its own."
             )
         seen.add(called)
-    return Program(program.name, program.arms)
+    if any(_patterns(cases) for cases in (program.only, program.without)) and not program.because:
+        raise ManifestError(f"{where} says which cases it fits, but not why. Add because, in words.")
+    return Program(
+        program.name,
+        program.arms,
+        program.about,
+        _patterns(program.only),
+        _patterns(program.without),
+        program.because,
+    )
+
+
+def _patterns(cases: _Cases) -> dict[str, tuple[str, ...]]:
+    return {key: found for key in cases.__struct_fields__ if (found := getattr(cases, key)) is not None}
 
 
 def _check_arm(value: Json, where: str) -> str:

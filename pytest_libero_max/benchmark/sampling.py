@@ -18,7 +18,8 @@ def stratified(cases: Iterable[Case], limit: int) -> tuple[Case, ...]:
 
     Cases are taken one by one, each from the cell of (event, variant, source, suite) that is behind most:
     first by its event, then event and variant, variant, source and suite. Within a cell the order is that
-    of a hash of the case id, so a larger limit only adds cases, and outcomes play no part.
+    of a hash of the case id, so a larger limit only adds cases, and outcomes play no part. Fewer cases than
+    there are events are of as many families of events as possible.
 
     Raises:
         OptionError: ``limit`` is below 1.
@@ -28,18 +29,33 @@ def stratified(cases: Iterable[Case], limit: int) -> tuple[Case, ...]:
         raise OptionError.seen("limit", limit, ", but must be at least 1.")
     if limit >= len(cases):
         return cases
+    events = len({case.event.name for case in cases})
+    picks = _picks(cases, max(limit, events))
+    if limit < events:  # each of these is of another event: the first one of each family comes first
+        seen: Counter[str] = Counter()
+        turns = {}
+        for case in picks:
+            turns[case.case_id] = seen[case.event.family_code]
+            seen[case.event.family_code] += 1
+        picks.sort(key=lambda case: turns[case.case_id])
+    chosen = {case.case_id for case in picks[:limit]}
+    return tuple(case for case in cases if case.case_id in chosen)
+
+
+def _picks(cases: Iterable[Case], limit: int) -> list[Case]:
+    """Return the first cases in the order in which they are taken."""
     waiting: dict[Cell, list[Case]] = {}
     for case in sorted(cases, key=lambda case: _rank(case.case_id), reverse=True):
         waiting.setdefault(_cell(case), []).append(case)
     taken: Counter[object] = Counter()
-    chosen: set[str] = set()
-    while len(chosen) < limit:
+    picks: list[Case] = []
+    while len(picks) < limit:
         cell = min(waiting, key=lambda cell: _priority(cell, taken))
-        chosen.add(waiting[cell].pop().case_id)
+        picks.append(waiting[cell].pop())
         taken.update(_shares(cell))
         if not waiting[cell]:
             del waiting[cell]
-    return tuple(case for case in cases if case.case_id in chosen)
+    return picks
 
 
 def in_share(cases: Iterable[Case], share: float, purpose: str) -> frozenset[str]:

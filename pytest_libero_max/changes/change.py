@@ -10,8 +10,8 @@ from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld
 
 Factor = str
-"""Factors that a change may touch: ``camera:<name>``, ``light``, ``material``, ``pixels``, ``robot``,
-``instruction``, or ``pose:<entity>``."""
+"""Factors that a change may touch: ``camera:<name>``, ``light``, ``material``, ``pixels``, ``state``
+(the robot's, as a policy is shown it), ``robot``, ``instruction``, or ``pose:<entity>``."""
 
 
 @dataclass(frozen=True)

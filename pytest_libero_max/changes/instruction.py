@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
-from pytest_libero_max.benchmark.structs import Text, rule
+from pytest_libero_max.benchmark.structs import AnyText, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing
 from pytest_libero_max.changes.nothing import Nothing
@@ -18,7 +18,7 @@ class SetInstruction(ManifestFields):
     """Give the same task in other words.
 
     Attributes:
-        instruction: The policy's instruction from now on.
+        instruction: The policy's instruction from now on; empty for none.
         style: Kind of the rewording; a note that no policy sees.
 
     Raises:
@@ -27,7 +27,7 @@ class SetInstruction(ManifestFields):
 
     operation: ClassVar[str] = "set_instruction"
 
-    instruction: Text
+    instruction: AnyText
     style: Text | None = None
 
     @property

@@ -14,8 +14,10 @@ def filter_records(world: AlterableWorld) -> list[dict[str, Any]]:
     records = []
     for pixel_filter, since in world.filters:
         value: Any = pixel_filter
-        names = [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else []
-        parameters = {name: getattr(value, name) for name in names}
+        fields = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
+        names = [field.name for field in fields if field.repr]
+        values = {name: getattr(value, name) for name in names}
+        parameters = {name: list(one) if isinstance(one, tuple) else one for name, one in values.items()}
         records.append({"filter": type(pixel_filter).__name__, "since_step": since, **parameters})
     return records
 

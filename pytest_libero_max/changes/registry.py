@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Protocol, cast
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
 from pytest_libero_max.changes.change import Change
+from pytest_libero_max.changes.inputs import FreezeImages, HideInputs
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
@@ -50,6 +51,9 @@ _KINDS = (
     TurnObject,
     SetInstruction,
     SetTask,
+    # What only the audit uses.
+    HideInputs,
+    FreezeImages,
 )
 
 

@@ -133,6 +133,11 @@ def check_cases(cases: Iterable[Case]) -> None:
     for case in cases:
         if not case.needs_format_2:
             continue  # its one trigger and change are checked already
+        if case.program is not None and not case.fits(case.program):
+            raise ManifestError(
+                f"case {case.case_id!r}: its program {case.program.name!r} does not fit it: "
+                f"{case.program.because}"
+            )
         try:
             trigger_of(case)
             arms_of(case)

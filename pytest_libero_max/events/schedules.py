@@ -164,29 +164,37 @@ def schedule_from_list(
     """
     if not isinstance(raw, list):
         raise ManifestError(f"{where} must be a list of entries, not {type(raw).__name__}.")
-    return tuple(_entry(item, f"{where}[{index}]", event, strength) for index, item in enumerate(raw))
+    entries = [(_entry(item, f"{where}[{index}]", event, strength), item) for index, item in enumerate(raw)]
+    return tuple(entry for entry, item in entries for _ in range(item.get("times", 1)))
 
 
 def _entry(raw: Any, where: str, event: Event | None, strength: float) -> Entry:
     values = check_entry(raw, where)
-    own = (None, None) if event is None else (event.trigger, event.change)
-    trigger = trigger_from_dict(_filled(values["trigger"], own[0], f"{where}.trigger"), f"{where}.trigger")
+    own = ({}, {}) if event is None else (event.trigger, event.change)
+    trigger = trigger_from_dict(_filled(values["trigger"], *own, f"{where}.trigger"), f"{where}.trigger")
     if "reverts" in values:
         return Entry(trigger, Revert(values["reverts"]))
-    change = _filled(values["change"], own[1], f"{where}.change")
+    change = _filled(values["change"], *own[::-1], f"{where}.change")
     try:
         return Entry(trigger, _change(change, strength * values.get("strength", 1.0)))
     except ChangeError as error:
         raise error.within(f"{where}.change") from error
 
 
-def _filled(value: Any, own: Json | None, where: str) -> Any:
-    """Return the value with ``"event"`` and each ``{"event": FIELD}`` inside it replaced."""
-    if own is None:
+def _filled(value: Any, own: Json, other: Json, where: str) -> Any:
+    """Return the value with ``"event"`` and each ``{"event": FIELD}`` inside it replaced.
+
+    Args:
+        value: A trigger or a change.
+        own: That of the event; empty where there is no event.
+        other: The change or the trigger of the event: its fields may be named as well.
+        where: Name of the value in an error.
+    """
+    if not own:
         return value
     if value == EVENT:
         return own
-    return {key: _field(item, own, f"{where}.{key}") for key, item in value.items()}
+    return {key: _field(item, {**other, **own}, f"{where}.{key}") for key, item in value.items()}
 
 
 def _field(value: Any, own: Json, where: str) -> Any:
@@ -198,7 +206,7 @@ def _field(value: Any, own: Json, where: str) -> Any:
         return {key: _field(item, own, f"{where}.{key}") for key, item in value.items()}
     if value[EVENT] not in own:
         raise ManifestError.seen(
-            where, value, f", but the case's event has no such field there. {did_you_mean(value[EVENT], own)}"
+            where, value, f", but the case's event has no such field. {did_you_mean(value[EVENT], own)}"
         )
     return own[value[EVENT]]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -26,6 +26,7 @@ from pytest_libero_max.benchmark.structs import (
 )
 from pytest_libero_max.errors import ManifestError, did_you_mean
 from pytest_libero_max.registry import Registry
+from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import Array, World
@@ -176,6 +177,25 @@ class StepsAfter(Trigger):
 
 
 @dataclass(frozen=True)
+class Untouched(StepsAfter):
+    """The first step, a number of steps after an earlier entry, that leaves an entity untouched by the robot.
+
+    Attributes:
+        entity: Its name.
+        steps: Policy steps, at least 1.
+        entry: Index of the entry, from 0, or -1 for the one just before.
+    """
+
+    type = "untouched"
+    spelling: ClassVar[Mapping[str, str]] = {"entity": "value"}
+
+    entity: _Entity = field(kw_only=True)
+
+    def fires(self, moment: Moment) -> bool:
+        return super().fires(moment) and not {ROBOT, GRIPPER} & {*moment.world.contacts(self.entity)}
+
+
+@dataclass(frozen=True)
 class AfterGrasp(Trigger):
     """The first step that leaves an object lifted: both fingers touch it, and its support does not.
 
@@ -255,7 +275,7 @@ def _accept(name: str, found: object) -> type[Trigger]:
 
 
 def _own() -> Mapping[str, Callable[[], type[Trigger]]]:
-    kinds = (Proximity, AtStart, StepsAfter, AfterGrasp, Above, BudgetFraction)
+    kinds = (Proximity, AtStart, StepsAfter, Untouched, AfterGrasp, Above, BudgetFraction)
     return {kind.type: partial(_accept, kind.type, kind) for kind in kinds}
 
 

@@ -8,7 +8,14 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import parse_case
 from pytest_libero_max.benchmark.manifests import load_manifest, parse_manifest
-from pytest_libero_max.benchmark.programs import Program, load_program, parse_program, program_of_run
+from pytest_libero_max.benchmark.programs import (
+    Program,
+    find_program,
+    load_program,
+    parse_program,
+    program_names,
+    program_of_run,
+)
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import ManifestError, OptionError
 
@@ -101,6 +108,10 @@ def entry(**fields: Any) -> dict[str, Any]:
         (entry(trigger={"typ": "at_start"}), r"trigger\.type=None, but must be a non-empty string"),
         (entry(change={"operaton": "nothing"}), r"change\.operation=None, but must be"),
         (entry(reverts=0), "has the unknown field 'change'"),
+        (entry(times=0), r"times=0, but must be an integer of at least 1"),
+        ({"only": {"evnt": ["x"]}}, "only has the unknown field 'evnt'"),
+        ({"without": {"suite": []}}, r"suite=\[\], but must be a non-empty list of patterns"),
+        ({"only": {"event": ["camera_shift"]}}, "says which cases it fits, but not why. Add because"),
         (entry(strength=0), r"strength=0, but must be a number above 0, at most 1"),
         (entry(strength=True), "strength=True, but must be a number"),
     ],
@@ -133,3 +144,41 @@ def test_a_run_says_which_program_it_played() -> None:
     header = json.loads(json.dumps({"program": {**program.to_dict(), "digest": program.digest}}))
     assert program_of_run(header) == program
     assert program_of_run({}) is None
+
+
+FITS = {"without": {"event": ["*_relocation"], "entity": ["*cabinet*"]}, "because": "Reasons."}
+
+
+def test_a_program_is_laid_over_the_cases_that_it_fits_alone() -> None:
+    track, program = load_track("lite"), parse_program({**TRANSIENT, **FITS})
+    laid = track.playing(program)
+    for before, after in zip(track, laid, strict=True):
+        fits = "relocation" not in before.event.name and "cabinet" not in before.event.entity
+        assert before.fits(program) == fits
+        assert after == (before.playing(program) if fits else before)
+    assert {case.event.name for case in laid if case.program is None} >= {"target_relocation"}
+    nowhere = parse_program({**TRANSIENT, "only": {"suite": ["libero_90"]}, "because": "Reasons."})
+    with pytest.raises(ManifestError, match=r"'transient' fits none of the 800 cases: Reasons\."):
+        track.playing(nowhere)
+
+
+def test_what_a_program_says_about_itself_is_no_part_of_what_is_played() -> None:
+    plain, told = parse_program(TRANSIENT), parse_program({**TRANSIENT, **FITS, "about": "Words."})
+    assert (plain, plain.digest, plain.to_dict()) == (told, told.digest, told.to_dict())
+
+
+@pytest.mark.parametrize("name", program_names())
+def test_a_program_of_the_package_is_called_like_its_file_and_says_what_it_plays(name: str) -> None:
+    program = find_program(name)
+    assert (program.name, program.source) == (name, name)
+    assert program.about.endswith(".")
+    assert bool(program.only or program.without) == program.because.endswith(".")
+
+
+def test_a_program_is_found_by_name_or_by_path(tmp_path: Path) -> None:
+    tmp_path.joinpath("mine.json").write_text(json.dumps(TRANSIENT))
+    assert find_program("mine.json", tmp_path).source == str(tmp_path / "mine.json")
+    with pytest.raises(OptionError, match=r"program='transent': there is no such.*Did you mean 'transient'"):
+        find_program("transent", tmp_path)
+    with pytest.raises(OptionError, match="Cannot read program"):
+        find_program("transient.json", tmp_path)

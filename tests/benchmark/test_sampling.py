@@ -55,6 +55,11 @@ def test_eight_cases_are_the_eight_events_half_of_each_variant() -> None:
     assert abs(suites["libero_spatial"] - suites["libero_object"]) <= 2
 
 
+def test_four_cases_are_of_the_four_families() -> None:
+    assert len({case.event.family_code for case in stratified(SMOKE, 4)}) == 4
+    assert set(stratified(SMOKE, 4)) < set(stratified(SMOKE, 8))
+
+
 def test_all_are_enough() -> None:
     assert stratified(SMOKE, 32) == SMOKE
     assert stratified(SMOKE, 1000) == SMOKE

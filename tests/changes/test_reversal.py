@@ -14,6 +14,8 @@ from pytest_libero_max.changes import (
     Change,
     CorruptPicture,
     Evidence,
+    FreezeImages,
+    HideInputs,
     MoveObject,
     Nothing,
     OrbitCamera,
@@ -73,6 +75,8 @@ def more_changes() -> st.SearchStrategy[Change]:
         st.builds(
             CorruptPicture, st.just("agentview"), st.just("fog"), st.integers(1, 10), st.integers(0, 9)
         ),
+        st.builds(HideInputs, st.just(("agentview",)), st.booleans()),
+        st.builds(FreezeImages, st.just(("agentview",)), st.just(16), st.just(16)),
         st.builds(TurnObject, st.sampled_from(SEEN), angles()),
         st.builds(SetInstruction, st.text("abc", min_size=1)),
         st.just(Nothing()),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.programs import parse_program
+from pytest_libero_max.benchmark.programs import find_program, parse_program, program_names
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes import MoveObject, SetInstruction, SetTask, ShiftCamera, change_from_dict
 from pytest_libero_max.errors import ManifestError
@@ -36,6 +36,8 @@ from pytest_libero_max.events.triggers import (
     StepsAfter,
     Trigger,
 )
+from pytest_libero_max.substrates.embedded.catalogue.lookup import variation_of
+from pytest_libero_max.substrates.variation import variation_metadata
 from tests.pairing.actors import make_case
 
 FLAGS: st.SearchStrategy[bool] = st.booleans()
@@ -189,8 +191,8 @@ def test_a_share_of_a_program_is_that_of_each_change() -> None:
         ({"trigger": "event", "reverts": 0}, "must name an earlier entry that changes something"),
         (
             {"trigger": {"type": "after_grasp", "value": {"event": "entity"}}, "change": "event"},
-            r"trigger\.value={'event': 'entity'}, but the case's event has no such field there.*Known: "
-            "distance_m, type, value",
+            r"trigger\.value={'event': 'entity'}, but the case's event has no such field.*Known: "
+            "delta_position_m, distance_m, object, operation, type, value",
         ),
         (
             {"trigger": "event", "change": {"operation": "move_objct"}},
@@ -227,3 +229,60 @@ def test_something_happens_in_dynamic() -> None:
         program_of("twice", (Arm("base"), Arm("base")))
     entry = Entry(AtStart(), ShiftCamera("agentview", (0.1, 0.0, 0.0), 5.0, 0.0))
     assert program_of("reset", (Arm("reset", (entry,)),)).arms[0]["name"] == "reset"
+
+
+@pytest.mark.parametrize("name", program_names())
+def test_a_program_of_the_package_can_be_built_in_every_case_of_lite_that_it_fits(name: str) -> None:
+    laid = load_track("lite").playing(find_program(name))
+    check_cases(laid)
+    played = {case.event.name for case in laid if case.program is not None}
+    changed = {
+        entry.action for case in laid if case.program is not None for entry in arms_of(case)[1].schedule
+    }
+    assert played
+    assert changed
+
+
+@pytest.mark.parametrize("name", ["instruction_switch", "later"])
+def test_the_scene_of_a_case_has_what_a_program_of_the_package_names(name: str) -> None:
+    """Objects that are lifted are no fixtures, and those of a new goal are there."""
+    program = find_program(name)
+    named: dict[str, set[str]] = {"instruction_switch": {"akita_black_bowl_1", "plate_1"}}
+    for case in load_track("max"):
+        if not case.fits(program):
+            continue
+        objects = variation_metadata(variation_of(case)).objects
+        out = {change["object"] for change in case.event.setup}
+        lifted = {case.event.entity} if name == "later" else set()
+        assert named.get(name, set()) | lifted <= objects.keys() - out, case.item_id
+
+
+def test_a_moving_object_ends_where_the_event_would_have_put_it() -> None:
+    for case in load_track("smoke").playing(find_program("moving")):
+        if case.program is None:
+            continue
+        for arm in arms_of(case)[1:]:
+            moves = [entry.action for entry in arm.schedule]
+            ways = [move.delta_position_m for move in moves if isinstance(move, MoveObject)]
+            assert len(ways) == len(moves)
+            whole = change_of(case)
+            assert isinstance(whole, MoveObject)
+            assert tuple(map(sum, zip(*ways, strict=True))) == pytest.approx(whole.delta_position_m)
+
+
+def test_an_entry_that_happens_several_times_is_as_many_entries() -> None:
+    step = {"type": "steps_after", "steps": 2}
+    case = laid(
+        {"trigger": "event", "change": "event"},
+        {"trigger": step, "change": "event", "strength": 0.5, "times": 3},
+    )
+    half = Entry(StepsAfter(2), change_of(case, 0.5))
+    assert arms_of(case)[2].schedule == (Entry(trigger_of(case), change_of(case)), half, half, half)
+
+
+def test_a_case_that_its_own_program_does_not_fit_is_refused() -> None:
+    case = laid({"trigger": "event", "change": "event"})
+    assert case.program is not None
+    odd = replace(case.program, only={"suite": ("libero_goal",)}, because="It needs a stove.")
+    with pytest.raises(ManifestError, match=r"its program 'tried' does not fit it: It needs a stove\."):
+        check_cases([replace(case, program=odd)])

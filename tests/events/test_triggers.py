@@ -23,16 +23,19 @@ from pytest_libero_max.events.triggers import (
     Proximity,
     StepsAfter,
     Trigger,
+    Untouched,
     distance_m,
     trigger_from_dict,
 )
 from pytest_libero_max.substrates.tiny.world import TinyWorld
+from tests.mujoco_line import of_the_reference
 
 BUDGET = 200
 ALL: list[tuple[Trigger, dict[str, Any]]] = [
     (Proximity("box_1", 0.2), {"type": "on_proximity", "value": "box_1", "distance_m": 0.2}),
     (AtStart(), {"type": "at_start"}),
     (StepsAfter(12, entry=0), {"type": "steps_after", "steps": 12, "entry": 0}),
+    (Untouched(3, entity="box_1"), {"type": "untouched", "value": "box_1", "steps": 3, "entry": -1}),
     (AfterGrasp("box_1"), {"type": "after_grasp", "value": "box_1"}),
     (Above("plate_1", 0.1), {"type": "above", "value": "plate_1", "radius_m": 0.1}),
     (BudgetFraction(0.25), {"type": "budget_fraction", "value": 0.25}),
@@ -194,6 +197,7 @@ def test_a_grasp_is_two_fingers_and_no_support(world: TinyWorld) -> None:
     ]
 
 
+@of_the_reference
 def test_one_finger_is_no_grasp(world: TinyWorld) -> None:
     world.reset(0)
     beside = np.add(world.position("box_1"), (0.0, -0.08, 0.0))
@@ -204,3 +208,17 @@ def test_one_finger_is_no_grasp(world: TinyWorld) -> None:
     assert world.contacts("box_1") == ("gripper0",)
     assert world.fingers_on("box_1") == 1
     assert not AfterGrasp("box_1").fires(moment(world, 5))
+
+
+def test_an_entity_in_the_hand_is_waited_for(world: TinyWorld) -> None:
+    world.reset(0)
+    trigger, box = Untouched(4, entity="box_1"), world.position("box_1")
+    assert [trigger.fires(moment(world, step, 2)) for step in (5, 6, 7)] == [False, True, True]
+    for place, grip in ((box, -1.0), (box, 1.0)):
+        for _ in steer(world, place, grip):
+            pass
+    assert world.contacts("box_1") == ("gripper0", "main_table")
+    assert not trigger.fires(moment(world, 99, 2))
+    for _ in steer(world, np.add(box, (0.0, 0.0, 0.1)), -1.0):
+        pass
+    assert trigger.fires(moment(world, 99, 2))

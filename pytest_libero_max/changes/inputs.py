@@ -1,0 +1,146 @@
+"""Inputs taken away from a policy: black images, images that stand still, a state of zeros.
+
+The scene stays as it is. What remains of a policy's success says what it can do without the input.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from pytest_libero_max.benchmark.structs import Flag, Positive, Text, rule
+from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing
+from pytest_libero_max.changes.measuring import filter_records
+from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.reversal import Reversal, added_filters
+from pytest_libero_max.worlds.contract import AlterableWorld, Image, PixelFilter
+
+_Cameras = Annotated[tuple[Text, ...], rule("a list of camera names")]
+
+
+@dataclass(frozen=True)
+class HiddenInputs:
+    """Black images of some cameras.
+
+    Attributes:
+        cameras: Names of the cameras.
+        hides_state: True if the world also shows a robot state of zeros.
+    """
+
+    cameras: tuple[str, ...]
+    hides_state: bool
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        return np.zeros_like(image) if camera in self.cameras else image
+
+
+@dataclass(frozen=True)
+class StillImages:
+    """The images of some cameras as they once were.
+
+    Attributes:
+        digest: SHA-256 of the images, hexadecimal.
+        shape: Height and width, pixels. Requests for another size get the nearest pixels.
+        images: The bytes of each image, by camera.
+    """
+
+    digest: str
+    shape: tuple[int, int]
+    images: tuple[tuple[str, bytes], ...] = field(repr=False)
+
+    def __call__(self, image: Image, camera: str, step: int) -> Image:
+        kept = dict(self.images).get(camera)
+        if kept is None:
+            return image
+        still = np.frombuffer(kept, dtype=np.uint8).reshape(*self.shape, 3)
+        rows, columns = (
+            np.arange(wanted) * size // wanted for size, wanted in zip(self.shape, image.shape, strict=False)
+        )
+        shown: Image = still[rows][:, columns]
+        return shown
+
+
+class _InputChange(ManifestFields):
+    """A change that adds one filter to a world."""
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"pixels"})
+
+    def _filter(self, world: AlterableWorld) -> PixelFilter:
+        raise NotImplementedError
+
+    def apply(self, world: AlterableWorld) -> Evidence:
+        before = {"filters": filter_records(world)}
+        world.add_filter(self._filter(world))
+        after = {"filters": filter_records(world)}
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        check_evidence(self, evidence)  # type: ignore[arg-type]
+        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
+
+
+@dataclass(frozen=True)
+class HideInputs(_InputChange):
+    """Show black images of some cameras from now on, and, if asked for, a robot state of zeros.
+
+    The orientation of such a state is the identity: a quaternion of zeros is none.
+
+    Attributes:
+        cameras: Names of the cameras; none for the state alone.
+        state: True to hide the state.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "hide_inputs"
+
+    cameras: _Cameras
+    state: Flag
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"pixels", "state"} if self.state else {"pixels"})
+
+    def _filter(self, world: AlterableWorld) -> PixelFilter:
+        return HiddenInputs(self.cameras, self.state)
+
+    def scaled(self, strength: float) -> HideInputs | Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+
+@dataclass(frozen=True)
+class FreezeImages(_InputChange):
+    """Show the images of some cameras as they are now from now on.
+
+    Attributes:
+        cameras: Names of the cameras.
+        height: Height of the images that are kept, pixels.
+        width: Width of them, pixels.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "freeze_images"
+
+    cameras: Annotated[_Cameras, rule("a list of at least one camera name", min_length=1)]
+    height: Positive
+    width: Positive
+
+    def _filter(self, world: AlterableWorld) -> PixelFilter:
+        shown = world.observe(self.cameras, (self.height, self.width))
+        images = tuple((camera, shown[f"{camera}_image"].tobytes()) for camera in self.cameras)
+        digest = hashlib.sha256(repr(self.cameras).encode() + b"".join(image for _, image in images))
+        return StillImages(digest.hexdigest(), (self.height, self.width), images)
+
+    def scaled(self, strength: float) -> FreezeImages | Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()

@@ -1,0 +1,50 @@
+"""Interaction of two changes: ``python -m tests.scripts.interaction RUN`` reads a run of ``compound``.
+
+Over the same cases, success with both changes less that with the light alone, less the same of the event
+alone and Base. Below zero the two together cost more than the sum of both. The interval is the exact
+bootstrap within sources that reports use for differences of differences.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.runs.store import read_pairs
+from pytest_libero_max.stats.conditions import Conditions, Contrast, contrasts_of_contrasts
+
+ARMS = ("base", "event", "light", "dynamic")
+"""Neither, each alone, both."""
+
+
+def interaction(records: tuple[PairRecord, ...]) -> Contrast:
+    """Return (both - light) - (event - neither)."""
+    conditions = Conditions.of(
+        {name: [record.arms[name].success for record in records] for name in ARMS},
+        [record.source for record in records],
+        [record.configuration for record in records],
+        [record.configuration for record in records],
+    )
+    (found,) = contrasts_of_contrasts(conditions, [(("dynamic", "light"), ("event", "base"))])
+    return found
+
+
+def main() -> None:
+    """Print the successes of each arm, and the interaction."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", type=Path)
+    records = tuple(read_pairs(parser.parse_args().run).records)
+    for name in ARMS:
+        print(f"{name:<8} {sum(record.arms[name].success for record in records)}/{len(records)}")
+    found = interaction(records)
+    print(f"interaction above 0 in {found.gains}, below 0 in {found.losses} of {len(records)} cases")
+    if found.change is not None:
+        ends = (found.change.estimate, found.change.lower, found.change.upper)
+        width = "all cases alike" if found.change.degenerate else "exact bootstrap within sources"
+        value, lower, upper = (100 * end for end in ends)
+        print(f"interaction {value:+.1f} pp [{lower:+.1f}, {upper:+.1f}], {width}")
+
+
+if __name__ == "__main__":
+    main()
