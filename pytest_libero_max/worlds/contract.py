@@ -80,7 +80,11 @@ class Entity:
 
 
 class PixelFilter(Protocol):
-    """A change of a camera's images: a pure, hashable, frozen function of its arguments."""
+    """A change of a camera's images: a pure, hashable, frozen function of its arguments.
+
+    One with a true attribute ``hides_state`` also lets the world show a robot state of zeros, its orientation
+    the identity.
+    """
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         """Return the altered image.

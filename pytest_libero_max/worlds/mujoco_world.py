@@ -201,7 +201,7 @@ class MujocoWorld(ABC):
 
     @property
     def language(self) -> str:
-        return self._assigned[0] or self._language
+        return self._language if self._assigned[0] is None else self._assigned[0]
 
     @property
     def assigned(self) -> tuple[str | None, Goal | None]:
@@ -287,6 +287,10 @@ class MujocoWorld(ABC):
 
     def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         observation: dict[str, NDArray[Any]] = dict(self._proprioception())
+        if any(getattr(filter, "hides_state", False) for filter, _ in self._filters):
+            for name, value in observation.items():
+                value[:] = 0.0
+                value[-1] = name.endswith("_quat")
         for camera in cameras:
             observation[f"{camera}_image"] = self._image(camera, size)
         return observation

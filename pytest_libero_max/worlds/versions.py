@@ -21,10 +21,11 @@ def version_notes(mujoco: str, robosuite: str) -> list[str]:
         robosuite: For example ``1.4.1``.
     """
     notes = []
-    if _parts(mujoco) >= (3, 4):
+    if is_later_line(mujoco):
         notes.append(
             f"MuJoCo {mujoco} computes contacts of boxes as from 3.4.0 on, and LIBERO's objects are made of "
-            f"boxes: outcomes differ from the reference ({REFERENCE}). Use mujoco>=3.3.6,<3.4."
+            f"boxes: outcomes differ from the reference ({REFERENCE}). Use mujoco>=3.3.6,<3.4, which has no "
+            "wheel for Python 3.14."
         )
     elif _parts(mujoco) < (3, 3, 6):
         notes.append(
@@ -34,6 +35,11 @@ def version_notes(mujoco: str, robosuite: str) -> list[str]:
     if not (1, 4) <= _parts(robosuite) < (1, 5):
         notes.append(f"robosuite {robosuite} is not of the 1.4 line, on which LIBERO runs.")
     return notes
+
+
+def is_later_line(mujoco: str) -> bool:
+    """Return True from 3.4.0 on, where boxes touch in another way; False where no version is known."""
+    return _parts(mujoco) >= (3, 4)
 
 
 def _parts(version: str) -> tuple[int, ...]:

@@ -5,8 +5,8 @@ then write the file again:
 
     python -m tests.experts.golden_actions
 
-Components are rounded to a thousandth, far above what kinds of processors differ in. ``servo`` is shown a
-picture that is kept beside the file, because renderers differ in more.
+Each line of MuJoCo has a file. Components are rounded to a thousandth, far above what kinds of processors
+differ in. ``servo`` is shown a picture that is kept beside the file, because renderers differ in more.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ from pytest_libero_max.policies.references import BUILT_IN
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import Array
+from tests.mujoco_line import LINE
 
-FILE = Path(__file__).with_name("golden_actions.json")
+FILE = Path(__file__).with_name("golden_actions.json" if LINE == "3.3" else f"golden_actions_{LINE}.json")
 PICTURE = Path(__file__).with_name("golden_view.png")
 
 SCENES = (

@@ -80,7 +80,7 @@ def panel(corners: Sequence[Point], texcoords: Sequence[Point] = ((0, 0), (1, 0)
     """Return a flat convex polygon, its corners counter-clockwise as seen from its visible side."""
     vertices = np.asarray(corners, dtype=np.float64)
     normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
-    normal /= np.linalg.norm(normal)
+    normal /= _length(normal)
     count = len(vertices)
     triangles = np.array([(0, k, k + 1) for k in range(1, count - 1)])
     uv = np.asarray(texcoords, dtype=np.float64)[:count]
@@ -184,9 +184,9 @@ def _bevels(rims: dict[str, tuple[Array, Array]]) -> list[Mesh]:
 
 def _around(spokes: Array, axis: Array) -> list[int]:
     """Return indices of ``spokes`` in counter-clockwise order seen against ``axis``."""
-    axis = axis / np.linalg.norm(axis)
+    axis = axis / _length(axis)
     first = spokes[0] - axis * (spokes[0] @ axis)
-    first /= np.linalg.norm(first)
+    first /= _length(first)
     second = np.cross(axis, first)
     angles = np.arctan2(spokes @ second, spokes @ first)
     return [int(k) for k in np.argsort(angles, kind="stable")]
@@ -222,7 +222,7 @@ def revolve(profile: Sequence[tuple[float, float]], segments: int = 24, crease_d
             start = len(rings) - 1
         smooth_end = k + 1 < len(steps) and outward[k] @ outward[k + 1] > limit
         normal = outward[k] + outward[k + 1] if smooth_end else outward[k]
-        rings.append((points[k + 1], normal / np.linalg.norm(normal), along[k + 1]))
+        rings.append((points[k + 1], normal / _length(normal), along[k + 1]))
         spans.append((start, len(rings) - 1))
     angles = np.pi + 2 * np.pi * np.arange(segments + 1) / segments
     cos, sin = np.cos(angles), np.sin(angles)
@@ -261,7 +261,7 @@ def tube(path: Sequence[Point], half_width: float, half_depth: float, segments: 
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     spread = points[:, :2] - points[0, :2]
     far = spread[np.argmax(np.linalg.norm(spread, axis=1))]
-    across = np.array([-far[1], far[0], 0.0]) / np.linalg.norm(far)
+    across = np.array([-far[1], far[0], 0.0]) / _length(far)
     within = np.cross(across, tangents)
     angles = 2 * np.pi * np.arange(segments + 1) / segments
     cos, sin = np.cos(angles)[None, :, None], np.sin(angles)[None, :, None]
@@ -288,6 +288,17 @@ def tube(path: Sequence[Point], half_width: float, half_depth: float, segments: 
     blank = [(0.0, 0.0)] * segments
     lids = [panel(rings[0, :-1][::-1].tolist(), blank), panel(rings[-1, :-1].tolist(), blank)]
     return join(side, *lids)
+
+
+def _length(vector: Array) -> float:
+    """Return the length of a vector, its squares added one by one.
+
+    NumPy leaves it to BLAS, whose last bit differs from one kind of processor to the next.
+    """
+    squares = 0.0
+    for value in vector.tolist():
+        squares += value * value
+    return math.sqrt(squares)
 
 
 def faceted(mesh: Mesh) -> Mesh:

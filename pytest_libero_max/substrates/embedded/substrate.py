@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,7 @@ SCENES = 12
 
 Starts = Callable[[int], Mapping[str, Array]]
 _AS_IT_IS = Remodel()
+_scene = lru_cache(maxsize=2)(build_scene)  # a remodelled scene needs it twice, once for its starts
 _RESULT_PACKAGES = ("mujoco", "robosuite", "numpy", "scipy", "numba", "opencv-python-headless")
 
 
@@ -186,7 +187,7 @@ class EmbeddedSubstrate:
         if key in self._worlds:
             self._worlds[key] = self._worlds.pop(key)  # the last one used is the last one to go
             return self._worlds[key]
-        scene = build_scene(suite, index)
+        scene = _scene(suite, index)
         if plan == _AS_IT_IS:
             world = EmbeddedWorld(scene)
         else:

@@ -275,7 +275,7 @@ def _importable() -> tuple[Path, str]:
     raise SubstrateError(
         "No LIBERO is installed, so the substrate 'libero' cannot be used. Install it with "
         f"`{INSTALL}`, `{ASSETS_INSTALL}` and `{REQUIREMENTS_INSTALL}`, or give the folder of a checkout of "
-        "LIBERO, LIBERO-Plus or LIBERO-PRO. `libero-max doctor` says what is missing."
+        "LIBERO, LIBERO-Plus or LIBERO-PRO."
     )
 
 

@@ -37,6 +37,7 @@ def prepare() -> str:
     Raises:
         OptionError: ``MUJOCO_GL`` is set to a word that is no backend for offscreen images.
     """
+    _quiet_robosuite()
     return _choice()[0]
 
 
@@ -103,7 +104,6 @@ def _choice() -> tuple[str, str]:
     # With none, MuJoCo must be told so: it would raise while it is imported, and physics needs no backend.
     backend = next((name for name in tried if loads(name)), DISABLED[0])
     os.environ[VARIABLE] = backend
-    _quiet_robosuite()
     return backend, asked
 
 

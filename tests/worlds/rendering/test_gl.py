@@ -91,6 +91,18 @@ def test_robosuite_is_imported_without_a_word() -> None:
     assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
 
 
+def test_robosuite_is_imported_without_a_word_where_modules_were_taken_back() -> None:
+    """As pytest's own tests of plugins do: the backend stays settled, and robosuite's macros are gone."""
+    result = run(
+        "import sys\n"
+        "from pytest_libero_max.worlds.rendering import gl\n"
+        "gl.prepare()\n"
+        "del sys.modules['robosuite.macros_private']\n"
+        "gl.import_robosuite()"
+    )
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+
+
 def test_the_plugin_and_the_cases_load_no_simulator() -> None:
     code = (
         "import sys, pytest_libero_max, pytest_libero_max.benchmark.cases\n"

@@ -229,7 +229,7 @@ def mesh_element(name: str, mesh: Mesh) -> ET.Element:
             "vertex": _numbers(mesh.vertices.ravel()),
             "normal": _numbers(mesh.normals.ravel()),
             "texcoord": _numbers(mesh.texcoords.ravel()),
-            "face": " ".join(str(int(n)) for n in mesh.triangles.ravel()),
+            "face": " ".join(map(str, mesh.triangles.ravel().tolist())),
         },
     )
 
@@ -342,4 +342,5 @@ def _skin_name(category: Category, link: Link, number: int) -> str:
 
 
 def _numbers(values: Sequence[float] | np.ndarray) -> str:
-    return " ".join(f"{float(v):.7g}" for v in values)
+    plain = values.tolist() if isinstance(values, np.ndarray) else values
+    return " ".join([f"{value:.7g}" for value in plain])
