@@ -32,6 +32,7 @@ def add_command(commands: Commands) -> None:
     )
     trend.add_argument("folders", type=Path, nargs="+", metavar="RUN", help="Folders of two or more runs")
     trend.add_argument("--csv", type=Path, metavar="FILE", help="Also write the numbers here")
+    trend.add_argument("--html", type=Path, metavar="FILE", help="Also write a page with charts here")
     trend.add_argument("--figure", type=Path, metavar="FILE", help="Also draw success by run here, as SVG")
     trend.set_defaults(run=_trend)
 
@@ -59,6 +60,10 @@ def _trend(options: argparse.Namespace) -> None:
     )
     if options.csv:
         _write_csv(options.csv, comparison.runs, causes)
+    if options.html:
+        from pytest_libero_max.report.comparison.trend_html import trend_html
+
+        write_text(options.html, trend_html(comparison, causes))
     if options.figure:
         names = [run.name for run in comparison.runs]
         base, dynamic = ([getattr(run, rate) for run in comparison.runs] for rate in _RATES)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.build import group_order, substrate_of
+from pytest_libero_max.report.comparison.apart import apart_run, set_apart
 from pytest_libero_max.report.comparison.comparison_document import (
     CommonPairs,
     ComparedRun,
@@ -93,22 +94,16 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     """
     if len(runs) < 2:
         raise ReportError(f"{len(runs)} run given, but a comparison is of two or more.")
-    outcomes = {name: _outcomes(run) for name, run in runs.items()}
-    substrates = sorted({run.run.provenance["substrate"]["name"] for run in outcomes.values()})
-    if len(substrates) > 1:
-        raise ReportError(
-            f"The runs are of the substrates {' and '.join(substrates)}, whose scores are not comparable. "
-            "Compare runs of one substrate."
-        )
-    planned: dict[str, PlannedPair] = {}
-    for name, run in outcomes.items():
-        for pair in run.run.planned:
-            known = planned.setdefault(pair.case_id, pair)
-            if known is not pair and known.case_digest != pair.case_digest:
-                raise ReportError(
-                    f"case_id={pair.case_id!r} of run {name!r} is another case than in the other runs: the "
-                    "manifests differ. Play both with the same manifest."
-                )
+    return lined_up({name: _outcomes(run) for name, run in runs.items()}, restrict)
+
+
+def lined_up(outcomes: Mapping[str, RunOutcomes], restrict: bool = False) -> CommonCases:
+    """Line up the cases of any number of runs; see :func:`common_cases`.
+
+    Raises:
+        ReportError: See :func:`common_cases`.
+    """
+    planned = _all_planned(outcomes)
     places = {
         name: {case_id: index for index, case_id in enumerate(run.case_ids)} for name, run in outcomes.items()
     }
@@ -129,7 +124,7 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         counts = ", ".join(f"{len(cases)} of {name!r}" for name, cases in left_out.items())
         raise ReportError(
             f"The runs do not share all cases: left out would be {counts}. Play the missing pairs, or "
-            f"restrict the comparison to the {len(common)} common cases."
+            f"compare the common cases alone ({len(common)} of them): libero-max compare --restrict."
         )
     return CommonCases(
         planned=tuple(planned[case_id] for case_id in common),
@@ -142,12 +137,52 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     )
 
 
+def _all_planned(outcomes: Mapping[str, RunOutcomes]) -> dict[str, PlannedPair]:
+    """Return the planned cases of all runs by their ids.
+
+    Raises:
+        ReportError: The runs are of different substrates, or have different cases of one name.
+    """
+    substrates = sorted({run.run.provenance["substrate"]["name"] for run in outcomes.values()})
+    if len(substrates) > 1:
+        raise ReportError(
+            f"The runs are of the substrates {' and '.join(substrates)}, whose scores are not comparable. "
+            "Compare runs of one substrate."
+        )
+    planned: dict[str, PlannedPair] = {}
+    for name, run in outcomes.items():
+        for pair in run.run.planned:
+            known = planned.setdefault(pair.case_id, pair)
+            if known is not pair and known.case_digest != pair.case_digest:
+                raise ReportError(
+                    f"case_id={pair.case_id!r} of run {name!r} is another case than in the other runs: the "
+                    "manifests differ. Play both with the same manifest."
+                )
+    return planned
+
+
+def compared_and_apart(
+    runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False
+) -> tuple[dict[str, RunOutcomes], dict[str, RunOutcomes]]:
+    """Return the runs that :func:`compare_runs` compares, and those that it lists apart.
+
+    Raises:
+        ReportError: The runs are of different substrates, or have different cases of one name.
+    """
+    outcomes = {name: _outcomes(run) for name, run in runs.items()}
+    _all_planned(outcomes)
+    return (outcomes, {}) if restrict else set_apart(outcomes)
+
+
 def _outcomes(run: StoredRun | RunOutcomes) -> RunOutcomes:
     return run if isinstance(run, RunOutcomes) else RunOutcomes.of(run)
 
 
 def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False) -> Comparison:
     """Compare runs on their common cases.
+
+    Runs of policies that support a part of the suites are listed apart, unless ``restrict`` asks for the
+    cases that all share (see :func:`~pytest_libero_max.report.comparison.apart.set_apart`).
 
     Every family of contrasts holds all pairs of runs (and all events, for those by event). Holm's correction
     and the simultaneous intervals are over the family. Flips are the cases whose pair of outcomes differs
@@ -156,8 +191,8 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     Raises:
         ReportError: See :func:`common_cases`.
     """
-    common = common_cases(runs, restrict)
-    outcomes = {name: _outcomes(run) for name, run in runs.items()}
+    outcomes, apart = compared_and_apart(runs, restrict)
+    common = common_cases(outcomes, restrict)
     pairs = {name: columns.numbered() for name, columns in common.pairs.items()}
     labels = np.asarray([pair.event for pair in common.planned])
     events = sorted(set(labels.tolist()), key=lambda event: group_order("event", event))
@@ -214,12 +249,13 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             left_out={name: list(cases) for name, cases in common.left_out.items()},
             unsupported=dict(common.unsupported),
         ),
-        substrate=substrate_of(next(iter(outcomes.values())).run.provenance),
+        substrate=substrate_of(next(iter(outcomes.values())).run.provenance, common.planned),
         differences=[
             *_differences(outcomes),
             *_scene_differences(outcomes, [pair.case_id for pair in common.planned]),
         ],
         runs=rows,
+        apart=[apart_run(name, run) for name, run in apart.items()],
         contrasts=[contrast_of(contrast, _by_task(contrast, dynamic, tasks)) for contrast in by_run],
         base_contrasts=[
             contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, sources)

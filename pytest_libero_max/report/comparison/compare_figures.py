@@ -11,20 +11,8 @@ from msgspec.structs import replace
 from pytest_libero_max.report.comparison.compare_text import with_short_names
 from pytest_libero_max.report.comparison.comparison_document import Comparison, OverRuns
 from pytest_libero_max.report.formats import percent, points
-from pytest_libero_max.report.writers.svg import (
-    ACCENT,
-    GAIN,
-    GRID,
-    INK,
-    LOSS,
-    MUTED,
-    ON_LIGHT,
-    circle,
-    document,
-    line,
-    rectangle,
-    text,
-)
+from pytest_libero_max.report.palette import BOX, GAIN, GRID, INK, LIGHT_GAIN, LOSS, MUTED, ON_LIGHT, SECOND
+from pytest_libero_max.report.writers.svg import circle, document, line, rectangle, text
 
 _LABEL, _PLOT, _NOTE, _MARGIN = 190, 480, 190, 12
 _LEAST_BOXED = 5
@@ -35,7 +23,7 @@ _LANE = 7
 
 _OUTCOMES = (
     ("preserved_success", "preserved success", GAIN, "white"),
-    ("change_associated_success", "change-associated success", "#8cc5d3", ON_LIGHT),
+    ("change_associated_success", "change-associated success", LIGHT_GAIN, ON_LIGHT),
     ("regression", "regression", LOSS, "white"),
     ("persistent_failure", "persistent failure", GRID, INK),
 )
@@ -44,7 +32,7 @@ _OUTCOMES = (
 def event_changes(comparison: Comparison) -> str:
     """Paired change by event: a dot for every run, and median, quartiles and range over the runs."""
     runs, events = comparison.runs, comparison.events
-    colors = _colors(len(runs))
+    colors = distinct_colors(len(runs))
     low, high = _limits(comparison)
     top, row = 34, _LANE * len(runs) + 18
 
@@ -79,7 +67,7 @@ def event_changes(comparison: Comparison) -> str:
             median = place(over_runs.median)
             shapes += [
                 line(place(over_runs.lowest), middle, place(over_runs.highest), middle, MUTED),
-                rectangle(lower, begin, max(upper - lower, 1), height, "#eceff2"),
+                rectangle(lower, begin, max(upper - lower, 1), height, BOX),
                 line(median, begin, median, begin + height, INK, 2),
             ]
             note = _over_runs_text(over_runs)
@@ -156,9 +144,9 @@ def _limits(comparison: Comparison) -> tuple[float, float]:
     return low / 10, max(high, low + 1) / 10
 
 
-def _colors(count: int) -> list[str]:
+def distinct_colors(count: int) -> list[str]:
     """Return distinct colours, dark and light in turn, none of them the red of a loss."""
-    colors = [INK, ACCENT]
+    colors = [INK, SECOND]
     for number in range(count - len(colors)):
         channels = colorsys.hls_to_rgb(0.15 + 0.7 * number / count, (0.36, 0.52)[number % 2], 0.65)
         colors.append("#" + "".join(f"{round(255 * channel):02x}" for channel in channels))

@@ -10,7 +10,10 @@ from msgspec.structs import replace
 from pytest_libero_max.report.comparison.compare import CommonCases
 from pytest_libero_max.report.comparison.compare_tables import contrast_tables
 from pytest_libero_max.report.comparison.compare_text import (
+    APART,
     OPEN_RANKS,
+    apart_cells,
+    apart_rows,
     comparison_title,
     rank_set_text,
     rank_text,
@@ -51,9 +54,11 @@ def comparison_html(
         comparison_title(comparison),
         cases,
         substrate_note=comparison.substrate.note,
-        warnings=[*_warnings(shown)],
+        warnings=[*comparison_warnings(shown)],
         runs=[_run_row(run) for run in sorted(shown.runs, key=_rank)],
         open_ranks=OPEN_RANKS,
+        apart_note=APART,
+        apart=[(run.name, [apart_cells(*row) for row in apart_rows(run)]) for run in shown.apart],
         headline=_headline(shown) if len(shown.runs) == 2 else None,
         plot=runs_by_event(shown),
         colours=[(f"run{number % RUN_COLOURS}", run.name) for number, run in enumerate(shown.runs)],
@@ -94,7 +99,7 @@ def _rank(run: ComparedRun) -> float:
     return float("inf") if run.rank is None else run.rank
 
 
-def _warnings(comparison: Comparison) -> Iterator[str]:
+def comparison_warnings(comparison: Comparison) -> Iterator[str]:
     """Yield the cases that are not compared, and the differences between the runs beside their policies."""
     pairs = comparison.pairs
     if pairs.restricted:

@@ -12,7 +12,9 @@ import msgspec
 from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.comparison.comparison_document import (
+    ApartRun,
     ChangeContrast,
     ComparedRun,
     Comparison,
@@ -22,8 +24,9 @@ from pytest_libero_max.report.comparison.comparison_document import (
     RunDifference,
     SuccessContrast,
 )
-from pytest_libero_max.report.formats import count_text, interval_text, p_number, percent, points
+from pytest_libero_max.report.formats import PairCount, count_text, interval_text, p_number, percent, points
 from pytest_libero_max.report.writers.summary import substrate_lines
+from pytest_libero_max.runs.replay_command import replay_text
 
 AnyContrast = SuccessContrast | ChangeContrast | GroupContrast
 
@@ -88,9 +91,10 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     if unsupported:
         lines.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
     lines += substrate_lines(comparison.substrate)
-    lines += _difference_lines(comparison.differences)
+    lines += difference_lines(comparison.differences)
     lines += ["", *_run_rows(comparison)]
     lines.append(OPEN_RANKS)
+    lines += _apart_lines(comparison.apart)
     lines += ["", *_contrast_lines("Dynamic success", comparison.contrasts)]
     lines += ["", *_contrast_lines("Base success", comparison.base_contrasts)]
     lines += ["", *_contrast_lines("Paired change", comparison.change_contrasts)]
@@ -114,7 +118,7 @@ def short_lines(comparison: Comparison, flips: int = 5) -> list[str]:
     )
     return [
         f"{second} against {first}, on {comparison.pairs.common} common cases",
-        *_difference_lines(comparison.differences),
+        *difference_lines(comparison.differences),
         *_run_rows(comparison),
         *_contrast_lines("Dynamic success", comparison.contrasts),
         *_flip_lines(comparison, changed)[: 1 + flips],
@@ -141,9 +145,46 @@ def _run_rows(comparison: Comparison) -> list[str]:
     return lines
 
 
+APART = (
+    "Listed apart: policies that do not support all suites of the others. Their rows are over the cases that "
+    "they support, and they change nothing else here. --restrict compares all runs on the cases they share."
+)
+
+
+def apart_rows(run: ApartRun) -> Iterator[tuple[str, Result | None]]:
+    """Yield the rows of a run that is listed apart: by suite, and over all that its policy supports.
+
+    A suite that it does not support has no result.
+    """
+    rows = {**run.by_suite, **dict.fromkeys(run.unsupported_suites)}
+    yield from sorted(rows.items())
+    yield "all supported", run.result
+
+
+def apart_cells(name: str, row: Result | None) -> tuple[str, ...]:
+    """Return the cells of such a row: name, pairs, Base, Dynamic and paired change."""
+    if row is None:
+        return (name, "unsupported", "n/a", "n/a", "n/a")
+    change = f"{points(row.paired_change.value)} {interval_text(row.paired_change, signed=True)}"
+    rates = (percent(row.base_success.value), percent(row.dynamic_success.value))
+    return (name, PairCount().short(row), *rates, change)
+
+
+def _apart_lines(runs: Sequence[ApartRun]) -> Iterator[str]:
+    """Yield the runs that are listed apart, by suite as in the paper."""
+    if not runs:
+        return
+    yield from ("", *wrap(APART, 100))
+    for run in runs:
+        head = (run.name, "pairs", "Base", "Dynamic", "change [95%]")
+        rows = (apart_cells(f"  {name}", row) for name, row in apart_rows(run))
+        for name, pairs, base, dynamic, change in (head, *rows):
+            yield f"{name:<36} {pairs:>12} {base:>7} {dynamic:>7} {change:>24}"
+
+
 def with_short_names(comparison: Comparison) -> Comparison:
     """Return the comparison with runs named by the last part of their paths, where these differ."""
-    names = [run.name for run in comparison.runs]
+    names = [*(run.name for run in comparison.runs), *(run.name for run in comparison.apart)]
     short = dict(zip(names, (PurePath(name).name for name in names), strict=True))
     if len(set(short.values())) < len(names) or "" in short.values():
         return comparison
@@ -179,7 +220,7 @@ def _run_row(
     return f"{rank:>4} {ranks:>6}  {name:<22} {base:>6} {dynamic:>7} {change:>24} {by_task:>15} {lost:>11}"
 
 
-def _difference_lines(differences: Sequence[RunDifference]) -> Iterator[str]:
+def difference_lines(differences: Sequence[RunDifference]) -> Iterator[str]:
     """Yield the differences between the runs beside their policies."""
     for difference in differences:
         values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
@@ -290,4 +331,4 @@ def _flip_lines(comparison: Comparison, changed: int) -> list[str]:
     if changed > len(flips):
         lines.append(f"... and {changed - len(flips)} more")
     lines.append("To play one of them again, append its name:")
-    return [*lines, *(f"  {run.name}: {shlex.join(run.replay)}" for run in comparison.runs)]
+    return [*lines, *(f"  {run.name}: {replay_text(run.replay)}" for run in comparison.runs)]

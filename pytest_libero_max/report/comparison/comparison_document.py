@@ -17,6 +17,7 @@ from pytest_libero_max.report.blocks import (
     Outcomes,
     Positive,
     Rate,
+    Result,
     Share,
     Substrate,
     Text,
@@ -35,8 +36,8 @@ class CommonPairs(Block, frozen=True, kw_only=True):
         common: Cases that every run has measured; all results are over these.
         restricted: True if some run has planned cases that are not compared.
         left_out: By run, the case ids of its planned cases that are not compared.
-        unsupported: By run, number of its planned cases that its policy declares unsupported. They are left
-            out of all runs.
+        unsupported: By compared run, number of its planned cases that its policy declares unsupported. They
+            are left out of all runs.
     """
 
     common: Positive
@@ -84,7 +85,8 @@ class ComparedRun(Block, frozen=True, kw_only=True):
             one below the runs that they show to be better. Whole, without shared ranks.
         lowest_rank: Lowest rank that they leave open: one above the runs that they show to be worse.
         policy: The policy's spec as played, as in its records.
-        replay: Plays a case of this run again once its item id is appended.
+        replay: Plays a case of this run again once its item id is appended. Empty for the run of another
+            evaluation loop, which alone can load its policy.
         base_success: Base success rate on the common cases.
         dynamic_success: Dynamic success rate on the common cases.
         paired_change: Mean of Dynamic less Base success on the common cases.
@@ -111,6 +113,26 @@ class ComparedRun(Block, frozen=True, kw_only=True):
     response_coverage: Rate
     by_event: dict[str, Change]
     lowest_event: LowestEvent
+
+
+class ApartRun(Block, frozen=True, kw_only=True):
+    """A run whose policy does not support all suites of the others. It has no rank and no contrast.
+
+    Attributes:
+        name: Name of the run: its path as given.
+        policy: The policy's spec as played, as in its records.
+        unsupported: Number of its planned cases that its policy declares unsupported.
+        unsupported_suites: The suites of these cases.
+        result: Its result over the cases that its policy supports.
+        by_suite: The same by suite.
+    """
+
+    name: Text
+    policy: dict[str, Any] | None
+    unsupported: Positive
+    unsupported_suites: list[str]
+    result: Result
+    by_suite: dict[str, Result]
 
 
 class SuccessDifference(Block, frozen=True, kw_only=True):
@@ -300,7 +322,9 @@ class Comparison(Block, frozen=True, kw_only=True):
         differences: Everything in which the runs differ beside their policies: substrate with semantics,
             instruction source, variations and installations; protocol; cases; versions. Of the policies H
             (chunk size), Q (execution horizon) and whether they are repeatable.
-        runs: One entry a run, in the order given.
+        runs: One entry a compared run, in the order given.
+        apart: Runs of policies that do not support all suites of the others, where two others are left to
+            compare. They change nothing else here.
         contrasts: Contrasts of Dynamic success on the common cases; one family over all pairs of runs.
         base_contrasts: Contrasts of Base success; one family over all pairs of runs.
         change_contrasts: Contrasts of the paired change; one family over all pairs of runs.
@@ -316,6 +340,7 @@ class Comparison(Block, frozen=True, kw_only=True):
     substrate: Substrate
     differences: list[RunDifference]
     runs: Annotated[list[ComparedRun], Meta(min_length=2)]
+    apart: list[ApartRun]
     contrasts: list[SuccessContrast]
     base_contrasts: list[SuccessContrast]
     change_contrasts: list[ChangeContrast]

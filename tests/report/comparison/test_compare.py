@@ -13,8 +13,9 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
-from pytest_libero_max.report.gate_results import decide, gate_lines, github_annotations
+from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import parse_gates
+from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PairStore, StoredRun
@@ -216,6 +217,19 @@ def test_an_end_of_an_interval_that_fails_a_gate_violates_it_or_does_not_show_it
     new = _store(tmp_path / "new", _run(MIXED))
     (result,) = decide(parse_gates([gate]), new, start=tmp_path)
     assert result.reason == f"{gate}: {reason}"
+
+
+def test_a_failed_equivalence_is_violated_where_its_whole_interval_is_beyond_the_margin(
+    tmp_path: Path,
+) -> None:
+    _store(tmp_path / "old", _run(ALWAYS))
+    worse = _store(tmp_path / "worse", _run([(True, False)] * len(PAIRS)))
+    (far,) = decide(parse_gates(["equivalent_vs(old, 5%)"]), worse, start=tmp_path)
+    assert (far.finding, far.value) == ("violated", 1.0)
+    same = _store(tmp_path / "same", _run(ALWAYS))
+    (near,) = decide(parse_gates(["equivalent_vs(old, 5%)"]), same, start=tmp_path)
+    assert near.finding == "not shown"
+    assert "lies within the margin" in near.reason
 
 
 def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> None:

@@ -17,10 +17,10 @@ from pytest_libero_max.report.comparison.compare_figures import (
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown, write_comparison
 from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.palette import LOSS
 from pytest_libero_max.report.statements import STATEMENTS
-from pytest_libero_max.report.writers.svg import LOSS
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import PROVENANCE, page_cases, plain, plan, record_of
 
 PAIRS = plan()
@@ -122,8 +122,13 @@ def test_the_page_of_a_comparison_needs_no_network_and_escapes_names() -> None:
 def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every_run(tmp_path: Path) -> None:
     runs = {str(tmp_path / f"run{k}"): run for k, run in enumerate(_runs(2).values())}
     item = PAIRS[2].item_id
-    for path in map(Path, runs):
-        (path / "films").mkdir(parents=True)
+    for path, run in zip(map(Path, runs), runs.values(), strict=True):
+        store = PairStore(path, run.run)
+        store.begin()
+        for record in run.records:
+            store.append(record)
+        store.close()
+        (path / "films").mkdir()
         (path / "films" / f"{item}--base dynamic.mp4").touch()
     (tmp_path / "run1" / "report.html").touch()
     page = comparison_html(compare_runs(runs), common_cases(runs), tmp_path / "page")
@@ -146,6 +151,12 @@ def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every
     assert data["films"][place] == [
         [f"run{k}", f"../run{k}/films/{item}--base%20dynamic.mp4"] for k in (0, 1)
     ]
+    timeline = data["details"][int(place)]["timeline"]
+    kinds = {name: arm["kind"] for name, arm in timeline["arms"].items()}
+    both = {"base": "arm0", "dynamic": "arm1"}
+    assert kinds == {f"run{k}, {arm}": kind for k in (0, 1) for arm, kind in both.items()}
+    assert timeline["steps"] == max(arm["end"] for arm in timeline["arms"].values())
+    assert timeline["arms"]["run0, dynamic"]["success"] is False
     assert data["pages"] == [["run1", "../run1/report.html"]]
     assert data["start"] == {"changed": "yes"}
     assert data["details"][int(place)]["tables"]["Runs"]["run0"]["outcome"] == "regression"

@@ -1,0 +1,159 @@
+"""The files of the tables for a paper: Markdown with figures, and each table as CSV and LaTeX."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePath
+
+from pytest_libero_max.benchmark.tracks import GENUINE, load_track
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.build import substrate_of
+from pytest_libero_max.report.comparison.apart import apart_run
+from pytest_libero_max.report.comparison.compare import compare_runs, compared_and_apart, lined_up
+from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
+from pytest_libero_max.report.comparison.compare_text import difference_lines
+from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.paper_figures import PAPER_FIGURES
+from pytest_libero_max.report.comparison.paper_rows import PolicyRow, published_row, row_of
+from pytest_libero_max.report.comparison.paper_tables import (
+    PaperTable,
+    paper_tables,
+    partial_tables,
+    table_csv,
+    table_latex,
+    table_markdown,
+)
+from pytest_libero_max.report.published import (
+    NOTE,
+    lacks_for_published,
+    published_partial,
+    published_policies,
+)
+from pytest_libero_max.report.statements import LIMITS_TITLE, STATEMENTS
+from pytest_libero_max.report.writers.markdown import markdown_text
+from pytest_libero_max.report.writers.report_files import make_folder, write_drawings, write_text
+from pytest_libero_max.runs.outcomes import RunOutcomes
+
+MARKDOWN_NAME = "tables.md"
+
+
+def write_tables(
+    runs: Mapping[str, RunOutcomes], folder: Path, restrict: bool = False, published: bool = False
+) -> list[Path]:
+    """Write the tables and figures that the paper prints, for any runs.
+
+    Args:
+        runs: Runs by name; none for the published results alone.
+        folder: Made where it is missing.
+        restrict: Use the common cases where the runs differ, instead of refusing.
+        published: Add the fourteen published policies below the runs.
+
+    Returns:
+        ``tables.md``, a CSV and a LaTeX file for each table, and the figures.
+
+    Raises:
+        ReportError: There is nothing to show, the runs have no cases in common or cannot be in one table with
+            published results, or the files cannot be written.
+    """
+    if not runs and not published:
+        raise ReportError("No run is given. Give the folders of runs, or ask for the published results.")
+    compared, apart = compared_and_apart(runs, restrict)
+    if published:
+        _require_published_cases(runs)
+    rows: list[PolicyRow] = []
+    figures: dict[str, str] = {}
+    notes = [NOTE] if published else []
+    captions = {stem: caption for stem, (_, caption) in PAPER_FIGURES.items()}
+    title = "Published results"
+    if compared:
+        own, comparison, said = _own(compared, restrict)
+        rows += own
+        notes += said
+        title = f"Tables over {own[0].outcomes.total} cases of {_case_set(compared)}"
+        if comparison is not None:
+            figures |= drawn(comparison)
+            captions |= CAPTIONS
+    if published:
+        rows += [published_row(policy) for policy in published_policies()]
+    figures |= {stem: svg for stem, (draw, _) in PAPER_FIGURES.items() if (svg := draw(rows)) is not None}
+    tables = [
+        *paper_tables(rows),
+        *partial_tables(
+            [apart_run(name, run) for name, run in apart.items()], published_partial() if published else None
+        ),
+    ]
+    files = {MARKDOWN_NAME: _markdown(title, notes, tables, {stem: captions[stem] for stem in figures})}
+    for table in tables:
+        files |= {f"{table.stem}.csv": table_csv(table), f"{table.stem}.tex": table_latex(table, notes)}
+    make_folder(folder)
+    for name, content in files.items():
+        write_text(folder / name, content)
+    return [*(folder / name for name in files), *write_drawings(figures, folder)]
+
+
+def _own(
+    runs: Mapping[str, RunOutcomes], restrict: bool
+) -> tuple[list[PolicyRow], Comparison | None, list[str]]:
+    """Return the rows of runs on their common cases, their comparison if they are several, and notes."""
+    common = lined_up(runs, restrict)
+    comparison = compare_runs(runs, restrict) if len(runs) > 1 else None
+    lite = _lite_cases(_case_set(runs)) & {pair.case_id for pair in common.planned}
+    names = _names(runs)
+    rows = [
+        row_of(names[name], runs[name].policy, common.planned, pairs, lite)
+        for name, pairs in common.pairs.items()
+    ]
+    substrate = substrate_of(next(iter(runs.values())).run.provenance, common.planned)
+    notes = [substrate.note] if substrate.note else []
+    if any(common.left_out.values()):
+        counts = ", ".join(f"{len(cases)} of {names[name]}" for name, cases in common.left_out.items())
+        notes.append(f"Restricted to {len(common.planned)} common cases; left out: {counts}.")
+    if comparison is not None:
+        notes += [*difference_lines(comparison.differences)]
+    return rows, comparison, notes
+
+
+def _names(runs: Mapping[str, RunOutcomes]) -> dict[str, str]:
+    """Return a name for each run: that of its policy, with the run where several runs have the same."""
+    policies = {name: str((run.policy or {}).get("name", name)) for name, run in runs.items()}
+    several = {policy for policy, count in Counter(policies.values()).items() if count > 1}
+    short = {name: PurePath(name).name for name in runs}
+    if len({*short.values()}) < len(short):
+        short = {name: name for name in runs}
+    return {
+        name: f"{policy} ({short[name]})" if policy in several else policy
+        for name, policy in policies.items()
+    }
+
+
+def _case_set(runs: Mapping[str, RunOutcomes]) -> str:
+    return str(next(iter(runs.values())).run.provenance["case_set"]["name"])
+
+
+def _lite_cases(case_set: str) -> frozenset[str]:
+    """Return the ids of the cases of Lite for a run of Max; none for another case set."""
+    tracks = {"track max": "lite", f"track {GENUINE}/max": f"{GENUINE}/lite"}
+    if case_set not in tracks:
+        return frozenset()
+    return frozenset(case.case_id for case in load_track(tracks[case_set]).cases)
+
+
+def _require_published_cases(runs: Mapping[str, RunOutcomes]) -> None:
+    for name, run in runs.items():
+        lack = lacks_for_published(run.run.provenance, len(run.case_ids))
+        if lack is not None:
+            raise ReportError(
+                f"Published results cannot be in one table with {name}: {lack}. Leave --published out, or "
+                "give it without a run."
+            )
+
+
+def _markdown(
+    title: str, notes: Sequence[str], tables: Sequence[PaperTable], captions: Mapping[str, str]
+) -> str:
+    parts = [f"# {markdown_text(title)}", *map(markdown_text, notes)]
+    parts += [table_markdown(table).rstrip("\n") for table in tables]
+    parts += ["## Figures", *(f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in captions.items())]
+    parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in STATEMENTS.values())]
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,170 @@
+"""Policies as rows of the tables for a paper: from one's own runs, and from the published results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.build import group_order
+from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.published import PublishedPolicy
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.stats.breakdown import largest_split, macro_average
+from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
+from pytest_libero_max.stats.paired import Pairs
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Success of a group of pairs; None for what is not known.
+
+    Attributes:
+        pairs: Number of pairs.
+        base: Base success rate, 0 to 1.
+        dynamic: Dynamic success rate, 0 to 1.
+        change: Paired change, -1 to 1.
+    """
+
+    pairs: int | None
+    base: float | None
+    dynamic: float | None
+    change: float | None
+
+    @classmethod
+    def of(cls, outcomes: Outcomes) -> Rates:
+        """Return the rates of a group that was counted."""
+        return cls(outcomes.total, outcomes.base.value, outcomes.dynamic.value, outcomes.change.value)
+
+    @classmethod
+    def printed(cls, base: float | None, dynamic: float | None, change: float | None) -> Rates:
+        """Return rates from percent and percentage points as printed."""
+        return cls(None, *(None if value is None else value / 100 for value in (base, dynamic, change)))
+
+
+@dataclass(frozen=True)
+class PolicyRow:
+    """One policy in the tables.
+
+    Attributes:
+        name: Name of the policy.
+        published: True for results of the paper.
+        family: Kind of the policy, and the scale that its authors report; None for one's own.
+        horizon: H, the chunk size.
+        query_interval: Q, the execution horizon.
+        outcomes: Pairs by outcome.
+        by: Rates by dimension (see :data:`~pytest_libero_max.report.dimensions.DIMENSIONS`) and group.
+        macro: Unweighted mean of the paired changes of the source categories.
+        lowest_base: By source the category of lowest Base success.
+        largest_loss: By source the category of largest loss.
+        split: Event whose parameter variants differ most in Dynamic success, and that difference.
+        lite: Rates on the cases of Lite; None where these are not a part of the cases.
+        trigger: Pairs whose event fired; None where it is not published.
+        response: Pairs with a query after the event; None where it is not published.
+    """
+
+    name: str
+    published: bool
+    horizon: int | None
+    query_interval: int | None
+    outcomes: Outcomes
+    by: Mapping[str, Mapping[str, Rates]]
+    macro: float | None
+    lowest_base: Mapping[str, str]
+    largest_loss: Mapping[str, str]
+    split: tuple[str, float] | None
+    family: str | None = None
+    scale: str | None = None
+    lite: Rates | None = None
+    trigger: Ratio | None = None
+    response: Ratio | None = None
+
+
+def row_of(
+    name: str, policy: Json | None, planned: Sequence[PlannedPair], pairs: Pairs, lite: frozenset[str]
+) -> PolicyRow:
+    """Return the row of a run.
+
+    Args:
+        name: Name of the row.
+        policy: The policy's spec as played.
+        planned: The cases.
+        pairs: Their outcomes, in the same order.
+        lite: Ids of the cases of Lite; empty where they are not among the cases.
+    """
+    counted: dict[str, dict[str, Outcomes]] = {}
+    for dimension in ("event", "family", "suite", "source", "category", "severity", "variant"):
+        labels = np.asarray([DIMENSIONS[dimension].label(pair) for pair in planned])
+        groups = sorted({*labels.tolist()}, key=lambda group: group_order(dimension, group))
+        counted[dimension] = {
+            group: tabulate(pairs.base[labels == group], pairs.dynamic[labels == group]) for group in groups
+        }
+    categories = {
+        source: {name: cell for name, cell in counted["category"].items() if name.startswith(f"{source}-")}
+        for source in counted["source"]
+    }
+    variants: dict[str, dict[str, Outcomes]] = {}
+    for variant, cell in counted["variant"].items():
+        event, _, number = variant.rpartition("-")
+        variants.setdefault(event, {})[number] = cell
+    split = largest_split(variants)
+    in_lite = np.asarray([pair.case_id in lite for pair in planned])
+    return PolicyRow(
+        name=name,
+        published=False,
+        horizon=None if policy is None else policy["horizon"],
+        query_interval=None if policy is None else policy["query_interval"],
+        outcomes=tabulate(pairs.base, pairs.dynamic),
+        by={
+            dimension: {group: Rates.of(cell) for group, cell in groups.items()}
+            for dimension, groups in counted.items()
+        },
+        macro=macro_average([*counted["category"].values()]).change,
+        lowest_base={
+            source: min(cells, key=lambda name: cells[name].base.value or 0.0)
+            for source, cells in categories.items()
+        },
+        largest_loss={
+            source: min(cells, key=lambda name: cells[name].change.value or 0.0)
+            for source, cells in categories.items()
+        },
+        split=None if split is None else (split.event, split.difference),
+        lite=Rates.of(tabulate(pairs.base[in_lite], pairs.dynamic[in_lite])) if lite else None,
+        trigger=Ratio(int(pairs.triggered.sum()), len(pairs)),
+        response=Ratio(int(pairs.responded.sum()), len(pairs)),
+    )
+
+
+def published_row(policy: PublishedPolicy) -> PolicyRow:
+    """Return the row of a published policy: from its counts, and else from what the paper prints."""
+    printed, per_event = policy.printed, policy.outcomes.total // len(policy.net_change)
+
+    def changes(by_group: Mapping[str, float]) -> dict[str, Rates]:
+        return {group: Rates.printed(None, None, change) for group, change in by_group.items()}
+
+    return PolicyRow(
+        name=policy.name,
+        published=True,
+        family=policy.family,
+        scale=policy.scale,
+        horizon=policy.horizon,
+        query_interval=policy.query_interval,
+        outcomes=policy.outcomes,
+        by={
+            "event": {
+                event: Rates(per_event, None, None, net / per_event)
+                for event, net in policy.net_change.items()
+            },
+            "family": changes(printed.family),
+            "source": {source: Rates.printed(*values) for source, values in printed.source.items()},
+            "suite": changes(printed.suite),
+            "severity": changes(printed.severity),
+        },
+        macro=printed.macro / 100,
+        lowest_base=printed.lowest_base,
+        largest_loss=printed.largest_loss,
+        split=(printed.split_event, printed.split / 100),
+        lite=Rates.printed(*printed.lite),
+    )
