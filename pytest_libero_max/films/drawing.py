@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -14,17 +15,23 @@ from PIL import ImageDraw, ImageFont
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.films.replay import Tick, distinct_arms
-from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.pairing.record import PROGRAM, ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.report.palette import (
+    EVENT,
+    EVENT_INK,
+    GAIN,
+    GRID,
+    INK,
+    LOSS,
+    MUTED,
+    PAPER,
+    STALE,
+    arm_colors,
+)
 from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
 
-_PAPER, _INK, _MUTED, _GRID = "#ffffff", "#1f2933", "#66727f", "#d8dee4"
-_ARMS = ("#14708a", "#b3421b", "#7a4e9e", "#52606d")
-"""Colours of the arms, in their order; they begin again after the last."""
-
-_EVENT, _STALE, _SHARED = "#e0a100", "#c2185b", "#8794a1"
-_EVENT_INK, _OLD_PLACE = "#8a6100", "#ffd447"
-_SUCCESS, _FAILURE = "#1a7f4b", "#a12622"
+_OLD_PLACE = "#ffd447"
 
 EVENT_STEPS = CONTROL_HZ
 """Policy steps for which an event is marked in the picture: one second."""
@@ -61,17 +68,22 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
     steps = arm.steps or 0
     found: list[Label] = []
     if step < shared_until:
-        found.append(Label("shared prefix", _SHARED))
-    for firing, what in zip(arm.firings, _names_of_entries(record, name), strict=False):
-        if firing.step <= step < firing.step + EVENT_STEPS:
-            found.append(Label(what, _EVENT))
+        found.append(Label("shared prefix", MUTED))
+    happened = Counter(
+        what
+        for firing, what in zip(arm.firings, _names_of_entries(record, name), strict=False)
+        if firing.step <= step < firing.step + EVENT_STEPS
+    )
+    found += [
+        Label(what if times == 1 else f"{what}, {times} times", EVENT) for what, times in happened.items()
+    ]
     if arm.firings and arm.stale_actions:
         begin = arm.firings[0].step
         if begin < step <= begin + arm.stale_actions and step <= steps:
-            found.append(Label(f"stale action {step - begin} of {arm.stale_actions}", _STALE))
+            found.append(Label(f"stale action {step - begin} of {arm.stale_actions}", EVENT_INK))
     if step >= steps:
         ended = f"success after {steps} steps" if arm.success else f"failed after {steps} steps"
-        found.append(Label(ended, _SUCCESS if arm.success else _FAILURE))
+        found.append(Label(ended, GAIN if arm.success else LOSS))
     return found
 
 
@@ -125,7 +137,7 @@ def _names_of_entries(record: PairRecord, name: str) -> list[str]:
     for index, entry in enumerate(record.arms[name].schedule or ()):
         if "reverts" in entry:
             names.append("EVENT taken back")
-        elif name == DYNAMIC and index == 0:
+        elif name == DYNAMIC and index == 0 and PROGRAM not in record.fingerprints:
             names.append(f"EVENT {record.event} v{record.variant}")
         else:
             names.append(f"EVENT {entry['change'].get('operation', '')}")
@@ -177,7 +189,7 @@ class _Canvas:
         top = len(self._title) * self._line_px + 6
         pictures = self._line_px + 4 + len(cameras) * (self._size + _GAP_PX)
         strip = strip_px(self._size)
-        frame = Picture.new("RGB", (self._width, _even(top + pictures + strip)), _PAPER)
+        frame = Picture.new("RGB", (self._width, _even(top + pictures + strip)), PAPER)
         pen = ImageDraw.Draw(frame)
         for number, (words, color) in enumerate(self._title):
             self._write(pen, (4, 3 + number * self._line_px), words, color)
@@ -194,13 +206,13 @@ class _Canvas:
         if record.arms.keys() >= {BASE, DYNAMIC} and not record.triggered:
             outcome += "; the event never happened"
         lines = [
-            (record.item_id, _INK),
-            (record.instruction, _MUTED),
-            (f"{policy.get('name')} (H={policy.get('horizon')} Q={policy.get('query_interval')})", _MUTED),
-            (outcome, _INK),
+            (record.item_id, INK),
+            (record.instruction, MUTED),
+            (f"{policy.get('name')} (H={policy.get('horizon')} Q={policy.get('query_interval')})", MUTED),
+            (outcome, INK),
         ]
         if self._caption is not None:
-            lines.append((self._caption, _EVENT_INK))
+            lines.append((self._caption, EVENT_INK))
         return [(part, color) for words, color in lines for part in self._wrapped(words)]
 
     def _draw_arm(
@@ -210,7 +222,7 @@ class _Canvas:
         color = self._color(name)
         self._write(pen, (x + 4, y), _TITLES.get(name, name), color)
         count = f"{min(tick.step, arm.steps or 0)}"
-        self._write(pen, (x + size - 4 - self._length(count), y), count, _MUTED)
+        self._write(pen, (x + size - 4 - self._length(count), y), count, MUTED)
         y += self._line_px + 4
         top = y
         ended = tick.step >= (arm.steps or 0)
@@ -224,15 +236,15 @@ class _Canvas:
         box = (x, top, x + size - 1, y - _GAP_PX - 1)
         since = self._since_event(arm, tick.step)
         if tick.step < self._shared:
-            pen.rectangle(box, outline=_SHARED, width=2)
+            pen.rectangle(box, outline=MUTED, width=2)
         elif since is not None:
             blink = since < _BLINK_STEPS
-            pen.rectangle(box, outline=_EVENT, width=max(4, size // (16 if blink else 40)))
+            pen.rectangle(box, outline=EVENT, width=max(4, size // (16 if blink else 40)))
         if self._caption is not None:
             for number, title in enumerate(view.images, start=1):
                 below = top + number * (size + _GAP_PX) - _GAP_PX - self._line_px - 6
-                self._label(pen, (x + 6, below), Label(title, _MUTED))
-        said = [Label(words, _INK) for words in view.words]
+                self._label(pen, (x + 6, below), Label(title, MUTED))
+        said = [Label(words, INK) for words in view.words]
         for number, label in enumerate([*said, *labels(self._record, name, tick.step, self._shared)]):
             self._label(pen, (x + 6, top + 6 + number * (self._line_px + 4)), label)
 
@@ -240,13 +252,13 @@ class _Canvas:
         """Draw the old place of a thing, legible on any ground."""
         closed = [(int(x), int(y)) for x, y in (*corners, corners[0], corners[1 % len(corners)])]
         thin = max(1, self._size // 128)
-        for color, width in ((_INK, thin + 2), (_OLD_PLACE, thin)):
+        for color, width in ((INK, thin + 2), (_OLD_PLACE, thin)):
             pen.line(closed, fill=color, width=width)
 
     def _label(self, pen: ImageDraw.ImageDraw, place: tuple[int, int], label: Label) -> None:
         length = self._length(label.words)
         pen.rectangle((*place, place[0] + length + 8, place[1] + self._line_px), fill=label.color)
-        self._write(pen, (place[0] + 4, place[1] + 1), label.words, _PAPER)
+        self._write(pen, (place[0] + 4, place[1] + 1), label.words, PAPER)
 
     def _since_event(self, arm: ArmRecord, step: int) -> int | None:
         since = [step - firing.step for firing in arm.firings if 0 <= step - firing.step < EVENT_STEPS]
@@ -279,8 +291,8 @@ class _Canvas:
             above, highest = plot.top - line - 2, f"0 to {plot.highest:.2f} m"
             room = right - left - self._length(f"{highest}  ")
             fitting = next((title for title in words if self._length(title) <= room), words[-1])
-            self._write(pen, (left, above), fitting, _MUTED)
-            self._write(pen, (right - self._length(highest), above), highest, _MUTED)
+            self._write(pen, (left, above), fitting, MUTED)
+            self._write(pen, (right - self._length(highest), above), highest, MUTED)
         for number, name in enumerate(self._names):
             color, values = self._color(name), self._distances[name]
             if name not in self._ways:
@@ -301,18 +313,18 @@ class _Canvas:
                     begin = arm.firings[0].step
                     end = min(begin + arm.stale_actions, step)
                     pen.rectangle(
-                        (plot.at(begin, 0)[0], plot.top, plot.at(end, 0)[0], plot.bottom), fill="#f8dfe9"
+                        (plot.at(begin, 0)[0], plot.top, plot.at(end, 0)[0], plot.bottom), fill=STALE
                     )
                 for firing in arm.firings:
                     if firing.step <= step:
                         x, _ = plot.at(firing.step, 0.0)
-                        pen.line([(x, plot.top), (x, plot.bottom)], fill=_EVENT, width=2)
-            pen.line([(plot.left, plot.bottom), (plot.right, plot.bottom)], fill=_GRID)
+                        pen.line([(x, plot.top), (x, plot.bottom)], fill=EVENT, width=2)
+            pen.line([(plot.left, plot.bottom), (plot.right, plot.bottom)], fill=GRID)
             x, _ = plot.at(step, 0.0)
-            pen.line([(x, plot.top), (x, plot.bottom)], fill=_MUTED)
+            pen.line([(x, plot.top), (x, plot.bottom)], fill=MUTED)
 
     def _color(self, name: str) -> str:
-        return _ARMS[self._names.index(name) % len(_ARMS)]
+        return arm_colors(self._names)[name]
 
     def _write(self, pen: ImageDraw.ImageDraw, place: tuple[float, float], words: str, color: str) -> None:
         pen.bitmap((round(place[0]), round(place[1])), _written(words, self._font_px), fill=color)

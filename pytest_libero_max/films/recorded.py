@@ -20,6 +20,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
+from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import open_substrate
@@ -153,7 +154,7 @@ class RecordedRun:
         if not path.exists():
             raise ReportError(
                 f"{record.item_id} has no trace ({path} is missing), so its actions are not known. Play it "
-                "again with --libero-max-traces=all."
+                f"again with {traces_setting(self.stored.run.provenance)}."
             )
         return read_trace(path, record)
 
@@ -234,7 +235,7 @@ def open_recorded(
     if not (home / TRACES_NAME).is_dir():
         raise ReportError(
             f"{home} has no {TRACES_NAME}, so the actions of its pairs are not known. Play the run again "
-            "with --libero-max-traces=all."
+            f"with {traces_setting(provenance)}."
         )
     cases_played = _cases(provenance, cases)
     substrate = open_substrate(

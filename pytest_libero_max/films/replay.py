@@ -243,6 +243,7 @@ def _advance(players: list[_Player], step: int, world: World) -> None:
     played: list[tuple[_Player, _Player]] = []
     for player in players:
         begun = copy(player)
+        begun.applied = list(player.applied)  # what fires from here on is not of the beginning
         known = next((after for before, after in played if player.goes_with(before, step)), None)
         if known is None:
             player.play(step, world)

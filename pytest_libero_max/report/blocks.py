@@ -44,8 +44,8 @@ class Rate(Block, frozen=True, kw_only=True):
         count: Pairs that have the property.
         of: Pairs that were asked: the denominator.
         value: count / of, 0 to 1; None where the denominator is zero.
-        lower: Lower end of the exact 95% interval (Clopper and Pearson).
-        upper: Upper end of the exact 95% interval (Clopper and Pearson).
+        lower: Lower end of the exact 95% interval (Clopper and Pearson); None where a rule stopped the run.
+        upper: Upper end of the exact 95% interval (Clopper and Pearson); None where a rule stopped the run.
     """
 
     count: Count
@@ -142,8 +142,9 @@ class MeanDifference(Block, frozen=True, kw_only=True):
         count: Pairs in which only the one succeeds, less those in which only the other does.
         of: Pairs: the denominator.
         value: count / of, -1 to 1.
-        lower: Lower end of the melded exact 95% interval, which takes all pairs as independent.
-        upper: Upper end of the melded exact 95% interval.
+        lower: Lower end of the melded exact 95% interval, which takes all pairs as independent; None where a
+            rule stopped the run.
+        upper: Upper end of the melded exact 95% interval; None where a rule stopped the run.
     """
 
     count: int
@@ -192,7 +193,8 @@ class McNemar(Block, frozen=True, kw_only=True):
         regressions: Pairs (1,0).
         gains: Pairs (0,1).
         p_value: 0 where below the smallest double; the logarithm stays exact.
-        log10_p_value: Decimal logarithm of the p-value; None without a pair (1,0) or (0,1).
+        log10_p_value: Decimal logarithm of the p-value; None without a pair (1,0) or (0,1), and where a rule
+            stopped the run.
     """
 
     regressions: Count

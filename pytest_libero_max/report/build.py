@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
 import msgspec
 
@@ -18,7 +20,14 @@ from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.measured import number, outcomes_of, rate_of, ratio_of, result_of
+from pytest_libero_max.report.measured import (
+    number,
+    outcomes_of,
+    rate_of,
+    ratio_of,
+    result_of,
+    without_intervals,
+)
 from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.report_document import (
     Cell,
@@ -28,6 +37,7 @@ from pytest_libero_max.report.report_document import (
     InvalidPair,
     Macro,
     Macros,
+    MissingAsFailures,
     MissingPair,
     NoiseFloor,
     PairCounts,
@@ -35,11 +45,14 @@ from pytest_libero_max.report.report_document import (
     PresentShards,
     Report,
     Returned,
+    Shrunken,
     Split,
     Stop,
 )
+from pytest_libero_max.report.safety import safety_section
 from pytest_libero_max.report.sham import sham_of
-from pytest_libero_max.report.statements import statements_of
+from pytest_libero_max.report.statements import own_cases_text, statements_of
+from pytest_libero_max.report.stopping_rule import watched_by
 from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
@@ -55,6 +68,7 @@ from pytest_libero_max.stats.breakdown import (
 from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
+from pytest_libero_max.stats.shrinkage import shrunken
 from pytest_libero_max.substrates.registry import scores_of
 
 METHODS: Mapping[str, str | float] = {
@@ -91,17 +105,15 @@ def build_report(
         records: Measured pairs in any order.
         errors: Pairs that could not be measured. One whose case has a record as well was repaired: it
             is named, and counts as played.
-        planned_cases: Every assigned case.
+        planned_cases: Every assigned case; of a run that a rule stopped, in the order of play.
         provenance: See :func:`~pytest_libero_max.runs.provenance.collect`.
         stopped: Reason the run was stopped; None where it was not.
 
     Raises:
         ReportError: A pair occurs twice or was never planned, or the records are of several policies.
     """
-    planned = sorted(
-        (PlannedPair.of(case) if isinstance(case, Case) else case for case in planned_cases),
-        key=lambda pair: pair.case_id,
-    )
+    order = [PlannedPair.of(case) if isinstance(case, Case) else case for case in planned_cases]
+    planned = sorted(order, key=lambda pair: pair.case_id)
     played = _by_case(records, {pair.case_id: pair for pair in planned})
     errors = tuple(errors)
     failed = {error.case_id: error for error in errors if error.case_id not in played}
@@ -115,7 +127,8 @@ def build_report(
     }
     planned = [pair for pair in planned if pair.case_id not in unsupported]
     measured = [pair for pair in planned if pair.case_id in played]
-    columns = columns_of([played[pair.case_id] for pair in measured], [pair.task for pair in measured])
+    in_order = [played[pair.case_id] for pair in measured]
+    columns = columns_of(in_order, [pair.task for pair in measured])
     overall = measure(columns)
     selection = _selection(provenance)
     counts = _counts(
@@ -125,22 +138,20 @@ def build_report(
         missing_shards=selection.missing_shards if selection else [],
         repaired=repaired,
         unsupported=unsupported,
-        stopped=stopped,
+        stopped=_stop(stopped, order, (*played.values(), *errors), provenance),
     )
-    study = study_of(
-        [played[pair.case_id] for pair in measured],
-        [pair.task for pair in measured],
-        provenance["protocol"],
-    )
+    study = study_of(in_order, [pair.task for pair in measured], provenance["protocol"])
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
+    row = partial(_row, with_intervals=counts.stopped is None or counts.stopped.rule is None)
     return Report(
         pairs=counts,
         selection=selection,
         headline=_headline(counts, result_of(overall, len(planned)), stopped),
+        missing_as_failures=_missing_as_failures(counts, overall.outcomes),
         policy=policy,
-        substrate=substrate_of(provenance),
-        caveats=caveats_of(played[pair.case_id] for pair in measured),
-        overall=result_of(overall, len(planned)),
+        substrate=substrate_of(provenance, planned),
+        caveats=caveats_of(in_order),
+        overall=row(overall, len(planned)),
         noise_floor=_noise_floor(played.values()),
         sham=sham_of(played.values()),
         returned=_returned(played.values()),
@@ -148,18 +159,38 @@ def build_report(
         changed_pairs=changed_pairs(played.values()),
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
         by={
-            name: {label: result_of(result, total) for label, (result, total) in group.items()}
+            name: {label: row(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
         },
         category_by_event=_cells(planned, played),
         macro=Macros(category=_macro(macro_average([r.outcomes for r, _ in groups["category"].values()]))),
         largest_split=_split(largest_split(_variants(groups["variant"]))),
         extremes=_extremes(groups["category"]),
+        shrunken=_shrunken(measured, columns),
         study=study,
-        sections=probe_means(played[pair.case_id] for pair in measured),
+        sections=safety_section(in_order) | probe_means(in_order),
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
         provenance=provenance,
+    )
+
+
+def _missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFailures | None:
+    """Return the rates over all planned pairs as the paper counts them; None where they say nothing.
+
+    A run that stopped by a rule, or lacks a shard, never meant to play the others.
+    """
+    meant = counts.stopped is None or counts.stopped.rule is None
+    if counts.complete or not counts.played or counts.missing_shards or not meant:
+        return None
+    failed = replace(
+        outcomes, persistent_failure=outcomes.persistent_failure + counts.planned - counts.played
+    )
+    return MissingAsFailures(
+        without_result=counts.planned - counts.played,
+        base_success=rate_of(failed.base),
+        dynamic_success=rate_of(failed.dynamic),
+        paired_change=ratio_of(failed.change),
     )
 
 
@@ -285,6 +316,32 @@ def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> dict[str, E
     }
 
 
+_FEW_PAIRS = 100
+"""Groups with fewer played pairs get a second estimate, drawn towards the mean of all."""
+
+
+def _shrunken(measured: Sequence[PlannedPair], columns: Pairs) -> dict[str, dict[str, Shrunken]]:
+    """Return the second estimates of events and tasks with few pairs; without those that have none."""
+    changes = columns.dynamic.astype(int) - columns.base
+    labels = {"event": [pair.event for pair in measured], "task": [pair.task for pair in measured]}
+    found = {}
+    for name, groups in labels.items():
+        if min(Counter(groups).values(), default=_FEW_PAIRS) < _FEW_PAIRS:
+            estimates = shrunken(changes, groups) or {}
+            found[name] = {
+                group: Shrunken(
+                    pairs=one.pairs,
+                    **{
+                        key: float(f"{getattr(one, key):.12g}")
+                        for key in ("raw", "value", "weight", "lower", "upper")
+                    },
+                )
+                for group, one in sorted(estimates.items(), key=lambda item: group_order(name, item[0]))
+                if one.pairs < _FEW_PAIRS
+            }
+    return {name: groups for name, groups in found.items() if groups}
+
+
 def _variants(
     groups: Mapping[str, tuple[PairedResult, int]],
 ) -> dict[str, dict[str, Outcomes]]:
@@ -341,13 +398,10 @@ def _counts(
     missing_shards: Sequence[str],
     repaired: Iterable[str],
     unsupported: Mapping[str, str],
-    stopped: Stopped | None,
+    stopped: Stop | None,
 ) -> PairCounts:
     missing = [pair for pair in planned if pair.case_id not in played and pair.case_id not in failed]
     complete = bool(planned) and len(played) == len(planned) and not missing_shards
-    stop = None
-    if stopped is not None and not complete:
-        stop = msgspec.convert(stopped, Stop, from_attributes=True)
     return PairCounts(
         planned=len(planned),
         played=len(played),
@@ -362,20 +416,43 @@ def _counts(
         repaired_pairs=sorted(repaired),
         unsupported=len(unsupported),
         unsupported_suites=sorted({*unsupported.values()}),
-        stopped=stop,
+        stopped=None if complete else stopped,
     )
 
 
-def substrate_of(provenance: Json) -> Substrate:
+def _row(result: PairedResult, planned: int, *, with_intervals: bool) -> Result:
+    """Return a row; intervals and p-values are for a fixed number of pairs, which no rule has ended."""
+    row = result_of(result, planned)
+    return row if with_intervals else without_intervals(row)
+
+
+def _stop(
+    stopped: Stopped | None,
+    planned: Iterable[PlannedPair],
+    pairs: Iterable[PairRecord | PairError],
+    provenance: Json,
+) -> Stop | None:
+    """Return the stop of a run with what its rule knew, which is computed again from the pairs."""
+    if stopped is None:
+        return None
+    watched = watched_by(stopped, planned, pairs, provenance.get("gates") or ())
+    return Stop(reason=stopped.reason, of=stopped.of, rule=stopped.rule, at=stopped.at, watched=watched)
+
+
+def substrate_of(provenance: Json, planned: Iterable[PlannedPair]) -> Substrate:
     """Return the substrate of a run, and the standing of its scores.
 
     Args:
         provenance: As the run recorded it. Older runs recorded the name alone.
+        planned: The cases that the scores are of.
     """
     name = provenance["substrate"]["name"]
+    own = own_cases_text(provenance["case_set"]["name"], [pair.suite for pair in planned])
     scores = provenance["scores"] if "scores" in provenance else scores_of(name)
     return Substrate(
-        name=name, scores_comparable_with_published=scores["comparable_with_published"], note=scores["note"]
+        name=name,
+        scores_comparable_with_published=scores["comparable_with_published"],
+        note=" ".join(text for text in (scores["note"], own) if text) or None,
     )
 
 

@@ -15,6 +15,7 @@ from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import START
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.report.report_document import Caveat
+from pytest_libero_max.worlds.versions import is_later_line
 
 _TOKENS = re.compile(
     r" (?:view(?: \d+){5} initstate \d+(?: noise \d+)?|(?:table|tb|light|add)(?: \d+)+"
@@ -77,11 +78,18 @@ RULES = (
         "event. All numbers are of Base and Dynamic; further arms are counted apart.",
     ),
     Rule(
+        "later_mujoco",
+        lambda record: is_later_line(record.fingerprints.get("mujoco", "")),
+        "Played with MuJoCo 3.4 or later, in which boxes touch in another way than in 3.3. The frozen cases "
+        "were certified and the published runs were played with 3.3. Single pairs end otherwise: compare "
+        "runs of one version.",
+    ),
+    Rule(
         "not_repeatable",
         lambda record: not record.policy.get("repeatable", True),
         "The policy draws noise of its own and cannot be given a seed, so that a pair may end otherwise when "
-        "it is played again: what changed holds this chance as well as the event. Flips by chance are "
-        "measured on a share of the pairs (--libero-max-sham).",
+        "it is played again: what changed holds this chance as well as the event. --libero-max-sham measures "
+        "flips by chance on a share of the pairs.",
     ),
     Rule(
         "interrupted_server",

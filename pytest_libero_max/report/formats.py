@@ -148,13 +148,15 @@ class Change:
         return change_text(value)
 
     def short(self, value: Estimate) -> str:
-        return "n/a" if value.value is None else f"{points(value.value)} {interval_text(value, True)}"
+        return "n/a" if value.value is None else f"{points(value.value)}{_behind(value, signed=True)}"
 
     def latex(self, value: Estimate) -> str:
         if value.value is None:
             return "--"
-        lower, upper = (f"${tenths(end or 0.0, True)}$" for end in (value.lower, value.upper))
-        return f"${tenths(value.value, True)}$ [{lower}, {upper}]"
+        change = f"${tenths(value.value, True)}$"
+        if value.lower is None or value.upper is None:
+            return change
+        return f"{change} [${tenths(value.lower, True)}$, ${tenths(value.upper, True)}$]"
 
     def numbers(self, value: Estimate) -> dict[str, float | None]:
         return _with_ends(value)
@@ -303,14 +305,19 @@ def rate_text(rate: CountedEstimate) -> str:
     """Return a rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
     if rate.value is None:
         return f"n/a  {count_text(rate)}"
-    return f"{percent(rate.value)} {interval_text(rate)}  {count_text(rate)}"
+    return f"{percent(rate.value)}{_behind(rate)}  {count_text(rate)}"
 
 
 def change_text(change: Estimate) -> str:
     """Return a paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
     if change.value is None:
         return "n/a"
-    return f"{points(change.value)} pp {interval_text(change, signed=True)}"
+    return f"{points(change.value)} pp{_behind(change, signed=True)}"
+
+
+def _behind(value: Ends, signed: bool = False) -> str:
+    """Return an interval to put behind its estimate; nothing for a run without intervals."""
+    return "" if value.lower is None else f" {interval_text(value, signed)}"
 
 
 def interval_text(value: Ends, signed: bool = False) -> str:
@@ -320,9 +327,9 @@ def interval_text(value: Ends, signed: bool = False) -> str:
     return f"[{tenths(value.lower, signed)}, {tenths(value.upper, signed)}]"
 
 
-def tenths(value: float, signed: bool = False) -> str:
-    """Return a share in percent with one decimal; a tie is rounded away from zero, as in the paper."""
-    rounded = (Decimal(repr(value)) * 100).quantize(Decimal("0.1"), ROUND_HALF_UP)
+def tenths(value: float, signed: bool = False, decimals: int = 1) -> str:
+    """Return a share in percent, one decimal or more; ties are rounded away from zero, as in the paper."""
+    rounded = (Decimal(repr(value)) * 100).quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP)
     return f"{rounded:+}" if signed else str(rounded)
 
 
@@ -345,6 +352,8 @@ def lack_of_tasks(value: blocks.TaskInterval) -> str:
             f", effectively {value.effective_tasks:.1f}" if value.effective_tasks < value.tasks - 0.05 else ""
         )
         return f"too few tasks ({value.tasks}{unequal}; {LEAST_TASKS} are needed)"
+    if value.changed_tasks >= LEAST_CHANGED_TASKS:
+        return "a rule stopped the run"
     return (
         f"something differs in too few of the {value.tasks} tasks ({value.changed_tasks}; "
         f"{LEAST_CHANGED_TASKS} are needed)"

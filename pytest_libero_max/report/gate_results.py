@@ -1,9 +1,7 @@
-"""Gates decided on a run's folder, and the text of their verdicts."""
+"""Gates decided on a run's folder."""
 
 from __future__ import annotations
 
-import shlex
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,23 +11,23 @@ from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.comparison.contrasts import contrast_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.formats import points
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
-from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate, require_known_groups, shown
+from pytest_libero_max.report.gates import (
+    EQUIVALENT,
+    SUCCESS_OF,
+    Gate,
+    GateResult,
+    equivalence_interval,
+    evaluate_gate,
+    require_known_groups,
+    shown,
+)
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
-
-_LOST, _FAILED, _AGAIN = "  lost:", "  failed:", "  again:"
-
-KEPT = ("gate FAIL", "gate open", "gate wait", _LOST, _FAILED, _AGAIN)
-"""Beginnings of the lines on gates that ``-q`` keeps."""
-
-_SUCCESS_OF = {"base_sr": "base_success", "dynamic_sr": "dynamic_success"}
-"""Attribute of a record by the rate that is its mean; pairs where it is false count against the rate."""
-
-_NAMED = 3
 
 _OF_LOSSES = (
     *("delta", "delta.clustered", "preserved_success", "regressions"),
@@ -105,63 +103,46 @@ def decide_on(
     contrasts = {other: found if isinstance(found, str) else found[0] for other, found in against.items()}
     results = []
     for gate in gates:
-        result = evaluate_gate(gate, report, contrasts)
+        result = _by_rule(gate, report) or evaluate_gate(gate, report, contrasts)
         if result.verdict == "failed":
-            result = replace(result, reason=f"{result.reason}{_why_an_end_fails(gate, report, contrasts)}")
+            not_shown, why = result.not_shown, ""
+            if report.pairs.complete:
+                not_shown, why = _why_an_end_fails(gate, report, contrasts)
             found = against.get(gate.run or "", "")
             lost = _lost(stored, gate) if gate.run is None or isinstance(found, str) else found[1]
-            result = replace(result, lost=lost)
+            result = replace(result, detail=f"{result.detail}{why}", lost=lost, not_shown=not_shown)
         results.append(result)
     return tuple(results)
 
 
-def gate_lines(results: Sequence[GateResult], replay: Sequence[str] = ()) -> list[str]:
-    """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
-
-    Args:
-        results: Result of :func:`decide`.
-        replay: The command that plays a pair again, once its item id is appended.
-    """
-    marks = {"passed": "pass", "failed": "FAIL", "undecidable": "open"}
-    lines = []
-    for result in results:
-        lines.append(f"gate {marks[result.verdict]}  {result.reason}")
-        if result.lost:
-            more = f" and {len(result.lost) - _NAMED} more" if len(result.lost) > _NAMED else ""
-            label = _FAILED if result.gate.name in _SUCCESS_OF else _LOST
-            lines.append(f"{label} {', '.join(result.lost[:_NAMED])}{more}")
-    if replay and (lost := next((result.lost[0] for result in results if result.lost), None)):
-        lines.append(f"{_AGAIN} {shlex.join([*replay, lost])}")
-    return lines
+def _by_rule(gate: Gate, report: Report) -> GateResult | None:
+    """Return the verdict of the rule that stopped the run, which has watched the gate; None otherwise."""
+    watched = report.pairs.stopped.watched if report.pairs.stopped else []
+    for known in watched:
+        if known.what == gate.text and known.verdict is not None:
+            return GateResult(gate, known.verdict, None, known.detail, not_shown=known.not_shown)
+    return None
 
 
-def not_passed_text(results: Sequence[GateResult]) -> str | None:
-    """Return the sentence on gates that did not pass, such as ``1 of 2 gates failed.``; None if all did."""
-    counts: Counter[str] = Counter(result.verdict for result in results)
-    said = {"failed": "failed", "undecidable": "cannot be decided"}
-    words = [
-        f"{counts[verdict]} of {len(results)} gates {word}"
-        for verdict, word in said.items()
-        if counts[verdict]
-    ]
-    return f"{', '.join(words)}." if words else None
-
-
-def _why_an_end_fails(gate: Gate, report: Report, contrasts: Mapping[str, SuccessContrast | str]) -> str:
-    """Return a sentence on a failed gate on the end of an interval: violated, or not shown by these pairs."""
+def _why_an_end_fails(
+    gate: Gate, report: Report, contrasts: Mapping[str, SuccessContrast | str]
+) -> tuple[bool, str]:
+    """Return whether a failed gate on the end of an interval is not shown by these pairs, and a sentence."""
     from pytest_libero_max.report.gate_plan import pairs_to_show
 
+    if gate.name == EQUIVALENT:
+        return _why_no_equivalence(gate, contrasts[gate.run or ""])
     if gate.end is None:
-        return ""
+        return False, ""
     other = "upper" if gate.end == "lower" else "lower"
     far, estimate = (evaluate_gate(replace(gate, end=end), report, contrasts) for end in (other, None))
     if far.value is None or estimate.value is None:
-        return ""
+        return False, ""
     if not far.passed:
-        return f" Violated: the {other} end, {shown(gate, far.value)}, does not meet it either."
+        return False, f" Violated: the {other} end, {shown(gate, far.value)}, does not meet it either."
     text = f" Not shown: the {other} end, {shown(gate, far.value)}, meets it"
     if not estimate.passed:
-        return f"{text}, but the estimate, {shown(gate, estimate.value)}, does not."
+        return True, f"{text}, but the estimate, {shown(gate, estimate.value)}, does not."
     contrast = contrasts.get(gate.run or "")
     if isinstance(contrast, SuccessContrast):
         pairs, lost, gained = contrast.cases, contrast.first_only, contrast.second_only
@@ -171,20 +152,31 @@ def _why_an_end_fails(gate: Gate, report: Report, contrasts: Mapping[str, Succes
         lost, gained = outcomes.regression, outcomes.change_associated_success
     needed = pairs_to_show(gate, pairs, lost / pairs, gained / pairs)
     more = "" if needed is None else f"; with such losses and gains, {needed} pairs would mostly show it"
-    return f"{text}, and so does the estimate, {shown(gate, estimate.value)}{more}."
+    return True, f"{text}, and so does the estimate, {shown(gate, estimate.value)}{more}."
+
+
+def _why_no_equivalence(gate: Gate, contrast: SuccessContrast | str) -> tuple[bool, str]:
+    """As for an end: not shown where the interval of the difference reaches into the margin."""
+    interval = None if isinstance(contrast, str) else equivalence_interval(contrast)
+    if interval is None:
+        return False, ""
+    ends = f"[{points(interval.lower)}, {points(interval.upper)}] points"
+    if interval.lower < gate.threshold and interval.upper > -gate.threshold:
+        return True, f" Not shown: a part of it, {ends}, lies within the margin."
+    return False, f" Violated: all of it, {ends}, lies beyond the margin."
 
 
 def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
     """Pairs of a gate's scope that count against it, by item id: regressions, then failures of an arm."""
     label = DIMENSIONS[gate.scope[0]].label if gate.scope else None
-    if gate.name not in (*_OF_LOSSES, *_SUCCESS_OF):
+    if gate.name not in (*_OF_LOSSES, *SUCCESS_OF):
         return ()
     within = {
         pair.item_id
         for pair in stored.run.planned
         if label is None or (gate.scope and label(pair) == gate.scope[1])
     }
-    success = _SUCCESS_OF.get(gate.name)
+    success = SUCCESS_OF.get(gate.name)
     against = [
         (record.outcome != "regression", record.item_id)
         for record in stored.records
@@ -192,15 +184,6 @@ def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
         and (record.outcome == "regression" if success is None else not getattr(record, success))
     ]
     return tuple(name for _, name in sorted(against))
-
-
-def github_annotations(results: Sequence[GateResult]) -> list[str]:
-    """Workflow commands that show gates which did not pass on a GitHub run."""
-    return [
-        f"::error title=LIBERO-MAX gate {result.verdict}::{_escaped(result.reason)}"
-        for result in results
-        if not result.passed
-    ]
 
 
 def _against(stored: StoredRun, other: Path) -> tuple[SuccessContrast, tuple[str, ...]] | str:
@@ -230,7 +213,3 @@ def _same_file(one: Path, other: Path) -> bool:
 def _folder(path: Path) -> Path:
     """Return the folder of a run that may be named by one of its files."""
     return path.parent if path.name in (REPORT_NAME, PAIRS_NAME, PACKED_PAIRS_NAME) else path
-
-
-def _escaped(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")

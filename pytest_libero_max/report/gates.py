@@ -22,9 +22,14 @@ A gate over pairs of which some are missing or invalid, or whose denominator is 
 one on what the event changed, or against another run, where Base succeeds in less than 20% of the pairs, or
 the event happened in less than 50%: it would pass because nothing was there to be lost. Gate ``base_sr`` and
 ``trigger_coverage`` as well. An undecidable gate is not passed, and its reason is said.
+A gate that a stopping rule has decided is an exception: the run has the verdict of its rule (``certain``,
+``anytime``), for whatever the pairs that are not played would have shown.
 
-Where an end of an interval fails a gate, it is said which: *violated*, if the other end does not meet it
-either, or *not shown*, with the number of pairs that would mostly show it.
+The page and ``report.md`` show each gate of the run with its value and one of four verdicts: *holds*,
+*violated*, *not shown* or *open* (undecidable). A gate on an end of an interval is violated if the other end
+does not meet it either; otherwise it is not shown, and the number of pairs that would mostly show it is said.
+A failed ``equivalent_vs`` is violated if all of its interval lies beyond the margin. ``libero-max report``
+decides the gates again that it is given, or those of the ini file.
 """
 
 from __future__ import annotations
@@ -34,7 +39,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.errors import OptionError, did_you_mean
@@ -43,12 +48,18 @@ from pytest_libero_max.report.blocks import Result, TaskInterval
 from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, SHARE, Scale, lack_of_tasks
+from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, SHARE, Scale, lack_of_tasks, tenths
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
 
+if TYPE_CHECKING:
+    from pytest_libero_max.stats.intervals import Interval
+
 Verdict = Literal["passed", "failed", "undecidable"]
+
+Finding = Literal["holds", "violated", "not shown", "open"]
+"""A verdict in the words of reports, which tell the two ways apart in which the end of an interval fails."""
 
 OPERATORS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
     ">=": operator.ge,
@@ -59,7 +70,7 @@ OPERATORS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
     "!=": operator.ne,
 }
 
-_QUANTITIES = {column.gate or column.key: column for column in COLUMNS if column.gate is not None}
+QUANTITIES = {column.gate or column.key: column for column in COLUMNS if column.gate is not None}
 """Quantities of a row of the report, by the name that gates use."""
 
 COUNTS = ("planned", "played", "invalid", "missing", "unsupported")
@@ -78,6 +89,9 @@ VERSUS: Mapping[str, tuple[Callable[[SuccessContrast], SuccessDifference | float
     "p_value_vs": (lambda contrast: contrast.p_value, P_VALUE),
 }
 """Quantities against another run, whose Dynamic outcomes come first in the contrast, with their scales."""
+
+SUCCESS_OF = {"base_sr": "base_success", "dynamic_sr": "dynamic_success"}
+"""Attribute of a record by the rate that is its mean; pairs where it is false count against the rate."""
 
 EQUIVALENT = "equivalent_vs"
 """Largest end, without its sign, of the 90% interval of Dynamic success less that of another run."""
@@ -125,16 +139,30 @@ class GateResult:
 
     Attributes:
         value: The quantity's value; None where it is undecidable.
-        reason: A sentence that explains the verdict, in the unit of the gate's number.
+        detail: What explains the verdict, in the unit of the gate's number.
         lost: Item ids of the pairs that count against a gate that failed: those that Base completes and
             Dynamic does not, or that another run completes and this one does not.
+        not_shown: True for a gate on an end of an interval that failed, and whose other end meets it.
     """
 
     gate: Gate
     verdict: Verdict
     value: float | None
-    reason: str
+    detail: str
     lost: tuple[str, ...] = ()
+    not_shown: bool = False
+
+    @property
+    def reason(self) -> str:
+        """The gate, its verdict and what explains it, as one text."""
+        return f"{self.gate.text}: {self.verdict}, {self.detail}"
+
+    @property
+    def finding(self) -> Finding:
+        """The verdict in the words of reports."""
+        if self.verdict == "failed":
+            return "not shown" if self.not_shown else "violated"
+        return "holds" if self.passed else "open"
 
     @property
     def passed(self) -> bool:
@@ -196,7 +224,7 @@ def scale_of(name: str) -> Scale:
         return _FLAG
     if name == BEYOND_SHAM:
         return DIFFERENCE
-    return COUNT if name in COUNTS else _QUANTITIES[name].format.scale
+    return COUNT if name in COUNTS else QUANTITIES[name].format.scale
 
 
 def _require_open(gate: Gate) -> None:
@@ -261,11 +289,11 @@ def evaluate_gate(
     else:
         value, lack = _in_block(gate, report)
     if value is None:
-        return GateResult(gate, "undecidable", None, f"{gate.text}: undecidable, {lack.rstrip('.')}.")
+        return GateResult(gate, "undecidable", None, f"{lack.rstrip('.')}.")
     passed = meets(gate, value)
     verdict: Verdict = "passed" if passed else "failed"
     what = "the 90% interval reaches" if gate.name == EQUIVALENT else "it is"
-    return GateResult(gate, verdict, value, f"{gate.text}: {verdict}, {what} {shown(gate, value)}.")
+    return GateResult(gate, verdict, value, f"{what} {shown(gate, value)}.")
 
 
 def meets(gate: Gate, value: float) -> bool:
@@ -278,7 +306,7 @@ def shown(gate: Gate, value: float) -> str:
     if not gate.percent:
         return f"{value:.12g}"
     for decimals in range(1, 10):
-        text = f"{100 * value:.{decimals}f}"
+        text = tenths(value, decimals=decimals)
         if _side(Fraction(text) / 100, gate) == _side(Fraction(repr(value)), gate):
             break
     return f"{text}%"
@@ -319,7 +347,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         _check_group(scope, text)
         parts = parts[2:]
     of_run = (*COUNTS, WHOLE_TRACK, BEYOND_SHAM)
-    known = [*_QUANTITIES, *(of_run if scope is None else COUNTS[:2])]
+    known = [*QUANTITIES, *(of_run if scope is None else COUNTS[:2])]
     words = 2 if ".".join(parts[:2]) in known else 1
     name, ends = ".".join(parts[:words]), parts[words:]
     if name not in known:
@@ -327,7 +355,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         raise OptionError.seen(
             "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
         )
-    column = _QUANTITIES.get(name)
+    column = QUANTITIES.get(name)
     has_ends = name == BEYOND_SHAM or (column is not None and column.format.has_interval)
     if len(ends) > 1 or (ends and not has_ends):
         raise OptionError.seen(
@@ -389,13 +417,22 @@ def _in_block(gate: Gate, report: Report) -> tuple[float | None, str]:
         return (block.planned if gate.name == "planned" else block.played), ""
     if block.played < block.planned:
         return None, f"{block.played} of {block.planned} planned pairs of {where} were played"
-    column = _QUANTITIES[gate.name]
+    column = QUANTITIES[gate.name]
     if column.of_change and (lacks := lacks_of(block)):
         return None, f"of {where}, {'; '.join(lacks)}"
     found, number = column.value(block), value_in(gate, block)
     if number is None and isinstance(found, TaskInterval) and block.played:
         return None, f"of {where}, {lack_of_tasks(found)}"
     return number, f"{where} has no pair to measure {gate.name} on"
+
+
+def equivalence_interval(contrast: SuccessContrast) -> Interval | None:
+    """Return the 90% interval of Dynamic success less that of another run; None without a common case."""
+    from pytest_libero_max.stats.paired_difference import paired_difference
+
+    return paired_difference(
+        contrast.first_only, contrast.second_only, contrast.cases, EQUIVALENCE_CONFIDENCE
+    )
 
 
 def value_in(gate: Gate, row: Result) -> float | None:
@@ -405,7 +442,7 @@ def value_in(gate: Gate, row: Result) -> float | None:
         gate: A gate that names no other run and no count of pairs.
         row: The result.
     """
-    column = _QUANTITIES[gate.name]
+    column = QUANTITIES[gate.name]
     return column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
 
 
@@ -443,11 +480,7 @@ def _versus(
     if lacks := lacks_of(report.overall):
         return None, "; ".join(lacks)
     if gate.name == EQUIVALENT:
-        from pytest_libero_max.stats.paired_difference import paired_difference
-
-        interval = paired_difference(
-            contrast.first_only, contrast.second_only, contrast.cases, EQUIVALENCE_CONFIDENCE
-        )
+        interval = equivalence_interval(contrast)
         return (None if interval is None else max(-interval.lower, interval.upper)), "there is no common case"
     found = VERSUS[gate.name][0](contrast)
     if isinstance(found, SuccessDifference):

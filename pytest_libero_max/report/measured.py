@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import msgspec
+from msgspec import structs
 from msgspec.structs import asdict
 
 from pytest_libero_max.report import blocks
 from pytest_libero_max.report.blocks import (
+    Block,
     Bootstrap,
     Bootstraps,
     Change,
@@ -22,6 +26,8 @@ from pytest_libero_max.stats.exposure import Exposure
 from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio
 from pytest_libero_max.stats.paired import PairedResult
+
+B = TypeVar("B", bound=Block)
 
 
 def result_of(result: PairedResult, planned: int) -> Result:
@@ -60,6 +66,16 @@ def result_of(result: PairedResult, planned: int) -> Result:
         ),
         floor=at_floor(outcomes),
     )
+
+
+def without_intervals(block: B) -> B:
+    """Return a block whose intervals and p-values are None, those of the blocks in it too."""
+    fields = structs.asdict(block)
+    changed: dict[str, Block | None] = {
+        name: without_intervals(value) for name, value in fields.items() if isinstance(value, Block)
+    }
+    changed |= dict.fromkeys(fields.keys() & {"lower", "upper", "p_value", "log10_p_value"})
+    return structs.replace(block, **changed)
 
 
 def number(value: float | None) -> float | None:

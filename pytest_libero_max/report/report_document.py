@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final, Literal
 
+from msgspec import field
+
 from pytest_libero_max.report.blocks import (
     Block,
     Change,
@@ -24,6 +26,36 @@ from pytest_libero_max.report.studies.study_document import Study
 REPORT_VERSION: Final = 4
 
 
+class Watched(Block, frozen=True, kw_only=True):
+    """What a stopping rule knows of a quantity over all planned pairs, in place of an interval of its own.
+
+    Attributes:
+        what: The gate, or the quantity where the rule watched no gate.
+        verdict: Verdict on the gate; None for a quantity.
+        value: End of the quantity's range that decides the gate; None where nothing or both ends do.
+        lower: Smallest value that the estimate can have over all planned pairs, as the rule sees it; None
+            where the rule gives none.
+        upper: Largest value.
+        level: Probability that the rule errs; None where it is certain.
+        not_shown: True for a gate on an end of an interval that failed, and whose other end may meet it.
+        detail: What the rule knows, for people.
+    """
+
+    what: Text
+    verdict: Literal["passed", "failed", "undecidable"] | None
+    value: float | None
+    lower: float | None
+    upper: float | None
+    level: Share | None
+    not_shown: bool
+    detail: Text
+
+    @property
+    def text(self) -> str:
+        """A sentence for people."""
+        return f"{self.what}: {'' if self.verdict is None else f'{self.verdict}, '}{self.detail}"
+
+
 class Stop(Block, frozen=True, kw_only=True):
     """Reason a run was stopped before every planned pair was played.
 
@@ -33,12 +65,14 @@ class Stop(Block, frozen=True, kw_only=True):
         rule: The stopping rule as asked for; None where something broke, or -x stopped the run.
         at: Number of pairs, the first ones in the order of play, on which the rule decided; None without a
             rule.
+        watched: What the rule knows of the gates, or of the quantity, that it watched; empty for other rules.
     """
 
     reason: Text
     of: Positive
     rule: str | None
     at: Count | None
+    watched: list[Watched]
 
 
 class MissingPair(Block, frozen=True, kw_only=True):
@@ -155,6 +189,25 @@ class Headline(Block, frozen=True, kw_only=True):
     base_success: Rate | None = None
     dynamic_success: Rate | None = None
     paired_change: Change | None = None
+
+
+class MissingAsFailures(Block, frozen=True, kw_only=True):
+    """Rates over all planned pairs, in which a pair without a result counts as a failure in both arms.
+
+    The paper counts a missing terminal result so. It is no score of this run: a simulator, server or protocol
+    fault is not the policy's, and the pair can be played again.
+
+    Attributes:
+        without_result: Planned pairs without a record, missing or invalid.
+        base_success: Base success rate.
+        dynamic_success: Dynamic success rate.
+        paired_change: Mean of Dynamic less Base success.
+    """
+
+    without_result: Positive
+    base_success: Rate
+    dynamic_success: Rate
+    paired_change: Ratio
 
 
 class Caveat(Block, frozen=True, kw_only=True):
@@ -318,6 +371,26 @@ class Extremes(Block, frozen=True, kw_only=True):
     largest_loss: Text
 
 
+class Shrunken(Block, frozen=True, kw_only=True):
+    """Paired change of a group with few pairs, drawn towards the mean of all groups (empirical Bayes).
+
+    Attributes:
+        pairs: Played pairs of the group.
+        raw: Its own paired change.
+        value: The estimate.
+        weight: Weight of its own paired change in the estimate; the rest is that of all pairs.
+        lower: Lower end of the 95% interval, which holds on average over the groups, not in each.
+        upper: Upper end of the same.
+    """
+
+    pairs: Positive
+    raw: Difference
+    value: Difference
+    weight: Share
+    lower: Difference
+    upper: Difference
+
+
 class ChangedPair(Block, frozen=True, kw_only=True):
     """A pair of which one arm succeeded and the other failed, and the cause of that failure.
 
@@ -345,6 +418,8 @@ class Report(Block, frozen=True, kw_only=True):
         pairs: Pairs that were planned, played and lost, and which were lost.
         selection: The part of the case set that was played; None for runs that did not record it.
         headline: Rates over all planned pairs; withheld while one is missing or invalid.
+        missing_as_failures: The rates that count missing and invalid pairs as failures, as the paper does;
+            None where no pair lacks a result, none has one, a rule stopped the run or a shard lacks.
         policy: The policy's spec as played, as in its records; None where no pair was played.
         substrate: The substrate of the run, and the standing of its scores.
         caveats: Notes on single pairs of this run whose scene, prompt or event differs from its name,
@@ -368,6 +443,8 @@ class Report(Block, frozen=True, kw_only=True):
             event has two played variants. The variants hold different cases: a description, not an effect.
         extremes: By source, the source categories that stand out, the first by name among equals; sources
             without a played pair are left out.
+        shrunken: By event and by task, the groups with few pairs: their paired changes drawn towards the mean
+            of all groups. A second estimate; headline, gates and all else use the raw ones.
         study: Results of the study of the run; None for a run of no study.
         sections: Tables, titles with names and values: means of what probes measured, by probe, column and
             arm, and what hooks of the user's own have added, which is not computed from the pairs.
@@ -380,6 +457,7 @@ class Report(Block, frozen=True, kw_only=True):
     pairs: PairCounts
     selection: PlayedSelection | None
     headline: Headline
+    missing_as_failures: MissingAsFailures | None = None
     policy: dict[str, Any] | None
     substrate: Substrate
     caveats: list[Caveat]
@@ -395,6 +473,7 @@ class Report(Block, frozen=True, kw_only=True):
     macro: Macros
     largest_split: Split | None
     extremes: dict[str, Extremes]
+    shrunken: dict[str, dict[str, Shrunken]] = field(default_factory=dict)
     study: Study | None = None
     sections: dict[str, dict[str, str | int | float | bool | None]]
     statements: dict[str, Text]

@@ -92,18 +92,47 @@ def chance_text(report: Report) -> str | None:
         f"{count_text(chance.base_flips)}, two Dynamics in {count_text(chance.dynamic_flips)}: "
         f"{percent(chance.floor)} by chance, beyond it {change_text(chance.beyond)}"
     )
-    if chance.flips.count and chance.beyond.lower is not None and chance.beyond.lower <= 0.0:
+    repeatable = report.policy is None or report.policy.get("repeatable", True)
+    if repeatable and chance.flips.count and chance.beyond.lower is not None and chance.beyond.lower <= 0.0:
         return f"{text}. {NOT_BEYOND}"
     return text
 
 
-def unrepeatable_text(report: Report) -> str | None:
-    """Return a note on a policy that draws noise of its own; None for others."""
+def unrepeatable_texts(report: Report) -> list[str]:
+    """Return notes on a policy that draws noise of its own, and on its floor; none for other policies."""
     if report.policy is None or report.policy.get("repeatable", True):
-        return None
-    measured = "" if report.sham is None else f" {report.sham.pairs} pairs measure it."
-    return (
+        return []
+    sham = report.sham
+    measured = (
+        "No pair of this run was played twice, so the size of this chance is not known: --libero-max-sham=1."
+        if sham is None or sham.chance is None
+        else f"{sham.pairs} of {report.pairs.played} pairs measure it."
+    )
+    texts = [
         "NOT REPEATABLE: this policy draws noise that no seed of ours sets, so that a pair may end "
         "otherwise when it is played again. Paired changes are not biased by it, but lost and gained pairs "
-        f"hold this chance as well as the event.{measured}"
+        f"hold this chance as well as the event. {measured}"
+    ]
+    return texts if sham is None or sham.chance is None else texts + _floor_texts(sham.chance)
+
+
+def _floor_texts(chance: report_document.Chance) -> list[str]:
+    """Return a sentence that calls a floor as large as the effect so; none for a smaller floor."""
+    flips, beyond = chance.flips, chance.beyond
+    if not (flips.count or chance.floor) or beyond.lower is None or beyond.lower > 0.0:
+        return []
+    seen = (
+        f"of {flips.of} pairs that were played twice, Base and Dynamic end differently in "
+        f"{percent(flips.value)}, and two plays of the same arm in {percent(chance.floor)}."
     )
+    reading = "read the paired change with its interval, and no single pair."
+    reading = "read the paired change with its interval, and no single pair."
+    if chance.floor >= (flips.value or 0.0):
+        return [
+            f"THE FLOOR IS AS LARGE AS THE EFFECT ON SINGLE PAIRS: {seen} This policy's own chance alone "
+            f"makes as many lost and gained pairs: {reading}"
+        ]
+    return [
+        f"THE FLOOR MAY BE AS LARGE AS THE EFFECT ON SINGLE PAIRS: {seen} What is beyond chance, "
+        f"{change_text(beyond)}, is not shown to be above 0: {reading}"
+    ]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from pytest_libero_max.benchmark.tracks import GENUINE, track_names, unexamined_cases
+from pytest_libero_max.report.published import authors_cases
 
 LIMITS_TITLE = "What these numbers do not show"
 """Heading of the statements."""
@@ -30,15 +31,36 @@ STATEMENTS: Mapping[str, str] = {
     "be realised physically, needs an assessment of its own.",
     "studies": "The paper's control studies are narrow: three policies for the camera, one policy "
     "and one event for restored sensing.",
-    "safety": "Safety is not measured. Completing a task does not imply a safe deployment.",
+    "safety": "Completing a task does not imply a safe deployment. Forces and what was pushed or dropped are "
+    "read by --libero-max-probe=safety alone, and in simulation.",
 }
 """Sentences by a stable key. They hold for every run: a part of a track, any substrate, no played pair."""
 
 
 OWN_CASES = (
-    "The cases of the genuine tracks are chosen by the paper's rules from what is installed, and are not the "
-    "authors' cases: published numbers are of theirs, which --libero-max-manifest=libero_max_8000.json plays."
+    "These are not the authors' cases, but others that the paper's rules choose from what is installed. "
+    "Published numbers are of theirs, which --libero-max-manifest=libero_max_8000.json plays."
 )
+
+_DRAWN_LIKE_MAX = (f"track {GENUINE}/max", f"track {GENUINE}/lite")
+
+
+def own_cases_text(case_set: str, suites: Sequence[str]) -> str | None:
+    """Return the note that cases of a genuine track are not the authors'; None for other case sets.
+
+    Args:
+        case_set: Name of the case set, as the header of a run has it.
+        suites: The suite of each case; ``max`` and ``lite`` have other numbers of them than the authors' Max.
+    """
+    if not case_set.startswith(f"track {GENUINE}/"):
+        return None
+    if case_set not in _DRAWN_LIKE_MAX or not suites:
+        return OWN_CASES
+    theirs = authors_cases()
+    counts = ", ".join(
+        f"{suite} {suites.count(suite):,} and {theirs[suite]:,}" for suite in theirs if suite in suites
+    )
+    return f"{OWN_CASES} By suite, these {len(suites):,} and their {sum(theirs.values()):,}: {counts}."
 
 
 def statements_of(case_set: str, cases: Collection[str]) -> dict[str, str]:
@@ -48,8 +70,7 @@ def statements_of(case_set: str, cases: Collection[str]) -> dict[str, str]:
         case_set: Name of the case set, as the header of a run has it: ``track NAME`` or ``manifest PATH``.
         cases: Ids of the cases.
     """
-    own = {"cases": OWN_CASES} if case_set.startswith(f"track {GENUINE}/") else {}
-    return {**STATEMENTS, **own, "screening": _screening(case_set, cases)}
+    return {**STATEMENTS, "screening": _screening(case_set, cases)}
 
 
 def _screening(case_set: str, cases: Collection[str]) -> str:

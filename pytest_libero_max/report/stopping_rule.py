@@ -8,20 +8,41 @@ from __future__ import annotations
 
 import importlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.order import Order
+from pytest_libero_max.errors import LiberoMaxError, OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.registry import Registry, modules_in
-from pytest_libero_max.report.gates import Gate
+from pytest_libero_max.report.gates import Gate, parse_gates
+from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.stopped import Stopped
 
 ENTRY_POINT_GROUP = "pytest_libero_max.stopping_rules"
 
 _RULES = "pytest_libero_max.report.stopping_rules"
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What is known of a run before it is played.
+
+    Attributes:
+        order: Order of play.
+        gates: Conditions that the finished report has to meet.
+        shards: Number of parts that the cases are divided into, of which the run plays one.
+        begun: Provenance of the run that is resumed; None for a new one.
+    """
+
+    order: Order
+    gates: Sequence[Gate]
+    shards: int
+    begun: Json | None
 
 
 class StoppingRule(ABC):
@@ -32,7 +53,12 @@ class StoppingRule(ABC):
 
     Raises:
         ValueError: The rule does not take it; names the accepted form.
+
+    Attributes:
+        decides_gates: True if the rule knows verdicts on gates, which are then a part of the run.
     """
+
+    decides_gates: ClassVar[bool] = False
 
     def __init__(self, arguments: str) -> None:
         if arguments:
@@ -46,6 +72,24 @@ class StoppingRule(ABC):
             gates: Conditions that the finished report has to meet.
         """
         self.planned, self.gates = planned, gates
+
+    def check(self, declared: Declared) -> str | None:
+        """Look at a run before anything is played.
+
+        Args:
+            declared: What is known of the run by then.
+
+        Returns:
+            A line for the session's header; None for none.
+
+        Raises:
+            OptionError: The rule cannot decide on this run; names the cure.
+        """
+        return None
+
+    def watched(self) -> list[Watched]:
+        """Return what the rule knows once it has decided; empty where that is the reason alone."""
+        return []
 
     @abstractmethod
     def after(self, pair: PairRecord | PairError) -> str | None:
@@ -145,3 +189,41 @@ class CompletedPrefix:
                 self._order = []
                 return Stopped(reason, self._planned, self._named.text, self._length)
         return None
+
+
+def watched_by(
+    stopped: Stopped,
+    planned: Iterable[PlannedPair],
+    pairs: Iterable[PairRecord | PairError],
+    gates: Iterable[str],
+) -> list[Watched]:
+    """Return what the rule that stopped a run knew, found again from the same pairs.
+
+    Args:
+        stopped: Stop of the run.
+        planned: Every pair of the run, in the order of play.
+        pairs: Measured pairs and errors; of a pair that has both, the record comes first.
+        gates: Gates that the run declared.
+
+    Returns:
+        What the rule knew after the pairs on which it decided; empty where there was no rule, or where the
+        package that has it is not installed.
+    """
+    if stopped.rule is None or stopped.at is None:
+        return []
+    try:
+        rule = parse_rule(stopped.rule).rule
+        if type(rule).watched is StoppingRule.watched:
+            return []
+        declared = parse_gates(gates)
+    except (LiberoMaxError, ValueError):
+        return []
+    found: dict[str, PairRecord | PairError] = {}
+    for pair in pairs:
+        found.setdefault(pair.item_id, pair)
+    order = [*planned]
+    rule.begin(order, declared)
+    for place in order[: stopped.at]:
+        if place.item_id in found:
+            rule.after(found[place.item_id])
+    return rule.watched()

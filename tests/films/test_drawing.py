@@ -4,10 +4,14 @@ from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace
+from PIL import ImageColor
 
+from pytest_libero_max.events.schedules import Arm, Entry, arms_of, change_of, program_of, trigger_of
+from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.drawing import EVENT_STEPS, film_frames, labels, shared_steps, strip_px
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record import PROGRAM, PairRecord
+from pytest_libero_max.report.palette import EVENT
 from pytest_libero_max.worlds.contract import Image
 
 from .short_run import BUDGET, SIZE, Played, play
@@ -44,6 +48,21 @@ def test_the_words_tell_prefix_event_stale_actions_and_end(played: Played) -> No
     assert name not in _words(record, "dynamic", 4 + EVENT_STEPS)
 
 
+def test_what_a_program_does_several_times_is_one_label_that_names_the_change(tmp_path: Path) -> None:
+    case = play(tmp_path).case
+    first = Entry(trigger_of(case), change_of(case, 0.5))
+    again = Entry(StepsAfter(1), change_of(case, 0.25))
+    program = program_of("moving", (Arm("dynamic", (first, again, again)),))
+    laid = case.playing(program)
+    record = play(tmp_path, arms_of(laid)).record
+    record = replace(record, fingerprints={**record.fingerprints, PROGRAM: "moving"})
+    assert [_words(record, "dynamic", step)[0] for step in (4, 5, 6)] == [
+        "EVENT move_object",
+        "EVENT move_object, 2 times",
+        "EVENT move_object, 3 times",
+    ]
+
+
 def test_an_arm_that_completes_the_task_says_so(played: Played) -> None:
     arms = {name: replace(arm, success=True) for name, arm in played.record.arms.items()}
     assert _words(replace(played.record, arms=arms), "base", BUDGET) == ["success after 8 steps"]
@@ -73,7 +92,7 @@ def test_frames_have_one_even_size_and_show_the_pictures_side_by_side(played: Pl
 
 
 def test_the_event_is_framed_for_a_second_and_in_its_arm_alone(played: Played) -> None:
-    amber = np.array([0xE0, 0xA1, 0x00])
+    amber = np.array(ImageColor.getrgb(EVENT))
     event = played.record.trigger_step
     for step, frame in enumerate(_frames(played)):
         pictures = frame[: -strip_px(SIZE)]

@@ -174,6 +174,17 @@ def test_arms_with_more_events_and_their_reversal_are_played_as_well(tmp_path: P
         assert _differ(views["flash"], views["dynamic"]) == (tick.step >= event + 2)
 
 
+def test_an_arm_whose_event_ends_before_that_of_the_next_arm_is_played_as_well(tmp_path: Path) -> None:
+    case = play(tmp_path).case
+    there = Entry(trigger_of(case), change_from_dict(case.event.change))
+    flash = (there, Entry(StepsAfter(2), Revert(0)))
+    played = play(tmp_path, (Arm("base"), Arm("dynamic", flash), Arm("lasting", (there,))))
+    event = played.record.trigger_step
+    assert event is not None
+    for tick in _ticks(played):
+        assert _differ(tick.views["dynamic"], tick.views["lasting"]) == (tick.step >= event + 2)
+
+
 def test_a_pair_without_an_event_has_one_arm(tmp_path: Path) -> None:
     played = play(tmp_path, wait=BUDGET)
     assert distinct_arms(played.record) == ("base",)

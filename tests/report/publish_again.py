@@ -1,6 +1,6 @@
 """Make what is published below ``reports`` again from its pairs: ``python -m tests.report.publish_again``.
 
-Needed after a change of Markdown, comparison pages or statistics.
+Needed after a change of Markdown, comparison pages, figures or statistics.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
+from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, read_pairs
@@ -22,6 +23,9 @@ def publish_again() -> None:
     for page in sorted(REPORTS.rglob("report.md")):
         report = report_of(read_pairs(page.parent / PACKED_PAIRS_NAME))
         page.write_text(markdown(report), encoding="utf-8")
+        for stem, svg in study_figures(report.study).items():
+            if (figure := page.with_name(f"{stem}.svg")).is_file():
+                figure.write_text(svg, encoding="utf-8")
     for folder in sorted(path.parent for path in REPORTS.rglob("comparison.md")):
         os.chdir(folder)  # the page names the runs by their ways from it
         published = {path.name for path in folder.iterdir() if path.is_file()}

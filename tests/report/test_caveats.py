@@ -99,6 +99,14 @@ def test_pairs_are_counted_in_the_order_of_the_rules() -> None:
     assert len({rule.name for rule in RULES}) == len(RULES)
 
 
+@pytest.mark.parametrize(
+    ("mujoco", "noted"), [("3.3.7", False), ("3.4.0", True), ("3.9.0", True), ("4.0.0", True)]
+)
+def test_a_later_mujoco_is_noted(mujoco: str, noted: bool) -> None:
+    record = pair(fingerprints={"substrate": "embedded", "mujoco": mujoco})
+    assert names(record) == ({"later_mujoco": 1} if noted else {})
+
+
 def test_every_form_of_the_report_says_so() -> None:
     pairs = plan()[:2]
     records = [

@@ -340,7 +340,7 @@ def test_a_value_is_shown_in_the_unit_of_its_gate_and_on_its_side() -> None:
     result = evaluate_gate(parse_gate("delta.lower >= -15%"), report)
     assert result.reason == "delta.lower >= -15%: failed, it is -70.9%."
     near = evaluate_gate(parse_gate("delta >= -53.12%"), report)
-    assert near.reason == "delta >= -53.12%: failed, it is -53.125%."
+    assert near.reason == "delta >= -53.12%: failed, it is -53.13%."
 
 
 def test_a_change_without_fired_events_or_base_successes_is_undecidable() -> None:

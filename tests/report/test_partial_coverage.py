@@ -11,6 +11,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
+from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates
@@ -98,3 +99,62 @@ def test_a_gate_against_a_partial_run_is_undecidable(tmp_path: Path) -> None:
     (result,) = decide(parse_gates(["regressions_vs(partial) <= 3"]), tmp_path / "whole", tmp_path)
     assert result.verdict == "undecidable"
     assert "the 32 pairs that both policies support" in result.reason
+
+
+def test_a_partial_run_beside_several_whole_ones_changes_none_of_their_results() -> None:
+    whole = {"one": _run(True), "two": _two()}
+    alone = plain(compare_runs(whole))
+    beside = plain(compare_runs({"one": whole["one"], "partial": _run(False), "two": whole["two"]}))
+    (apart,) = beside.pop("apart")
+    assert alone.pop("apart") == []
+    assert beside == alone
+    assert (apart["name"], apart["unsupported"], apart["unsupported_suites"]) == (
+        "partial",
+        32,
+        ["libero_object"],
+    )
+    assert apart["result"]["played"] == apart["result"]["planned"] == 32
+    assert apart["result"]["outcomes"]["regression"] == 8
+    assert list(apart["by_suite"]) == ["libero_spatial"]
+
+
+def test_all_runs_are_compared_on_what_the_partial_one_supports_if_that_is_asked_for() -> None:
+    runs = {"one": _run(True), "partial": _run(False), "two": _two()}
+    comparison = compare_runs(runs, restrict=True)
+    assert (comparison.pairs.common, comparison.apart) == (32, [])
+    assert [run.rank is None for run in comparison.runs] == [False, True, False]
+
+
+def test_partial_runs_of_the_same_suites_are_compared_with_each_other() -> None:
+    comparison = compare_runs({"one": _run(False), "two": _run(False)})
+    assert (len(comparison.runs), comparison.apart) == (2, [])
+
+
+def test_every_writer_lists_partial_runs_apart() -> None:
+    comparison = compare_runs({"one": _run(True), "partial": _run(False), "two": _two()})
+    lines = comparison_lines(comparison)
+    start = next(index for index, line in enumerate(lines) if line.startswith("Listed apart"))
+    assert [line.split() for line in lines[start + 4 : start + 7]] == [
+        ["libero_object", "unsupported", "n/a", "n/a", "n/a"],
+        ["libero_spatial", "32", "100.0%", "75.0%", "-25.0", "[-43.4,", "-5.1]"],
+        ["all", "supported", "32", "100.0%", "75.0%", "-25.0", "[-43.4,", "-5.1]"],
+    ]
+    page = comparison_html(comparison)
+    assert "Listed apart" in page
+    assert ">all supported<" in page
+    assert "Listed apart" not in comparison_html(compare_runs({"one": _run(True), "two": _two()}))
+
+
+def test_a_partial_run_on_another_substrate_is_refused() -> None:
+    other = _run(False)
+    other = StoredRun(
+        Run(other.run.planned, {**PROVENANCE, "substrate": {"name": "libero"}}), other.records, (), False
+    )
+    with pytest.raises(ReportError, match="embedded and libero"):
+        compare_runs({"one": _run(True), "two": _two(), "partial": other})
+
+
+def _two() -> StoredRun:
+    """A run of all suites in which nothing succeeds after the event."""
+    records = [record_of(pair, True, False) for pair in PAIRS]
+    return StoredRun(Run(tuple(PAIRS), PROVENANCE), tuple(records), (), torn=False)

@@ -77,7 +77,7 @@ def test_a_rule_that_does_not_exist_or_takes_something_else(
 
 
 def test_the_shipped_rules_are_found_by_their_files() -> None:
-    assert list(STOPPING_RULES) == ["errors", "first_regression"]
+    assert list(STOPPING_RULES) == ["anytime", "certain", "errors", "first_regression"]
 
 
 def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:
@@ -86,7 +86,7 @@ def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:
     stopped = Stopped("enough is known", len(planned), "enough:5", 5)
     report = build_report(records, [], planned, PROVENANCE, stopped)
     assert Stopped.from_dict(stopped.to_dict()) == stopped
-    assert plain(report)["pairs"]["stopped"] == stopped.to_dict()
+    assert plain(report)["pairs"]["stopped"] == {**stopped.to_dict(), "watched": []}
     assert (plain(report)["pairs"]["complete"], plain(report)["headline"]["status"]) == (False, "withheld")
     assert "stopped by rule enough:5 at 5 of 32: enough is known" in plain(report)["headline"]["reason"]
     said = "STOPPED by rule enough:5 at 5 of 32: enough is known. 5 of 32 planned pairs played. No score."

@@ -19,7 +19,7 @@ from pytest_libero_max.report.page.evidence import details_of, error_details, pl
 from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.runs.media import PICTURES_NAME, TRACES_NAME, caption_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.replay_command import replay_command
+from pytest_libero_max.runs.replay_command import replay_command, replay_text
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.substrates.registry import SUBSTRATES
 from pytest_libero_max.worlds.contract import CONTROL_HZ
@@ -131,11 +131,14 @@ def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
 
 def _commands(stored: StoredRun) -> Iterator[Json]:
     """Yield the commands on a case, each for the cases that lack what it makes."""
-    replay, there = replay_command(stored), "in the folder in which the run was started:"
-    yield command(f"Play it, {there}", shlex.join(replay), unless=["record"])
-    yield command(f"Play it again, {there}", shlex.join(replay), needs=["record"])
-    filming = shlex.join([*replay[:-1], "--libero-max-film=all", replay[-1]])
-    yield command(f"Play it again and film it, {there}", filming, needs=["record"], unless=["film", "trace"])
+    replay, there = replay_command(stored), ", in the folder in which the run was started:"
+    yield again("Play it", replay, there, unless=["record"])
+    yield again("Play it again", replay, there, needs=["record"])
+    if replay:
+        filming = shlex.join([*replay[:-1], "--libero-max-film=all", replay[-1]])
+        yield command(
+            f"Play it again and film it{there}", filming, needs=["record"], unless=["film", "trace"]
+        )
     after = "in the folder of this page; libero-max report . then shows it here:"
     yield command(f"Film it, {after}", "libero-max film .", needs=["trace"], unless=["film"])
     yield command(
@@ -156,6 +159,23 @@ def _commands(stored: StoredRun) -> Iterator[Json]:
         )
 
 
+def again(
+    caption: str, replay: Sequence[str], there: str, needs: Sequence[str] = (), unless: Sequence[str] = ()
+) -> Json:
+    """Return the command that plays a case again, or a sentence where no command can.
+
+    Args:
+        caption: Purpose.
+        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`.
+        there: Place of the command, which ends the caption.
+        needs: As for :func:`command`, like ``unless``.
+        unless: See ``needs``.
+    """
+    if not replay:
+        return command(f"{caption} {replay_text(replay)}", "", "", needs, unless)
+    return command(f"{caption}{there}", replay_text(replay), "", needs, unless)
+
+
 def command(
     caption: str, before: str, after: str = "", needs: Sequence[str] = (), unless: Sequence[str] = ()
 ) -> Json:
@@ -163,7 +183,7 @@ def command(
 
     Args:
         caption: Purpose and place.
-        before: Text before the item id.
+        before: Text before the item id; empty where the caption says all.
         after: Text behind it.
         needs: It is offered where the case has all of these ...
         unless: ... and none of these, in the words of ``has``.

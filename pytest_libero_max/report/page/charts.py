@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 from urllib.parse import urlencode
 
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.blocks import Outcomes, Result
 from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.formats import Ends, interval_text, points
+from pytest_libero_max.report.formats import Ends, Estimate, interval_text, points
 from pytest_libero_max.report.page.page_frame import Viewed
 from pytest_libero_max.report.report_document import Cell, Report
 from pytest_libero_max.report.studies.study_document import Camera
@@ -187,6 +188,95 @@ def runs_by_event(comparison: Comparison) -> Plot:
             rows.append(Row(Viewed(event, urlencode({"event": event})), "", text, dots, None))
     numbers = "First to second, pp" if len(runs) == 2 else "Lowest to highest, pp"
     return axis.plot(("Event", numbers), rows)
+
+
+class Point(NamedTuple):
+    """A value of a run with its interval: places in percent of a chart, from its left and from its top.
+
+    Attributes:
+        x: Of the run.
+        y: Of the value.
+        lower: Of the lower end of its interval.
+        upper: Of the upper end.
+        kind: Class of the colour.
+    """
+
+    x: float
+    y: float
+    lower: float
+    upper: float
+    kind: str
+
+
+class Series(NamedTuple):
+    """A line over runs.
+
+    Attributes:
+        kind: Class of the colour.
+        points: One a run that has the value.
+    """
+
+    kind: str
+    points: Sequence[Point]
+
+    @property
+    def pairs(self) -> Iterable[tuple[Point, Point]]:
+        """Points that a line joins."""
+        return pairwise(self.points)
+
+
+class Lines(NamedTuple):
+    """Values over runs, from left to right.
+
+    Attributes:
+        ticks: Places from the top, and labels in percent.
+        zero: Place of zero; None where it is the lower end of the axis.
+        labels: Places from the left, and numbers of runs, of which a part is left out where there are many.
+        series: The lines.
+    """
+
+    ticks: Sequence[tuple[float, str]]
+    zero: float | None
+    labels: Sequence[tuple[float, int]]
+    series: Sequence[Series]
+
+
+def over_runs(values: Mapping[str, Sequence[Estimate]], *, signed: bool = False) -> Lines:
+    """Return values of runs with their intervals.
+
+    Args:
+        values: One a run, in their order, by class of the colour; the empty class colours each value by what
+            its interval shows.
+        signed: True for changes; False for shares, which are from 0 to 1.
+    """
+    ends = [end for row in values.values() for one in row for end in (one.value, one.lower, one.upper)]
+    axis = _Axis([end for end in ends if end is not None] + ([] if signed else [1.0]))
+    count = len(next(iter(values.values())))
+    places = [round(100 * (number + 0.5) / count, 2) for number in range(count)]
+    aside = [min(1.0, 15 / count) * side for side in ((-1, 1) if len(values) > 1 else (0,))]
+
+    def down(value: float) -> float:
+        return round(100 - axis.at(value), 2)
+
+    series = []
+    for (kind, row), shift in zip(values.items(), aside, strict=True):
+        points = [
+            Point(
+                x + shift,
+                down(one.value),
+                down(one.value if one.lower is None else one.lower),
+                down(one.value if one.upper is None else one.upper),
+                kind or direction(one),
+            )
+            for x, one in zip(places, row, strict=True)
+            if one.value is not None
+        ]
+        series.append(Series(kind or "neutral", points))
+    plot = axis.plot(("", ""), [])
+    ticks = [(round(100 - at, 2), words if signed else words.lstrip("+")) for at, words in plot.ticks]
+    every = 1 + (count - 1) // _MOST_LABELS
+    labels = [(x, number) for number, x in enumerate(places, 1) if (number - 1) % every == 0]
+    return Lines(ticks, down(0.0) if signed else None, labels, series)
 
 
 def outcome_bar(outcomes: Outcomes) -> list[Segment]:

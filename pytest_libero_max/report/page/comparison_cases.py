@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,12 @@ from urllib.parse import quote
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
-from pytest_libero_max.report.page.case_table import command, label_column, label_columns
+from pytest_libero_max.report.page.case_table import again, label_column, label_columns
 from pytest_libero_max.report.page.charts import OUTCOME_TITLES
+from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.runs.media import films_in
+from pytest_libero_max.runs.store import pairs_file, read_pairs
+from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _CHANGED = ("yes", "no")
 
@@ -64,14 +66,20 @@ def comparison_cases(
         ]
         for place, pair in enumerate(planned)
     }
+    for place, pair in enumerate(planned):
+        if filmed := {
+            names[run]: of[pair.item_id] for run, of in beside["moments"].items() if pair.item_id in of
+        }:
+            details[place]["timeline"] = _together(filmed)
     return {
         "items": [pair.item_id for pair in planned],
         "columns": columns,
         "case_ids": [pair.case_id for pair in planned],
         "details": details,
         "films": {place: found for place, found in films.items() if found},
+        "hz": CONTROL_HZ,
         "commands": [
-            command(f"Play it again as in {names[run]}:", shlex.join(words)) for run, words in replays.items()
+            again(f"Play it again as in {names[run]}", words, ":") for run, words in replays.items()
         ],
         "pages": [[names[run], page] for run, page in beside["pages"].items()],
         "start": {"changed": _CHANGED[0]} if _CHANGED[0] in changed else {},
@@ -86,14 +94,25 @@ def beside(runs: Mapping[str, Path], folder: Path) -> Json:
         folder: Folder of the page.
 
     Returns:
-        ``films``: addresses relative to the page by run and item id. ``pages``: the address of the page of
-        each run that has one.
+        ``films``: addresses relative to the page by run and item id. ``moments``: of the pairs with a film,
+        see :func:`~pytest_libero_max.report.page.timeline.timeline_of`, by run and item id. ``pages``: the
+        address of the page of each run that has one.
     """
+    filmed = {name: films_in(path) for name, path in runs.items()}
     addresses = {name: quote(Path(os.path.relpath(path, folder)).as_posix()) for name, path in runs.items()}
     return {
         "films": {
-            name: {item: f"{addresses[name]}/{quote(film)}" for item, film in films_in(path).items()}
+            name: {item: f"{addresses[name]}/{quote(film)}" for item, film in films.items()}
+            for name, films in filmed.items()
+        },
+        "moments": {
+            name: {
+                record.item_id: timeline_of(record)
+                for record in read_pairs(path).records
+                if record.item_id in filmed[name]
+            }
             for name, path in runs.items()
+            if filmed[name] and pairs_file(path).is_file()
         },
         "pages": {
             name: f"{addresses[name]}/report.html"
@@ -101,6 +120,14 @@ def beside(runs: Mapping[str, Path], folder: Path) -> Json:
             if (path / "report.html").is_file()
         },
     }
+
+
+def _together(moments: Mapping[str, Json]) -> Json:
+    """Return the moments of a case in several runs as one timeline, whose arms are named by run as well."""
+    arms: Json = {}
+    for run, timeline in moments.items():
+        arms |= {f"{run}, {name}": arm for name, arm in timeline["arms"].items()}
+    return {"steps": max(timeline["steps"] for timeline in moments.values()), "arms": arms}
 
 
 def _of_run(outcome: str, stale: int) -> dict[str, Any]:

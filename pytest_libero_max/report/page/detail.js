@@ -89,7 +89,9 @@ function commandsOf(data, row) {
   const has = new Set(data.has?.[row]);
   return data.commands
     .filter(({ needs, unless }) => needs.every((name) => has.has(name)) && !unless.some((name) => has.has(name)))
-    .map(({ caption, before, after }) => command(caption, [before, data.items[row], after].filter(Boolean).join(" ")));
+    .map(({ caption, before, after }) =>
+      before ? command(caption, [before, data.items[row], after].filter(Boolean).join(" ")) : element("div", {}, caption),
+    );
 }
 
 function tablesOf(tables) {

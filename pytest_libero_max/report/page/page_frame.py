@@ -14,6 +14,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report import palette
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
 
@@ -53,7 +54,7 @@ def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
             else compressed({**cases, "details": None, "part": DETAILS_IN_A_PART}),
             details=[] if cases is None else [*map(compressed, _parts(cases["details"]))],
             security_policy=_security_policy(cases is not None),
-            style=Markup(_file("style.css")),
+            style=Markup(palette.css() + _file("style.css")),
             script=_script(),
             **values,
         )

@@ -18,17 +18,17 @@ function curves(timeline) {
     .filter((arm) => arm.events.length && arm.stale)
     .map((arm) => svg("rect", { x: arm.events[0], y: 0, width: arm.stale, height: 100, class: "stale" }));
   const events = [...new Set(arms.flatMap((arm) => arm.events))].map((step) => line(step, "event"));
-  const paths = arms.map(({ curve, every }, number) => {
+  const paths = arms.map(({ curve, every, kind }) => {
     const points = (curve ?? []).map((value, place) => `${1 + place * every},${100 - (95 * value) / highest}`);
-    return svg("polyline", { points: points.join(" "), class: `arm${number}` });
+    return svg("polyline", { points: points.join(" "), class: kind });
   });
   const box = { viewBox: `0 0 ${Math.max(timeline.steps, 1)} 100`, preserveAspectRatio: "none", "aria-hidden": "true" };
   return svg("svg", box, ...stale, ...events, ...paths);
 }
 
 function legend(timeline) {
-  const named = Object.entries(timeline.arms).map(([name, arm], number) =>
-    element("li", {}, element("i", { class: `arm${number}` }), `${name}: ${arm.success ? "success" : "failed"} after ${arm.end} steps`),
+  const named = Object.entries(timeline.arms).map(([name, arm]) =>
+    element("li", {}, element("i", { class: arm.kind }), `${name}: ${arm.success ? "success" : "failed"} after ${arm.end} steps`),
   );
   const has = (test) => Object.values(timeline.arms).some(test);
   const curve = has((arm) => arm.curve) ? [element("li", {}, "Curves: distance of the hand to the trigger entity")] : [];

@@ -27,11 +27,13 @@ from pytest_libero_max.report.page.charts import (
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import Viewed, page
+from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_text
+from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
+from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -40,12 +42,15 @@ from pytest_libero_max.report.writers.summary import (
     clipping_text,
     group_label,
     incomplete_text,
+    missing_text,
     noise_text,
     repaired_text,
     selection_text,
+    stopped_texts,
     title_text,
     unsupported_text,
 )
+from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
 
 SHOWN_FIRST = (
@@ -84,25 +89,32 @@ def html(
     stored: StoredRun | None = None,
     cases: Json | None = None,
     pairs_name: str = PAIRS_NAME,
+    gates: Sequence[GateRow] = (),
 ) -> str:
     """Render a report as a page.
 
     Args:
         report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
-        replay: The command that plays one of them again, once its item id is appended.
+        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         stored: The run, for its events and its origin; None leaves these out.
         cases: Result of :func:`~pytest_libero_max.report.page.case_table.run_cases`;
             None leaves it out.
         pairs_name: The file of the pairs beside the page.
+        gates: Verdicts on the gates that the run was given.
     """
     pairs, study = report.pairs, report.study
     incomplete = None
     if not pairs.complete:
         incomplete = f"{incomplete_text(pairs)} All rates are over the played pairs."
-    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall), unrepeatable_text(report)]
-    notes = [repaired_text(pairs), *map(caveat_text, report.caveats)]
+    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall), *unrepeatable_texts(report)]
+    notes = [
+        *stopped_texts(pairs),
+        missing_text(report),
+        repaired_text(pairs),
+        *map(caveat_text, report.caveats),
+    ]
     faults = [(pair.item_id, pair.phase, pair.kind, pair.message) for pair in pairs.invalid_pairs]
     return page(
         "run.html",
@@ -114,9 +126,11 @@ def html(
         parts=("Breakdowns", "Events", "Provenance") if pairs.played else ("Events", "Provenance"),
         alarms=[text for text in alarms if text],
         notes=[text for text in notes if text],
+        gates=[(gate, gate.finding.replace(" ", "-"), _against(gate.lost)) for gate in gates],
         events=[] if stored is None else events_of(stored.run.planned, stored.records),
         regressions=regressions,
-        replay=shlex.join(replay),
+        replay=replay,
+        replay_text=replay_text,
         pairs_name=pairs_name,
         films=films or {},
         study_notes=[] if study is None else study_notes(study),
@@ -127,6 +141,8 @@ def html(
         limits_title=LIMITS_TITLE,
         provenance=[*_provenance(report, stored)],
         floor_note=FLOOR_NOTE,
+        beside_title=BESIDE_TITLE,
+        beside=published_beside(report),
         **(_results(report) if pairs.played else {}),
     )
 
@@ -172,6 +188,14 @@ def _results(report: Report) -> dict[str, Any]:
             for key, dimension in DIMENSIONS.items()
         ],
     }
+
+
+def _against(lost: Sequence[str]) -> tuple[Viewed, str] | None:
+    """Return the first pair that counts against a gate, and the number of the others in words."""
+    if not lost:
+        return None
+    more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
+    return Viewed(lost[0], urlencode({"case": lost[0]})), more
 
 
 def _verdict(overall: Result) -> str:

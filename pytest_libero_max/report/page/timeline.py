@@ -10,6 +10,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import read_trace, trace_name
+from pytest_libero_max.report.palette import arm_kinds
 from pytest_libero_max.runs.media import TRACES_NAME
 
 _MOST_POINTS = 200
@@ -24,8 +25,9 @@ def timeline_of(record: PairRecord, folder: Path | None = None) -> Json:
         folder: Folder of the run, for its traces; None for none.
 
     Returns:
-        ``steps``: of the longest arm. ``arms``: by name, ``end`` (steps), ``success``, ``events`` (steps) and
-        ``stale`` (number of stale actions after the first event); where the trace is kept, ``curve``:
+        ``steps``: of the longest arm. ``arms``: by name, ``end`` (steps), ``success``, ``events`` (steps),
+        ``stale`` (number of stale actions after the first event) and ``kind`` (class of its colour); where
+        the trace is kept, ``curve``:
         distance of the hand to the trigger entity in mm, one value ``every`` so many steps.
     """
     arms: Json = {}
@@ -39,6 +41,9 @@ def timeline_of(record: PairRecord, folder: Path | None = None) -> Json:
                 "stale": arm.stale_actions or 0,
                 **curves.get(name, {}),
             }
+    kinds = arm_kinds(arms)
+    for name, arm_moments in arms.items():
+        arm_moments["kind"] = kinds[name]
     return {"steps": max((arm["end"] for arm in arms.values()), default=0), "arms": arms}
 
 

@@ -403,8 +403,9 @@ class Study(Block, frozen=True, kw_only=True):
         cases: Measured cases.
         arms: Success by arm, over the cases that were played in it: programs, and studies of other packages;
             None for the camera studies and the sweeps.
-        by_event: The same by event.
-        contrasts: Each further arm less Base, and Dynamic less it, of all cases and of each event.
+        by_event: The same by event; None for an audit as well.
+        contrasts: Each further arm less Base, and Dynamic less it where there is ``by_event``, of all cases
+            and, likewise, of each event.
         camera: Results of a camera study; None for another one.
         cadence: Results of a cadence sweep; None for another study.
         latency: Results of a latency sweep; None for another study.

@@ -7,20 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
+from pytest_libero_max.report.palette import ARMS, BOX, GAIN, GRID, INK, LOSS, MUTED, NEUTRAL
 from pytest_libero_max.report.studies.study_document import Camera, Setting, Study
-from pytest_libero_max.report.writers.svg import (
-    ACCENT,
-    GAIN,
-    INK,
-    LOSS,
-    MUTED,
-    NEUTRAL,
-    circle,
-    document,
-    line,
-    rectangle,
-    text,
-)
+from pytest_libero_max.report.writers.svg import circle, document, line, rectangle, text
 
 _ROW, _LABEL, _PLOT, _TOP = 26, 220, 420, 34
 _LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
@@ -68,7 +57,7 @@ def contrast_plot(title: str, study: Camera) -> str:
     for tick in range(-100, 101, 50):
         x = _signed(tick / 100)
         shapes += [
-            line(x, _TOP, x, _TOP + _ROW * len(rows), INK if tick == 0 else "#d8dee4"),
+            line(x, _TOP, x, _TOP + _ROW * len(rows), INK if tick == 0 else GRID),
             text(x, _TOP - 10, f"{tick:+d}", "middle", 11, MUTED),
         ]
     for index, row in enumerate(rows):
@@ -106,7 +95,7 @@ def strength_plot(title: str, study: Camera) -> str:
                 for strength, arm in zip(strengths, names[offset::2], strict=True)
             ],
         )
-        for label, color, offset in (("Reset", INK, 0), ("Mid-task", ACCENT, 1))
+        for label, color, offset in (("Reset", ARMS[2], 0), ("Mid-task", ARMS[1], 1))
     ]
     ticks = [(float(strength), f"{float(strength):.0%}") for strength in strengths]
     return _plot(
@@ -132,7 +121,7 @@ def success_plot(
     places = [(index + 0.5) / len(labels) for index in range(len(labels))]
     lines = [
         Series(name, color, list(zip(places, rates, strict=True)))
-        for name, color, rates in (("Base", NEUTRAL, base), ("Dynamic", ACCENT, dynamic))
+        for name, color, rates in (("Base", ARMS[0], base), ("Dynamic", ARMS[1], dynamic))
     ]
     return _plot(title, axis, list(zip(places, labels, strict=True)), lines)
 
@@ -149,9 +138,9 @@ def _plot(
     if band is not None:
         top, bottom = _up(band.upper), _up(band.lower)
         shapes += [
-            rectangle(_LEFT, top, _WIDTH, max(bottom - top, 1.0), "#eceff2"),
-            line(_LEFT, _up(band.value), _LEFT + _WIDTH, _up(band.value), NEUTRAL, 1.5),
-            text(_LEFT + _WIDTH + 22, _up(band.value) + 4, f"Base {percent(band.value)}", color=NEUTRAL),
+            rectangle(_LEFT, top, _WIDTH, max(bottom - top, 1.0), BOX),
+            line(_LEFT, _up(band.value), _LEFT + _WIDTH, _up(band.value), ARMS[0], 1.5),
+            text(_LEFT + _WIDTH + 22, _up(band.value) + 4, f"Base {percent(band.value)}", color=ARMS[0]),
         ]
     for tick in range(0, 101, 20):
         shapes += [

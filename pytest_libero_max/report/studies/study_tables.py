@@ -14,12 +14,14 @@ from pytest_libero_max.report.formats import (
     change_text,
     count_text,
     interval_text,
+    p_number,
     percent,
     points,
     rate_text,
 )
 from pytest_libero_max.report.studies.study_document import (
     Approach,
+    ArmContrast,
     BestSetting,
     Cadence,
     CadenceSetting,
@@ -33,12 +35,15 @@ from pytest_libero_max.report.studies.study_document import (
     SourceRate,
     Study,
 )
+from pytest_libero_max.stats.significance import holm, mcnemar
 
 _LISTED = 16
 """Number of joint outcomes that are printed; ``report.json`` has all."""
 
 _ENOUGH = 30
 """With fewer cases, a percentile interval is too narrow."""
+
+_LEVEL = 0.05
 
 _MARKS = {True: "1", False: "0"}
 
@@ -74,7 +79,9 @@ def study_tables(study: Study) -> list[StudyTable]:
         return _camera(study.camera)
     if study.latency is not None:
         return [_latency(study.latency)]
-    return [*_arms(study)] if study.cadence is None else _cadence(study.cadence)
+    if study.cadence is not None:
+        return _cadence(study.cadence)
+    return [*_arms(study)] if study.by_event is not None else [_inputs(study)]
 
 
 def study_notes(study: Study) -> list[str]:
@@ -193,6 +200,59 @@ def _arms(study: Study) -> Iterator[StudyTable]:
         "Over the cases that were played in both. Exact 95% intervals, each for itself.",
         narrow=1 + len(names),
     )
+
+
+# Audit of inputs.
+
+_INPUTS = {
+    "black_images": "all images black",
+    "still_images": "all images as at the first query",
+    "no_state": "robot state of zeros",
+    "no_instruction": "no instruction",
+    "other_instruction": "instruction of another task of the suite",
+    "paraphrase": "instruction in other words",
+}
+"""What is changed in an arm of an audit; the other arms show one camera black."""
+
+
+def _inputs(study: Study) -> StudyTable:
+    """Success with an input changed, beside Base over the same cases."""
+    arms, contrasts = study.arms or {}, study.contrasts or []
+    adjusted = holm([mcnemar(row.losses, row.gains).log10_p for row in contrasts])
+    rows = [
+        (
+            row.first,
+            _INPUTS.get(row.first, f"images of {row.first.removeprefix('no_')} black"),
+            count_text(arms[row.first]),
+            change_text(row),
+            str(row.losses),
+            str(row.gains),
+            "n/a" if log10_p is None else p_number(log10_p),
+            _need(row, log10_p or 0.0) if arms["base"].count else "Base never succeeds",
+        )
+        for row, log10_p in zip(contrasts, adjusted, strict=True)
+    ]
+    base = arms["base"]
+    return StudyTable(
+        "Success without an input",
+        ("Arm", "Changed before the first query", "Success", "Less Base", "Lost", "Gained", "p", "Verdict"),
+        [("base", "nothing", count_text(base), "", "", "", "", ""), *rows],
+        "Paired with Base over the cases that were played in both. Exact 95% intervals, each for itself. The "
+        "p-value of the exact McNemar test is adjusted for the number of arms (Holm), and decides at 5%. A "
+        "policy that reads the simulator (privileged) can do without any of its inputs. Black images, zeros "
+        "and missing words are unlike all that a policy was trained on: a loss says that it uses the input, "
+        "and not how. Where the paraphrase or another task's instruction would be the case's own, the arm is "
+        "not played.",
+        narrow=4,
+    )
+
+
+def _need(row: ArmContrast, log10_p: float) -> str:
+    if not row.cases or row.losses == row.gains == 0:
+        return "no case differs" if row.cases else "n/a"
+    if 10**log10_p >= _LEVEL:
+        return "not shown to matter"
+    return "needed" if row.losses > row.gains else "better without"
 
 
 # Camera timing and strength.

@@ -11,6 +11,7 @@ from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED
 from pytest_libero_max.report.report_document import ChangedPair, Report
+from pytest_libero_max.runs.replay_command import traces_setting
 
 TITLE = "What broke"
 GAINED_TITLE = "What was gained"
@@ -112,7 +113,8 @@ def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list
         more = sum(len(group.pairs) - len(group.named) for group in groups)
         lines += [f"{more} more: in the table of cases of report.html, by outcome and cause."] if more else []
     if lines and not films:
-        lines.append("To see one: libero-max film RUN NAME, of a run with --libero-max-traces=all.")
+        setting = traces_setting(report.provenance)
+        lines.append(f"To see one: libero-max film RUN NAME, of a run with {setting}.")
     return lines
 
 

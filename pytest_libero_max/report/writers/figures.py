@@ -7,23 +7,9 @@ from collections.abc import Callable, Mapping
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.formats import interval_text, percent, points
+from pytest_libero_max.report.palette import GAIN, GRID, INK, LOSS, MUTED, NEUTRAL, ON_LIGHT
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.svg import (
-    GAIN,
-    GRID,
-    INK,
-    LOSS,
-    MUTED,
-    NEUTRAL,
-    ON_LIGHT,
-    arrow,
-    circle,
-    document,
-    line,
-    rectangle,
-    shade,
-    text,
-)
+from pytest_libero_max.report.writers.svg import arrow, circle, document, line, rectangle, shade, text
 
 _ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 220, 420, 170, 34
 

@@ -13,12 +13,14 @@ from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.measurable import warning_of
+from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_text
+from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers import broken
+from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
@@ -27,19 +29,22 @@ from pytest_libero_max.report.writers.summary import (
     clipping_text,
     group_label,
     incomplete_text,
+    missing_text,
     noise_text,
     repaired_text,
+    stopped_texts,
     title_text,
     unsupported_text,
 )
 
 
-def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
+def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:
     """Render a report; ends with a newline.
 
     Args:
         report: The report.
         films: Path of the film of each pair that has one, relative to the file, by item id.
+        gates: Verdicts on the gates that the run was given.
     """
     provenance, pairs = report.provenance, report.pairs
     lines = [f"# {markdown_text(title_text(report))}", ""]
@@ -47,7 +52,12 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
         lines += [
             f"**{markdown_text(incomplete_text(pairs))}** All rates below are over the played pairs.",
             "",
+            *(f"- {markdown_text(text)}" for text in stopped_texts(pairs)),
+            *([""] if stopped_texts(pairs) else []),
         ]
+    missing = missing_text(report)
+    if missing is not None:
+        lines += [markdown_text(missing), ""]
     partial = unsupported_text(pairs)
     if partial is not None:
         lines += [f"**{markdown_text(partial)}**", ""]
@@ -59,17 +69,26 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
     warning = warning_of(report.overall)
     if warning is not None:
         lines += [f"**{markdown_text(warning)}**", ""]
-    unrepeatable = unrepeatable_text(report)
-    if unrepeatable is not None:
-        lines += [f"**{markdown_text(unrepeatable)}**", ""]
+    for text in unrepeatable_texts(report):
+        lines += [f"**{markdown_text(text)}**", ""]
     if report.caveats:
         lines += [*(f"- {markdown_text(caveat_text(caveat))}" for caveat in report.caveats), ""]
     clipping = clipping_text(report)
     if clipping is not None:
         lines += [clipping, ""]
-    lines += _table(("Quantity", "Value"), _quantities(report))
+    lines += _gates(gates)
+    lines += markdown_table(("Quantity", "Value"), _quantities(report))
     lines += _broken(report, films or {})
-    lines += ["", f"## {highlights.TITLE}", "", *_table(("What", "Where", "Value"), highlight_rows(report))]
+    beside = published_beside(report)
+    if beside is not None:
+        lines += ["", f"## {BESIDE_TITLE}", "", beside.note, ""]
+        lines += markdown_table(beside.head, beside.rows) if beside.rows else []
+    lines += [
+        "",
+        f"## {highlights.TITLE}",
+        "",
+        *markdown_table(("What", "Where", "Value"), highlight_rows(report)),
+    ]
     lines += ["", highlights.NOTE]
     for key, dimension in DIMENSIONS.items():
         lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report.by[key])]
@@ -77,15 +96,21 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
     lines += ["", "## Coverage and stale actions", "", *_groups("coverage", "Event", by_event)]
     lines += ["", "## Given a query after the event", "", *_groups("given_response", "Event", by_event)]
     lines += ["", GIVEN_RESPONSE_NOTE]
+    intervals = "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. "
     lines += [
         "",
-        "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. Groups hold different",
+        f"{'' if stopped_texts(pairs) else intervals}Groups hold different",
         "cases: differences between them are descriptions, not effects.",
         "",
     ]
+    if report.shrunken:
+        lines += [f"## {highlights.SHRUNKEN_TITLE}", "", highlights.SHRUNKEN_NOTE, ""]
+        for name in report.shrunken:
+            head = (name.capitalize(), *highlights.SHRUNKEN_HEAD)
+            lines += [*markdown_table(head, highlights.shrunken_rows(report, name)), ""]
     lines += [] if report.study is None else _study(report.study)
     for title, values in report.sections.items():
-        lines += [f"## {markdown_text(title)}", "", *_table(("Name", "Value"), values.items()), ""]
+        lines += [f"## {markdown_text(title)}", "", *markdown_table(("Name", "Value"), values.items()), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",
@@ -98,7 +123,7 @@ def markdown(report: Report, films: Mapping[str, str] | None = None) -> str:
         digests.append(("case set is", provenance["case_set"]["released_as"]))
     if report.selection:
         digests.append(("selected cases", report.selection.digest))
-    lines += _table(("Part", "Version"), [*versions, *digests])
+    lines += markdown_table(("Part", "Version"), [*versions, *digests])
     return "\n".join(lines) + "\n"
 
 
@@ -112,6 +137,22 @@ def markdown_text(text: object) -> str:
         return text
     words = printable(str(text)).replace("&", "&amp;").replace("<", "&lt;")
     return words.replace("](", "]\\(")
+
+
+def _gates(gates: Sequence[GateRow]) -> list[str]:
+    """Return the verdicts on gates, with the first of the pairs that count against one."""
+    if not gates:
+        return []
+    rows = [
+        (
+            _Written(f"`{printable(gate.gate).replace('`', chr(39))}`"),
+            _Written(f"**{gate.finding}**"),
+            gate.value,
+            f"{gate.why} Against it: {named_pairs(gate.lost)}.".strip() if gate.lost else gate.why,
+        )
+        for gate in gates
+    ]
+    return [*markdown_table(("Gate", "Verdict", "Value", "Why"), rows), ""]
 
 
 def _quantities(report: Report) -> list[tuple[str, str]]:
@@ -147,7 +188,9 @@ def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
         if rows:
             lines += ["", f"## {broken.title_of(report, outcome)}", ""]
             head = ("", "Pair", "Event", "Cause (pairs)", "What happened", "Film")
-            lines += _table(head if films else head[:-1], rows if films else [row[:-1] for row in rows])
+            lines += markdown_table(
+                head if films else head[:-1], rows if films else [row[:-1] for row in rows]
+            )
             more = broken.count_of(report, outcome) - len(rows)
             lines += ["", f"{more} more: `changed_pairs` of report.json, and report.html."] if more else []
     return lines
@@ -157,7 +200,7 @@ def _study(study: Study) -> list[str]:
     lines = [f"## Study: {markdown_text(study.title)}", ""]
     lines += [line for note in study_notes(study) for line in (markdown_text(note), "")]
     for table in study_tables(study):
-        lines += [f"### {markdown_text(table.title)}", "", *_table(table.head, table.rows), ""]
+        lines += [f"### {markdown_text(table.title)}", "", *markdown_table(table.head, table.rows), ""]
         lines += [markdown_text(table.note), ""] if table.note else []
     return lines
 
@@ -169,9 +212,10 @@ def _groups(table: Table, title: str, groups: Mapping[str, Result]) -> list[str]
         (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
     ]
     note = ["", FLOOR_NOTE.replace("*", "\\*")] if any_floor(groups.values()) else []
-    return [*_table((title, *headings(table)), rows), *note]
+    return [*markdown_table((title, *headings(table)), rows), *note]
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    """Return the lines of a table."""
     body = [" | ".join(markdown_text(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
     return [f"| {body[0]} |", "|" + " --- |" * len(head), *(f"| {row} |" for row in body[1:])]

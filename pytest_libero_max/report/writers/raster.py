@@ -6,10 +6,11 @@ import importlib.util
 import tempfile
 from pathlib import Path
 
+from pytest_libero_max.report.palette import PAPER
+
 INSTALL = "pip install 'pytest-libero-max[figures]'"
 
 _ZOOM = 2
-_PAPER = "#ffffff"
 
 
 def available() -> bool:
@@ -35,7 +36,7 @@ def png_of(svg: str) -> bytes:
                 skip_system_fonts=True,
                 font_family=family,
                 sans_serif_family=family,
-                background=_PAPER,
+                background=PAPER,
                 zoom=_ZOOM,
             )
         )

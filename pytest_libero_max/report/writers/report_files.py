@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,14 @@ from pytest_libero_max.benchmark.structs import decode_json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.blocks import Block
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.gates import GateResult
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import REPORT_VERSION, Report
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers import raster
 from pytest_libero_max.report.writers.figures import FIGURES
+from pytest_libero_max.report.writers.gate_text import gate_rows
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.media import VIEWS, films_in, pictures_in
@@ -46,6 +48,7 @@ def write_reports(
     folder: Path,
     amend: Callable[[Report], Report] | None = None,
     on_problem: Callable[[str], object] | None = None,
+    gates: Sequence[GateResult] = (),
 ) -> tuple[Report, list[Path]]:
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
@@ -53,6 +56,8 @@ def write_reports(
         folder: The folder of the run.
         amend: Returns the report with sections of the user's own.
         on_problem: Called for each file that cannot be made or written. None: the first one is an error.
+        gates: Verdicts to show, for example of
+            :func:`~pytest_libero_max.report.gate_results.decide_on`.
 
     Returns:
         The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.
@@ -66,8 +71,8 @@ def write_reports(
         report = amend(report)
     files: dict[str, Callable[[], str]] = {
         REPORT_NAME: lambda: report_json(report),
-        MARKDOWN_NAME: lambda: markdown(report, films_in(folder)),
-        HTML_NAME: lambda: run_page(report, stored, folder),
+        MARKDOWN_NAME: lambda: markdown(report, films_in(folder), gate_rows(gates)),
+        HTML_NAME: lambda: run_page(report, stored, folder, gates),
     }
     written = [pairs_file(folder)]
     for name, text in files.items():
@@ -82,7 +87,7 @@ def write_reports(
     return report, written
 
 
-def run_page(report: Report, stored: StoredRun, folder: Path) -> str:
+def run_page(report: Report, stored: StoredRun, folder: Path, gates: Sequence[GateResult] = ()) -> str:
     """Return the content of ``report.html``, with links to films and pictures in the run's folder."""
     regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
     films: dict[str, list[str]] = {}
@@ -92,7 +97,8 @@ def run_page(report: Report, stored: StoredRun, folder: Path) -> str:
     measured = {record.item_id for record in stored.records}
     films = {item: films[item] for item in sorted(measured & films.keys())}
     cases = run_cases(stored, films, pictures_in(folder), folder)
-    return html(report, regressions, replay_command(stored), films, stored, cases, pairs_file(folder).name)
+    name, replay = pairs_file(folder).name, replay_command(stored)
+    return html(report, regressions, replay, films, stored, cases, name, gate_rows(gates))
 
 
 def write_figures(report: Report, folder: Path) -> list[Path]:

@@ -9,10 +9,10 @@ from typing import Any
 
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
-from pytest_libero_max.report.formats import change_text, count_text, percent, rate_text
+from pytest_libero_max.report.formats import change_text, count_text, percent, points, rate_text
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
-from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_text
+from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.studies.study_tables import study_lines
 from pytest_libero_max.report.writers.broken import broken_line, broken_lines
 
@@ -43,6 +43,7 @@ def summary_lines(
     """
     pairs, overall = report.pairs, report.overall
     lines = [] if pairs.complete else [incomplete_text(pairs)]
+    lines += [line for text in stopped_texts(pairs) for line in wrap(text, 100)]
     lines += _header(report)
     lines += wrap(unsupported_text(pairs) or "", 100)
     lines += wrap(repaired_text(pairs) or "", 100)
@@ -53,9 +54,10 @@ def summary_lines(
     if not pairs.complete:
         lines.append(f"Over the {pairs.played} played pairs only:")
     lines += wrap(warning_of(overall) or "", 100)
-    lines += wrap(unrepeatable_text(report) or "", 100)
+    lines += [line for text in unrepeatable_texts(report) for line in wrap(text, 100)]
     lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
+    lines += wrap(missing_text(report) or "", 100)
     lines += [*_caveat_lines(report.caveats), *_clipping_lines(report)]
     return [*lines, *broken_lines(report, films), *_written(paths)]
 
@@ -64,10 +66,15 @@ def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
     """Render a report for the terminal of a quiet run: the headline, what broke, and the page."""
     pairs, overall = report.pairs, report.overall
     lines = [] if pairs.complete else [incomplete_text(pairs)]
+    lines += stopped_texts(pairs)
     if pairs.played:
         rates = f"{percent(overall.base_success.value)} to {percent(overall.dynamic_success.value)}"
         change = change_text(overall.paired_change)
-        lines += [f"{title_text(report)}: {rates}, {change}", broken_line(report)]
+        lines += [
+            f"{title_text(report)}: {rates}, {change}",
+            *unrepeatable_texts(report)[1:],
+            broken_line(report),
+        ]
     return [*lines, *_written([path for path in paths if path.endswith(".html")])]
 
 
@@ -167,9 +174,9 @@ def _clipping_lines(report: Report) -> list[str]:
 
 
 def substrate_lines(substrate: Substrate) -> list[str]:
-    """Return the warning that belongs wherever scores of a stand-in substrate are printed."""
+    """Return what belongs wherever scores are printed: of a stand-in substrate, or of other cases."""
     if substrate.scores_comparable_with_published is not False:
-        return []
+        return wrap(substrate.note or "", 100)
     return [f"Scores on the {substrate.name} substrate are not comparable with published ones."]
 
 
@@ -188,6 +195,18 @@ def incomplete_text(pairs: PairCounts) -> str:
         f"{pairs.invalid} invalid, {pairs.missing} missing{shards}. No score."
         + ("" if stopped is None else f" Stopped: {stopped.reason}.")
     )
+
+
+def stopped_texts(pairs: PairCounts) -> list[str]:
+    """Return what the rule that stopped a run knows, and why there are no intervals; empty for other runs."""
+    stopped = pairs.stopped
+    if stopped is None or stopped.rule is None:
+        return []
+    return [
+        *(watched.text for watched in stopped.watched),
+        "Rates and changes have no 95% intervals and no p-value: those hold for a number of pairs that is "
+        "fixed before.",
+    ]
 
 
 def _header(report: Report) -> list[str]:
@@ -220,6 +239,19 @@ def unsupported_text(pairs: PairCounts) -> str | None:
         f"PARTIAL: {pairs.unsupported} pairs of {', '.join(pairs.unsupported_suites)} are unavailable, "
         "because the policy declares that it does not support these suites. They are neither played nor "
         "failed. Results over the other pairs are not ranked with those of whole runs."
+    )
+
+
+def missing_text(report: Report) -> str | None:
+    """Return the rates that count missing pairs as failures; None where there are none."""
+    rates = report.missing_as_failures
+    if rates is None:
+        return None
+    return (
+        f"With {rates.without_result} pairs without a result as failures of both arms, as in the paper: Base "
+        f"{percent(rates.base_success.value)} ({count_text(rates.base_success)}), Dynamic "
+        f"{percent(rates.dynamic_success.value)} ({count_text(rates.dynamic_success)}), change "
+        f"{points(rates.paired_change.value)} pp. Not a score."
     )
 
 

@@ -5,16 +5,8 @@ from __future__ import annotations
 from html import escape
 
 from pytest_libero_max.benchmark.documents import printable
+from pytest_libero_max.report.palette import GAIN, GRID, INK, LOSS
 
-INK, MUTED, GRID = "#1f2933", "#66727f", "#d8dee4"
-ON_LIGHT = "#1a2129"
-"""Ink on a shape that is light in dark pages as well, which give :data:`INK` another colour."""
-
-LOSS, GAIN, NEUTRAL = "#b3421b", "#14708a", "#52606d"
-"""Colours of what is worse, what is better, and what is neither; nothing else is red."""
-
-ACCENT = "#2b6fd6"
-"""Colour of the second of two things beside :data:`INK`, of which neither is better."""
 FONT = "font-family='system-ui, sans-serif'"
 
 

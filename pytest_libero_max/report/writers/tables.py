@@ -76,9 +76,9 @@ def latex_text(report: Report, dimension: str = "event") -> str:
     rows = [*report.by[dimension].items(), ("All pairs", report.overall)]
     head = (DIMENSIONS[dimension].title, *headings("narrow"))
     lines = [
-        f"% {_escaped(title_text(report))}",
+        f"% {latex_escaped(title_text(report))}",
         "% Percent; changes in percentage points with their 95% interval.",
-        *(f"% {_escaped(note)}" for note in [report.substrate.note] if note),
+        *(f"% {latex_escaped(note)}" for note in [report.substrate.note] if note),
         rf"\begin{{tabular}}{{l{'r' * len(columns)}}}",
         r"\hline",
         rf"{' & '.join(head)} \\",
@@ -87,10 +87,11 @@ def latex_text(report: Report, dimension: str = "event") -> str:
     for index, (group, row) in enumerate(rows):
         if index == len(rows) - 1:
             lines.append(r"\hline")
-        cells = (_escaped(group), *(column.latex(row) for column in columns))
+        cells = (latex_escaped(group), *(column.latex(row) for column in columns))
         lines.append(rf"{' & '.join(cells)} \\")
     return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
 
-def _escaped(text: str) -> str:
+def latex_escaped(text: str) -> str:
+    """Return a text as LaTeX prints it."""
     return "".join(_LATEX.get(letter, letter) for letter in printable(text))

@@ -114,8 +114,14 @@ def test_a_filmed_pair_has_the_moments_of_its_film_and_the_curves_of_its_trace(t
     assert timeline_of(record) == {
         "steps": 220,
         "arms": {
-            "base": {"end": record.base_steps, "success": True, "events": [], "stale": 0},
-            "dynamic": {"end": 220, "success": False, "events": [record.trigger.step], "stale": 2},
+            "base": {"end": record.base_steps, "success": True, "events": [], "stale": 0, "kind": "arm0"},
+            "dynamic": {
+                "end": 220,
+                "success": False,
+                "events": [record.trigger.step],
+                "stale": 2,
+                "kind": "arm1",
+            },
         },
     }
     (tmp_path / "traces").mkdir()

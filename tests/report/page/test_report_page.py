@@ -8,9 +8,16 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.formats import percent
+from pytest_libero_max.report.gate_results import decide_on
+from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.writers.figures import FIGURES
+from pytest_libero_max.report.writers.gate_text import gate_rows
+from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import write_figures
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import StoredRun
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
 PAIRS = plan(per_cell=2)
@@ -80,6 +87,25 @@ def test_a_page_links_the_film_of_each_pair_that_has_one() -> None:
     assert "Films of 1 other pairs" in page
     assert "<li><code>third</code> <a href='films/third--base.webp'>film</a></li>" in page
     assert "Films of" not in html(FULL, ["first"], REPLAY)
+
+
+def test_a_page_and_markdown_show_each_gate_with_its_verdict_in_the_unit_of_the_gate() -> None:
+    stored = StoredRun(Run(tuple(PAIRS), PROVENANCE), tuple(RECORDS), (), torn=False)
+    gates = parse_gates(["base_sr >= 1%", "delta.upper <= -90%", "delta.lower >= -1%", "p_value_vs(no) > 1%"])
+    rows = gate_rows(decide_on(gates, stored, FULL, Path()))
+    assert [row.finding for row in rows] == ["holds", "violated", "not shown", "open"]
+    base, change = FULL.overall.base_success, FULL.overall.paired_change
+    assert [row.value for row in rows] == [*map(percent, (base.value, change.upper, change.lower)), "n/a"]
+    page = html(FULL, [], REPLAY, gates=rows)
+    first_screen = page[page.index("<body>") : page.index("Source categories")]
+    for row in rows:
+        kind = row.finding.replace(" ", "-")
+        assert re.search(rf"<b class='{kind}'>{row.finding}</b>\s*<(span|details)>", first_screen)
+        assert f"<code>{row.gate.replace('>', '&gt;').replace('<', '&lt;')}</code> <b>{row.value}</b>" in page
+        assert f"| **{row.finding}** | {row.value} |" in markdown(FULL, {}, rows)
+    lost = [record.item_id for record in RECORDS if record.outcome == "regression"]
+    assert f"<span data-view='case={lost[0]}'>{lost[0]}</span> and {len(lost) - 1} more." in first_screen
+    assert "class='gates'" not in html(FULL, [], REPLAY)
 
 
 def test_what_others_wrote_is_escaped() -> None:

@@ -1,0 +1,103 @@
+"""Verdicts on gates as lines of the terminal, as rows of a report, and as annotations of GitHub."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from pytest_libero_max.report.gates import SUCCESS_OF, Finding, Gate, GateResult, shown
+from pytest_libero_max.runs.replay_command import replay_text
+
+_LOST, _FAILED, _AGAIN = "  lost:", "  failed:", "  again:"
+
+KEPT = ("gate FAIL", "gate open", "gate wait", _LOST, _FAILED, _AGAIN)
+"""Beginnings of the lines on gates that ``-q`` keeps."""
+
+_NAMED = 3
+
+
+def gate_lines(results: Sequence[GateResult], replay: Sequence[str] | None = None) -> list[str]:
+    """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
+
+    Args:
+        results: Result of :func:`~pytest_libero_max.report.gate_results.decide`.
+        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`; None leaves it out.
+    """
+    marks = {"passed": "pass", "failed": "FAIL", "undecidable": "open"}
+    lines = []
+    for result in results:
+        lines.append(f"gate {marks[result.verdict]}  {result.reason}")
+        if result.lost:
+            label = _FAILED if result.gate.name in SUCCESS_OF else _LOST
+            lines.append(f"{label} {named_pairs(result.lost)}")
+    lost = next((result.lost[0] for result in results if result.lost), None)
+    if replay is not None and lost is not None:
+        lines.append(f"{_AGAIN} {replay_text(replay, lost)}")
+    return lines
+
+
+class GateRow(NamedTuple):
+    """A verdict as reports show it.
+
+    Attributes:
+        gate: The gate as written.
+        finding: One of :data:`~pytest_libero_max.report.gates.Finding`.
+        value: Value of its quantity, in the unit of the gate.
+        why: What else explains the verdict; empty where the value does.
+        lost: Item ids of the pairs that count against it.
+    """
+
+    gate: str
+    finding: Finding
+    value: str
+    why: str
+    lost: Sequence[str]
+
+
+def gate_rows(results: Iterable[GateResult]) -> list[GateRow]:
+    """Return a row for each gate, for the page and the Markdown of a report."""
+    rows = []
+    for result in results:
+        value, why = "n/a", result.detail
+        if result.value is not None:  # which the detail begins with, and with the verdict after it
+            value, why = shown(result.gate, result.value), why.partition(". ")[2].partition(": ")[2]
+        rows.append(GateRow(result.gate.text, result.finding, value, why[:1].upper() + why[1:], result.lost))
+    return rows
+
+
+def left_to_merge(gates: Iterable[Gate], shards: int) -> tuple[GateResult, ...]:
+    """Return the gates of a shard, which are decided on all of them together, as open ones."""
+    why = f"libero-max merge decides it, on all {shards} shards."
+    return tuple(GateResult(gate, "undecidable", None, why) for gate in gates)
+
+
+def not_passed_text(results: Sequence[GateResult]) -> str | None:
+    """Return the sentence on gates that did not pass, such as ``1 of 2 gates failed.``; None if all did."""
+    counts: Counter[str] = Counter(result.verdict for result in results)
+    said = {"failed": "failed", "undecidable": "cannot be decided"}
+    words = [
+        f"{counts[verdict]} of {len(results)} gates {word}"
+        for verdict, word in said.items()
+        if counts[verdict]
+    ]
+    return f"{', '.join(words)}." if words else None
+
+
+def github_annotations(results: Sequence[GateResult]) -> list[str]:
+    """Workflow commands that show gates which did not pass on a GitHub run."""
+    return [
+        f"::error title=LIBERO-MAX gate {result.verdict}::{_escaped(result.reason)}"
+        for result in results
+        if not result.passed
+    ]
+
+
+def named_pairs(names: Sequence[str]) -> str:
+    """Return the first pairs by name, and the number of the others."""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"{', '.join(names[:_NAMED])}{more}"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")

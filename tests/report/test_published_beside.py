@@ -1,0 +1,109 @@
+"""Published results beside runs of the authors' cases, and pairs without a result as failures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from msgspec import structs
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.releases import RELEASED
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import summary_lines
+from pytest_libero_max.runs.stopped import Stopped
+from tests.report.made_up import PROVENANCE, error_of, plain, plan, record_of, records_of
+
+PAIRS = plan()
+
+
+def _file(name: str) -> Any:
+    return next(file for file in RELEASED if file.file == name)
+
+
+def _report(released: str, played: int, semantics: str = "published") -> Report:
+    """A report of made-up pairs that says it holds so many of a released file."""
+    provenance: Json = {
+        **PROVENANCE,
+        "case_set": {"name": "manifest cases.json", "digest": "0" * 64, "released_as": released},
+        "substrate": {
+            "name": "libero",
+            "semantics": semantics,
+            "instruction_source": "published",
+            "source_variations": "installed",
+        },
+    }
+    report = build_report(records_of(PAIRS), [], PAIRS, provenance)
+    return structs.replace(report, pairs=structs.replace(report.pairs, played=played))
+
+
+def test_a_run_of_the_authors_8000_cases_stands_beside_the_published_rows() -> None:
+    report = _report(str(_file("libero_max_8000.json")), 8000)
+    beside = published_beside(report)
+    assert beside is not None
+    assert [row[0] for row in beside.rows[:2]] == ["scripted (this run)", "pi_0.5"]
+    assert beside.rows[1][1:] == ("79.7%", "65.7%", "-13.9", "50", "5", "2B VLM + 300M action expert")
+    assert len(beside.rows) == 15
+    for text in (markdown(report), html(report, [], ["pytest"])):
+        assert BESIDE_TITLE in text
+        assert "DiT4DiT" in text
+
+
+def test_the_authors_pro_cases_stand_beside_the_rows_of_that_source() -> None:
+    beside = published_beside(_report(str(_file("libero_max_pro_hard_2400.json")), 2400))
+    assert beside is not None
+    assert beside.rows[1][:4] == ("pi_0.5", "64.8%", "55.1%", "-9.7")
+
+
+@pytest.mark.parametrize(
+    ("played", "semantics", "why"),
+    [
+        (7999, "published", "it measured 7,999 of the 8,000 cases"),
+        (8000, "corrected", "its semantics are not"),
+    ],
+)
+def test_a_run_that_differs_has_no_rows_beside_it_and_says_why(played: int, semantics: str, why: str) -> None:
+    report = _report(str(_file("libero_max_8000.json")), played, semantics)
+    beside = published_beside(report)
+    assert beside is not None
+    assert beside.rows == ()
+    assert why in beside.note
+    assert why in markdown(report)
+    assert "DiT4DiT" not in markdown(report)
+
+
+def test_a_file_that_is_only_like_the_authors_has_nothing_beside_it() -> None:
+    like = f"like {_file('libero_max_8000.json')}, but NOT that file: its SHA-256 is another"
+    assert published_beside(_report(like, 8000)) is None
+    assert published_beside(_report(str(_file("libero_max_pro_model_comparison_800.json")), 800)) is None
+    assert BESIDE_TITLE not in markdown(build_report(records_of(PAIRS), [], PAIRS, PROVENANCE))
+
+
+def test_pairs_without_a_result_count_as_failures_in_a_second_rate() -> None:
+    records = [record_of(pair, True, index % 2 == 0) for index, pair in enumerate(PAIRS[:28])]
+    report = build_report(records, [error_of(PAIRS[28])], PAIRS, PROVENANCE)
+    assert report.headline.status == "withheld"
+    rates = plain(report)["missing_as_failures"]
+    assert rates["without_result"] == 4
+    assert (rates["base_success"]["count"], rates["base_success"]["of"]) == (28, 32)
+    assert (rates["dynamic_success"]["count"], rates["dynamic_success"]["of"]) == (14, 32)
+    assert rates["paired_change"]["value"] == -14 / 32
+    said = "With 4 pairs without a result as failures of both arms, as in the paper: Base 87.5%"
+    flat = " ".join(" ".join(summary_lines(report)).split())
+    for text in (flat, markdown(report), html(report, [], ["pytest"])):
+        assert said in text
+        assert "Not a score." in text
+
+
+def test_no_second_rate_where_it_would_say_nothing() -> None:
+    records = records_of(PAIRS)
+    assert build_report(records, [], PAIRS, PROVENANCE).missing_as_failures is None
+    assert build_report([], [], PAIRS, PROVENANCE).missing_as_failures is None
+    stopped = Stopped("3 regressions", of=len(PAIRS), rule="first-regression", at=8)
+    assert build_report(records[:8], [], PAIRS, PROVENANCE, stopped).missing_as_failures is None
+    broken = structs.replace(stopped, rule=None, at=None)
+    assert build_report(records[:8], [], PAIRS, PROVENANCE, broken).missing_as_failures is not None
