@@ -136,6 +136,7 @@ def _refuse_server_options(text: str, profile: str | None, revision: str | None)
             "address. Let the adapter declare PolicySpec(revision=...), and leave --libero-max-revision out.",
         )
     if profile is not None:
+        parse_reference(text)  # which knows an address that lacks its scheme
         raise AdapterError.seen(
             "policy",
             text,

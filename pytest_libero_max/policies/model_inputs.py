@@ -149,7 +149,7 @@ def _one_image(name: str, image: Image, observation: Observation, meant: str | N
             where,
             f"is {turn}",
             f"{USUAL}, unless the model was trained otherwise",
-            "The two differ by a mirror image, and a model does not tell.",
+            "If its own evaluation code turns images by [::-1, ::-1], do so too: no error tells.",
         )
     elif not reversed_colours:
         yield Finding("ok", where, f"{camera}, {turn}")
@@ -210,6 +210,7 @@ def _one_state(name: str, values: NDArray[Any], observation: Observation) -> Ite
             where,
             "orientation as axis times angle of at most pi (antipodal rule)",
             "the sign kept, as robosuite has it, unless the model was trained otherwise",
+            "pytest_libero_max.transforms.axis_angle keeps it.",
         )
     elif found:
         yield Finding(

@@ -105,7 +105,8 @@ class Pool:
         return f"{self.left_out[address]} {self._current[0]} answered instead."
 
     def _leave_out(self, address: str, error: ServerError) -> None:
-        self.left_out[address] = f"{LEFT_OUT} {address} was left out: {error}"
+        reason = str(error.__cause__ or error).rstrip(".")  # without what to do where no other is left
+        self.left_out[address] = f"{LEFT_OUT} {address} was left out: {reason}."
         LOG.warning("%s", self.left_out[address])
 
     def _open_next(self, errors: list[ServerError]) -> None:

@@ -94,7 +94,9 @@ def open_server(
             spec,
             request,
             reply,
-            lambda told: Client(f"policy server {address}", link, address.patience_s, told),
+            lambda told: Client(
+                f"policy server {address}", link, address.patience_s, told, timeout_s=address.timeout_s
+            ),
             adapt,
         )
         policy.client.connect()

@@ -26,7 +26,7 @@ from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.clients.opening import parse_address, require_profile
-from pytest_libero_max.policies.profile import Profile
+from pytest_libero_max.policies.profile import Profile, declares_weights
 
 _FIELDS = ("address", "addresses", "for", "profile", "revision")
 _KEEPS_ITS_NAME = ("https",)
@@ -76,11 +76,19 @@ class Servers:
 
     @property
     def digest(self) -> str:
-        """Identity of the way in which the servers are asked, without their addresses, hexadecimal."""
-        if len(self.groups) == 1 and not self.groups[0].marks and self.groups[0].revision is None:
-            return self.groups[0].profile.digest
-        parts = [(group.marks, group.profile.digest, group.revision) for group in self.groups]
-        return hashlib.sha256(json.dumps([self.name, *parts]).encode()).hexdigest()
+        """Identity of the way in which the servers are asked, without their addresses, hexadecimal.
+
+        Groups of the same declared weights that are asked alike are one policy: which of them answers a pair
+        is a matter of addresses.
+        """
+        asked = {(group.profile.digest, group.revision) for group in self.groups}
+        if len(asked) > 1 or (len(self.groups) > 1 and self.revision is None):
+            parts = [(group.marks, group.profile.digest, group.revision) for group in self.groups]
+            return hashlib.sha256(json.dumps([self.name, *parts]).encode()).hexdigest()
+        ((digest, revision),) = asked
+        if revision is None:
+            return digest
+        return hashlib.sha256(json.dumps([None, ((), digest, revision)]).encode()).hexdigest()
 
     @property
     def revision(self) -> str | None:
@@ -136,9 +144,10 @@ class Servers:
 
 
 def joined_revisions(parts: Iterable[tuple[tuple[str, ...], str]]) -> str:
-    """Return one text for the revisions of groups: that of a single one, or ``marks: revision; ...``."""
+    """Return one text for the revisions of groups: the one that all declare, or ``marks: revision; ...``."""
     listed = list(parts)
-    if len(listed) == 1:
+    revisions = {revision for _, revision in listed}
+    if len(listed) == 1 or (len(revisions) == 1 and all(map(declares_weights, revisions))):
         return listed[0][1]
     return "; ".join(f"{'+'.join(marks) or 'other'}: {revision}" for marks, revision in listed)
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients.waiting import Wait, waiting
 
 LOG = logging.getLogger("pytest_libero_max.servers")
 
@@ -63,6 +64,7 @@ class Client:
         patience_s: Longest time to wait for a server that cannot be reached.
         on_open: Called with the server's greeting each time it is connected to.
         sleep: Waits some seconds.
+        timeout_s: Longest time of the link for one answer, to be told; None where it is not known.
 
     Attributes:
         interruptions: Number of times that a query had to be asked again.
@@ -76,6 +78,7 @@ class Client:
         patience_s: float,
         on_open: Callable[[Any], None] = lambda greeting: None,
         sleep: Callable[[float], None] = time.sleep,
+        timeout_s: float | None = None,
     ) -> None:
         self.interruptions = 0
         self.waited_s = 0.0
@@ -84,6 +87,7 @@ class Client:
         self._patience_s = patience_s
         self._on_open = on_open
         self._sleep = sleep
+        self._timeout_s = timeout_s
         self._is_open = False
         self._given_up = False
 
@@ -114,6 +118,10 @@ class Client:
         self._link.close()
 
     def _patiently(self, act: Callable[[], Answer]) -> Answer:
+        with waiting(self._name, self._patience_s, self._timeout_s) as wait:
+            return self._try(act, wait)
+
+    def _try(self, act: Callable[[], Answer], wait: Wait) -> Answer:
         began = time.monotonic()
         pause, tries, bad = FIRST_PAUSE_S, 0, 0
         while True:
@@ -131,9 +139,9 @@ class Client:
                     self._given_up = True
                     raise ServerError(
                         f"{self._name}: {error}. It was tried {tries} time(s) in {took:.1f} s and given up. "
-                        "Look at the server's own output. In a run the pair counts as not measured, and "
-                        "--libero-max-resume plays it again."
+                        "Look at the server's own output."
                     ) from error
+                wait.why = str(error)
                 LOG.warning("%s: %s; trying again in %.2f s", self._name, error, pause)
                 self._sleep(pause)
                 pause = min(2 * pause, LONGEST_PAUSE_S)

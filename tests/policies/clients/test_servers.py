@@ -135,3 +135,19 @@ def test_seats_spread_over_servers_also_after_one_is_left_out() -> None:
 )
 def test_a_profile_alone_declares_no_weights(revision: str, declared: bool) -> None:
     assert declares_weights(revision) is declared
+
+
+def test_groups_of_the_same_declared_weights_are_one_policy(tmp_path: Path) -> None:
+    path = tmp_path / "servers.toml"
+    groups = (
+        '[[servers]]\nfor = ["libero_goal"]\naddress = "openpi://a"\n[[servers]]\naddress = "openpi://b"\n'
+    )
+    path.write_text(groups)
+    one, several = (read_servers(text, "pi05_libero", "w") for text in ("openpi://c", str(path)))
+    assert (several.digest, several.revision) == (one.digest, "w")
+    undeclared = read_servers(str(path), "pi05_libero")
+    assert undeclared.digest != read_servers("openpi://c", "pi05_libero").digest
+    path.write_text(f'{groups}revision = "x"\n')
+    others = read_servers(str(path), "pi05_libero", "w")
+    assert others.digest != one.digest
+    assert others.revision == "libero_goal: w; other: x"
