@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -149,6 +150,8 @@ def cases_of_all_shards(config: pytest.Config) -> tuple[Case, ...]:
 
     settings = settings_of(config)
     cases = manifest_of(config).cases
+    if settings.program is not None:
+        cases = tuple(case for case in cases if case.program is not None)
     if settings.only_installed:
         try:
             cases = supported_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
@@ -160,13 +163,23 @@ def cases_of_all_shards(config: pytest.Config) -> tuple[Case, ...]:
 def asked_for(config: pytest.Config) -> list[str]:
     """Return the options that leave cases out, apart from the shard, as the command line spells them."""
     settings, option = settings_of(config), config.option
-    asked = ["--libero-max-only-installed"] if settings.only_installed else []
+    asked = []
+    if settings.program is not None and left_out_by_program(config):
+        asked.append(f"--libero-max-program={settings.program.source}")
+    asked += ["--libero-max-only-installed"] if settings.only_installed else []
     asked += [] if settings.limit is None else [f"--libero-max-limit={settings.limit}"]
     asked += [f"-k {option.keyword}"] if option.keyword else []
     asked += [f"-m {option.markexpr}"] if option.markexpr else []
     asked += [f"--deselect={prefix}" for prefix in option.deselect or ()]
     nodes = [arg.replace(f"{PAIRS_FILE}::", f"{PSEUDO_PATH}::") for arg in config.args if _names_a_pair(arg)]
     return asked + (nodes if len(nodes) <= _LISTED_NODES else [f"{len(nodes)} node ids"])
+
+
+def left_out_by_program(config: pytest.Config) -> Counter[str]:
+    """Return the number of cases that the program of the run does not fit, by event."""
+    if settings_of(config).program is None:
+        return Counter()
+    return Counter(case.event.name for case in manifest_of(config) if case.program is None)
 
 
 def chosen_by_hand(config: pytest.Config) -> bool:

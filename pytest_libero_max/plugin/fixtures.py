@@ -40,6 +40,7 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
     """Return the policy under test, loaded once a worker."""
     from pytest_libero_max.policies.adaptive import with_adaptive_queries
     from pytest_libero_max.policies.check import ends_the_session
+    from pytest_libero_max.policies.clients.waiting import note_in
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.policies.restoration import with_restoration
 
@@ -50,6 +51,7 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
             "file.",
             pytrace=False,
         )
+    note_in(settings.output)
     try:
         policy = load_policy(
             settings.policy,

@@ -83,5 +83,16 @@ def pytest_runtest_makereport(
     return report
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_report_to_serializable() -> Generator[None, dict[str, Any] | None, dict[str, Any] | None]:
+    return pair_reports.packed((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_report_from_serializable(data: dict[str, Any]) -> Generator[None, Any, Any]:
+    pair_reports.unpacked(data)
+    return (yield)
+
+
 def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
     return pair_reports.status_of(report)

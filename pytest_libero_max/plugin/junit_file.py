@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from pytest_libero_max.report.gates import GateResult
 
 
-def gate_case(text: str, result: GateResult | None, replay: Sequence[str] = ()) -> pytest.TestReport:
+def gate_case(text: str, result: GateResult | None, replay: Sequence[str] | None = None) -> pytest.TestReport:
     """Return the test case of a gate: failed where it does not hold, skipped where it is not decided.
 
     Args:
         text: The gate as written.
         result: Its verdict; None where this run does not decide it.
-        replay: The command that plays a pair again, once its item id is appended.
+        replay: See :func:`~pytest_libero_max.report.writers.gate_text.gate_lines`.
     """
-    from pytest_libero_max.report.gate_results import gate_lines
+    from pytest_libero_max.report.writers.gate_text import gate_lines
 
     outcome: Literal["passed", "failed", "skipped"] = "skipped"
     said = f"{text}: not decided by this run; that of a shard is decided by libero-max merge."

@@ -19,7 +19,7 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
-from pytest_libero_max.runs.media import FILM_SELECTIONS, MOST_FILMS
+from pytest_libero_max.runs.media import FILM_SELECTIONS, MOST_FILMS, TRACE_MODES
 from pytest_libero_max.studies.registry import STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
@@ -35,7 +35,6 @@ PREFIX_MODES = ("fork", "replay")
 ADAPTIVE_MODES = ("image", "privileged")
 RESTORE_MODES = ("native", "gated", "always")
 STRICT_MODES = ("regression",)
-TRACE_MODES = ("none", "regression", "all")
 FILM_MODES = ("none", *FILM_SELECTIONS)
 PROGRESS_FORMS = ("auto", "live", "lines", "none")
 
@@ -106,8 +105,9 @@ OPTIONS = (
     Option("manifest", "PATH", "Play the cases of this manifest instead of a track", read.text),
     Option(
         "program",
-        "FILE",
-        "Lay the program of this JSON file over the cases: which arms are played and what happens in them",
+        "NAME|FILE",
+        "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
+        "`libero-max programs`, or a JSON file",
         read.text,
     ),
     Option(
@@ -131,8 +131,9 @@ OPTIONS = (
     Option(
         "order",
         "ORDER",
-        "Order of play: sorted, which keeps the cases of a scene together, or blocks:SEED, a permutation in "
-        "which every prefix has about the same share of each event and suite; results do not depend on it "
+        "Order of play: sorted, which keeps the cases of a scene together; blocks:SEED, a permutation in "
+        "which every prefix has about the same share of each event and suite; or shuffled:SEED, one in which "
+        "every prefix is a simple random sample, which the rule anytime needs; results do not depend on it "
         "(default: sorted)",
         read.order,
     ),
@@ -140,8 +141,9 @@ OPTIONS = (
         "stop",
         "RULE",
         "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
-        " not be measured), first_regression, or a rule of another package, NAME or NAME:ARGUMENTS (default: "
-        "none)",
+        " not be measured), first_regression, certain (no remaining outcome can change a gate), "
+        "anytime:LEVEL (at this level, a sequential test has decided the gates, or without gates has found a "
+        "change), or a rule of another package, NAME or NAME:ARGUMENTS (default: none)",
         read.stopping_rule,
     ),
     Option(
@@ -210,7 +212,7 @@ OPTIONS = (
         "NAME",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
         "track camera unless another one is named), event-timing, cadence and latency (of the track lite), "
-        "or one of another package",
+        "audit, or one of another package",
         read.known_in(STUDIES),
     ),
     Option(
@@ -317,6 +319,14 @@ OPTIONS = (
         "played with other seeds as well, so that flips beyond chance are known (default: 0.2 for a policy "
         "that is not repeatable, else 0)",
         read.fraction,
+    ),
+    Option(
+        "verify",
+        "PAIRS",
+        "At the end play so many pairs again, by turns of each suite, each in a process of its own, and "
+        "compare outcome, steps and proofs: what a policy keeps from pair to pair shows there",
+        read.count,
+        0,
     ),
     Option(
         "gate",
@@ -464,6 +474,7 @@ class Settings:
     stop: NamedRule | None
     noise_floor: int | None
     sham: float | None
+    verify: int
     gate: tuple[Gate, ...]
     query_timeout: float | None
     step_timeout: float | None
@@ -693,14 +704,14 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
 
 
 def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
-    """Return the program of the file that is named.
+    """Return the program that is named.
 
     Raises:
         pytest.UsageError: It cannot be read, or a study is asked for as well.
     """
     if values["program"] is None:
         return None
-    from pytest_libero_max.benchmark.programs import load_program
+    from pytest_libero_max.benchmark.programs import find_program
 
     if values["study"] is not None:
         raise pytest.UsageError(
@@ -708,7 +719,7 @@ def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
             "--libero-max-program chooses the arms. Leave one of the two out."
         )
     try:
-        return load_program(_path(config, values["program"]))
+        return find_program(values["program"], config.invocation_params.dir)
     except OptionError as error:
         raise pytest.UsageError(f"--libero-max-program: {error}") from None
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -39,6 +41,25 @@ def attach_result(item: pytest.Item, when: str, report: pytest.TestReport) -> No
         setattr(report, NOTE_ATTRIBUTE, item.stash.get(NOTE, None))
         setattr(report, STOP_ATTRIBUTE, item.stash.get(STOP, None))
         del item.stash[RESULT]  # another plugin may play the item again
+
+
+def packed(data: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Return a report for another process with the result of its pair as one text.
+
+    Otherwise xdist takes it apart into its some 400 values, one by one, and puts it together again.
+    What JSON does not know stays as it is, and is refused where it is stored.
+    """
+    if data is not None and isinstance(data.get(RESULT_ATTRIBUTE), dict):
+        with suppress(TypeError, ValueError):
+            data[RESULT_ATTRIBUTE] = json.dumps(data[RESULT_ATTRIBUTE])
+    return data
+
+
+def unpacked(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a report from another process as it was before :func:`packed`."""
+    if isinstance(data.get(RESULT_ATTRIBUTE), str):
+        data[RESULT_ATTRIBUTE] = json.loads(data[RESULT_ATTRIBUTE])
+    return data
 
 
 def result_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | None:

@@ -7,8 +7,10 @@ later fewer.
 
 from __future__ import annotations
 
+import math
 import os
 import sys
+import threading
 import time
 from collections.abc import Generator, Sequence
 from contextlib import suppress
@@ -19,11 +21,16 @@ import pytest
 
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of
+from pytest_libero_max.policies.clients.waiting import forget_waits, waiting_lines
 from pytest_libero_max.runs.live_text import LiveText, understands_sequences
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.progress import Pace, PairCounts, Progress, progress_text
 from pytest_libero_max.runs.status import note_of
 from pytest_libero_max.runs.store import PairStore
+
+_WAIT_LOOK_S = 1.0
+_WAIT_LINE_S = 60.0
+"""Time between two lines on waits, where these scroll."""
 
 _Wrapper = Generator[None, Any, Any]
 
@@ -48,6 +55,10 @@ class RunProgress:
         self._stream: TextIO | None = None
         self._pace: Pace | None = None
         self._reporter: Any = None
+        self._lock = threading.RLock()
+        self._over = threading.Event()
+        self._idle = False  # pytest waits, and writes nothing
+        self._waited = False  # a wait is shown
 
     def begin(self, store: PairStore, planned: Sequence[PlannedPair], measured: Sequence[PairRecord]) -> None:
         """Begin to show and note a run.
@@ -66,6 +77,30 @@ class RunProgress:
         if self._reporter is not None:
             self._choose_form(self._reporter)
         self._note()
+        forget_waits(store.path.parent)
+        if self._live is not None or self._pace is not None:
+            threading.Thread(target=self._tell_waits, name="libero-max-progress", daemon=True).start()
+
+    def _tell_waits(self) -> None:
+        """Show waits for servers while pytest itself waits."""
+        last = -math.inf
+        while not self._over.wait(_WAIT_LOOK_S):
+            with self._lock:
+                if not self._idle or self._store is None:
+                    continue
+                if self._live is not None:
+                    if self._waits() or self._waited:
+                        self._draw_now()
+                elif time.monotonic() - last >= _WAIT_LINE_S and (lines := self._waits()):
+                    last = time.monotonic()
+                    self._write_beside(lines)
+
+    def _write_beside(self, lines: Sequence[str]) -> None:
+        """Write lines where pytest's own stream may be captured."""
+        if self._stream is not None:
+            with suppress(OSError, ValueError):
+                self._stream.write("".join(f"\nlibero-max: {line}" for line in lines) + "\n")
+                self._stream.flush()
 
     def _note_workers(self) -> None:
         """Note which worker begins a test, which xdist does not hand on to its hooks."""
@@ -91,8 +126,10 @@ class RunProgress:
             form = "live" if terminal else "lines"
             if reporter.verbosity < (-1 if terminal else 0):
                 form = "none"
-        if form == "live" and (stream := _duplicate(sys.stdout)) is not None:
-            self._stream, self._live = stream, LiveText(stream)
+        if form in ("live", "lines"):
+            self._stream = _duplicate(sys.stdout)
+        if form == "live" and self._stream is not None:
+            self._live = LiveText(self._stream)
         elif form in ("live", "lines"):
             self._pace = Pace(time.monotonic())
 
@@ -149,8 +186,11 @@ class RunProgress:
         try:
             return (yield)
         finally:
+            self._over.set()
             self._erase()
             self._live = self._pace = None
+            if self._store is not None:
+                forget_waits(self._store.path.parent)
             if self._stream is not None:
                 with suppress(OSError):
                     self._stream.close()
@@ -180,18 +220,31 @@ class RunProgress:
         self._reporter.flush()
 
     def _draw(self) -> None:
-        if self._live is None or not self._playing_pairs():
+        """Show the line, and what is waited for; pytest writes nothing until the next :meth:`_erase`."""
+        with self._lock:
+            self._idle = True
+            self._draw_now()
+
+    def _waits(self) -> list[str]:
+        return [] if self._store is None else waiting_lines(self._store.path.parent)
+
+    def _draw_now(self) -> None:
+        if self._live is None or self._store is None or not self._playing_pairs():
             return
         playing = sorted(self._playing, key=lambda name: self._playing[name])
         line = f"libero-max: {self._text()}" + (f", playing {', '.join(playing)}" if playing else "")
         with suppress(OSError, ValueError):  # the terminal may be gone
             self._reporter.flush()
-            self._live.draw([line], self._config.get_terminal_writer().width_of_current_line)
+            waits = self._waits()
+            self._waited = bool(waits)
+            self._live.draw([line, *waits], self._config.get_terminal_writer().width_of_current_line)
 
     def _erase(self) -> None:
-        if self._live is not None:
-            with suppress(OSError, ValueError):
-                self._live.erase()
+        with self._lock:
+            self._idle = False
+            if self._live is not None:
+                with suppress(OSError, ValueError):
+                    self._live.erase()
 
     def _note(self) -> None:
         if self._store is not None:

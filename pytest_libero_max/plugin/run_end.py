@@ -61,7 +61,9 @@ class RunEnd:
         self._run: Run | None = None
         self._records: Sequence[PairRecord] = ()
         self._filmed: list[str] = []
-        self._replay: Sequence[str] = ()
+        self._verified: dict[str, str] = {}
+        self._not_repeated: list[str] = []
+        self._replay: Sequence[str] | None = None
         self._verdicts: tuple[GateResult, ...] = ()
         self._problems: list[str] = []
 
@@ -107,11 +109,15 @@ class RunEnd:
         except Exception as error:
             self.notes.append(f"no films: {_text(error)}")
         try:
+            again = self._verify(ended)
+        except Exception as error:
+            again = [f"Played again: no pair: {_text(error)}"]
+        try:
             self._report()
         except Exception as error:
             self._problems.append(f"There is no report: {_text(error)}")
-        self.lines += [*self._filmed, *_few_lines(self.notes)]
-        self.lines += dict.fromkeys(self._problems)
+        self.lines += [*self._filmed, *again, *_few_lines(self.notes)]
+        self.lines += dict.fromkeys([*self._not_repeated, *self._problems])
         session.exitstatus = ended
         said, session.exitstatus = self._status(session, measured_before)
         self.config.stash[END_STATUS] = int(session.exitstatus)
@@ -143,6 +149,20 @@ class RunEnd:
         seconds = time.perf_counter() - begun
         self._filmed.append(f"Films: {made} of {selected} {self.settings.film} ({seconds:.0f} s){rest}")
 
+    def _verify(self, ended: int) -> list[str]:
+        """Play pairs again that the option asks for; return lines of the summary."""
+        if not self.settings.verify or not self._records or ended == pytest.ExitCode.INTERRUPTED:
+            return []
+        if not self._records[0].policy.get("repeatable", True):
+            return ["Played again: no pair, because the policy is not repeatable."]
+        from pytest_libero_max.plugin.run_verification import verification_lines, verified
+
+        begun = time.perf_counter()
+        run, folder = read_pairs(self.settings.output), self.config.invocation_params.dir
+        self._verified = verified(run, self.settings.verify, folder)
+        lines, self._not_repeated = verification_lines(self._verified, time.perf_counter() - begun)
+        return lines
+
     @property
     def _processes(self) -> int:
         """Number of processes that can make films; 0 where this one has played the pairs itself."""
@@ -173,12 +193,14 @@ class RunEnd:
 
     def _report(self) -> None:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
-        from pytest_libero_max.report.gate_results import gate_lines, github_annotations
+        from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations, left_to_merge
         from pytest_libero_max.report.writers.report_files import write_reports
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
-        self.report, written = write_reports(folder, self._add_sections, self._problems.append)
+        shards = 0 if self.settings.shard is None else self.settings.shard[1]
+        verdicts = self._verdicts or left_to_merge(self._waiting, shards)
+        self.report, written = write_reports(folder, self._add_sections, self._problems.append, verdicts)
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
         self.lines += summary_lines(self.report, paths, films)
@@ -192,14 +214,13 @@ class RunEnd:
         self._tell_reported(self.report)
         self.lines += gate_lines(self._verdicts, self._replay)
         self.lines += [
-            f"gate wait  {gate.text}: libero-max merge decides it, on all {self.settings.shard[1]} shards."
+            f"gate wait  {gate.text}: libero-max merge decides it, on all {shards} shards."
             for gate in self._waiting
-            if self.settings.shard is not None
         ]
         if os.environ.get("GITHUB_ACTIONS") == "true":
             self.lines += github_annotations(self._verdicts)
             try:
-                _append_step_summary(folder / "report.md", gate_lines(self._verdicts))
+                _append_step_summary(folder / "report.md")
             except OSError as error:
                 self.lines.append(f"The step summary was not written: {error}")
 
@@ -214,7 +235,12 @@ class RunEnd:
             self.lines.append(f"pytest_libero_max_reported raised {raised}")
 
     def _add_sections(self, report: Report) -> Report:
-        """Let conftest files add sections to the report, and nothing else."""
+        """Add the pairs that were played again, and let conftest files add sections, and nothing else."""
+        if self._verified:
+            from pytest_libero_max.plugin.run_verification import TITLE
+
+            again = {item: text or "alike" for item, text in self._verified.items()}
+            report = msgspec.structs.replace(report, sections={**report.sections, TITLE: again})
         amended: Json = msgspec.to_builtins(report)
         hook = self.config.hook.pytest_libero_max_report
         raised = call_user_hook(hook, report=amended, config=self.config)
@@ -237,7 +263,7 @@ class RunEnd:
 
     def _status(self, session: pytest.Session, measured_before: bool) -> tuple[list[str], int]:
         """Return the status of the run, which is pytest's unless there is more to say, and its lines."""
-        from pytest_libero_max.report.gate_results import not_passed_text
+        from pytest_libero_max.report.writers.gate_text import not_passed_text
 
         if self._stop.status is not None:
             return [
@@ -263,6 +289,10 @@ class RunEnd:
                 f"Exit status {INCOMPLETE}: not everything could be written. What was measured is in "
                 f"{PAIRS_NAME}; libero-max report makes the reports from it."
             ], INCOMPLETE
+        if self._not_repeated:
+            return [
+                f"Exit status {INCOMPLETE}: not all pairs that were played again came out alike."
+            ], INCOMPLETE
         if not ended_as_declared(pairs):
             return [
                 f"Exit status {INCOMPLETE}: the run is incomplete ({pairs.invalid} invalid, "
@@ -281,7 +311,7 @@ class RunEnd:
         from pytest_libero_max.report.writers.broken import colour_of
 
         if terminalreporter.verbosity < 0:
-            from pytest_libero_max.report.gate_results import KEPT
+            from pytest_libero_max.report.writers.gate_text import KEPT
 
             kept = (*KEPT, "::error", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]
@@ -304,14 +334,11 @@ def _few_lines(notes: Sequence[str]) -> list[str]:
     return [*servers, *(f"Beside the pairs, which are measured: {note}{more}" for note in others[:1])]
 
 
-def _append_step_summary(markdown: Path, gates: list[str]) -> None:
-    from pytest_libero_max.report.writers.markdown import markdown_text
-
+def _append_step_summary(markdown: Path) -> None:
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     if summary:
         with open(summary, "a", encoding="utf-8") as file:
-            listed = "".join(f"\n- {markdown_text(line)}" for line in gates)
-            file.write(f"{markdown.read_text(encoding='utf-8')}{listed}\n")
+            file.write(f"{markdown.read_text(encoding='utf-8')}\n")
 
 
 def _relative(path: Path, start: Path) -> Path:

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+import msgspec
+
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import DiskError, OptionError, ReportError
 
@@ -43,10 +45,11 @@ class Mark:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / MARK_NAME
+        self._owner = f"{_OWNER} {os.getpid()} on {socket.gethostname()}\n".encode()
         try:
             self._descriptor = self._locked()
             try:
-                self._write("")
+                self._write(b"")
             except OSError:
                 if not os.fstat(self._descriptor).st_size:  # no earlier run has left it
                     self.path.unlink()
@@ -58,11 +61,10 @@ class Mark:
     def note(self, progress: Json) -> None:
         """Note the progress; a full disk costs the note alone."""
         with suppress(OSError):
-            self._write(json.dumps(progress, separators=(",", ":")) + "\n")
+            self._write(msgspec.json.encode(progress) + b"\n")
 
-    def _write(self, noted: str) -> None:
-        owner = f"{_OWNER} {os.getpid()} on {socket.gethostname()}\n"
-        content = (owner + noted).encode()
+    def _write(self, noted: bytes) -> None:
+        content = self._owner + noted
         os.pwrite(self._descriptor, content, 0)
         os.truncate(self._descriptor, len(content))
 
@@ -115,7 +117,8 @@ def require_ended(folder: Path) -> None:
         )
     raise ReportError(
         f"The run in {str(folder)!r} was killed before it ended, so what is there is not its result. Give "
-        f"its command again with --libero-max-resume, or remove {str(mark)!r} to use the pairs it measured."
+        "its command again with --libero-max-resume (in an evaluation loop of another package, make the same "
+        f"PairedRun again), or remove {str(mark)!r} to use the pairs it measured."
     )
 
 

@@ -20,6 +20,9 @@ FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
 FILM_SELECTIONS = ("regressions", "changed", "all")
 """Selections of pairs to film: those that only Base completes, those whose outcomes differ, all."""
 
+TRACE_MODES = ("none", "regression", "all")
+"""Pairs whose traces a run keeps."""
+
 MOST_FILMS = 20
 """Number of regressions, and of gains, that a run films unless another is asked for: those it names."""
 

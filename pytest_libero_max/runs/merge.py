@@ -12,6 +12,7 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.runs.agreement import SamePlay, declare_weights, run_differences
 from pytest_libero_max.runs.lock import read_mark
 from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun, pairs_file, read_pairs
 
 _MAY_DIFFER: Json = {"platform": {}, "gl_backend": None, "git": None, "command": []}
@@ -22,7 +23,8 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     """Join runs of one measurement. The result is the same whatever order they are given in.
 
     The planned pairs are those of all runs together. A pair that one run measured and another could not is
-    measured. Where a shard is missing the result says which one, and is incomplete.
+    measured. Where a shard is missing the result says which one, and is incomplete. So is one of runs that
+    stopped early, also by a rule, which decided on its own run alone; the result says which ones did.
 
     Args:
         runs: Runs by a name for messages, for example their path.
@@ -65,11 +67,13 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
         for error in run.errors:
             known = errors.setdefault(error.case_id, error)
             errors[error.case_id] = min(known, error, key=lambda error: (error.phase, error.message))
+    stops = [f"{name} was {run.stopped.text}" for name, run in sorted(runs.items()) if run.stopped]
     return StoredRun(
         run=Run(tuple(planned[case_id] for case_id in sorted(planned)), _provenance(runs, planned)),
         records=tuple(records[case_id][1] for case_id in sorted(records)),
         errors=tuple(errors[case_id] for case_id in sorted(errors) if case_id not in records),
         torn=False,
+        stopped=Stopped("; ".join(stops), len(planned)) if stops else None,
     )
 
 
@@ -105,7 +109,7 @@ def merge_folders(paths: list[Path], output: Path) -> StoredRun:
     pairs: list[PairRecord | PairError] = [*merged.records, *merged.errors]
     for pair in pairs:
         store.append(pair)
-    store.close()
+    store.close(merged.stopped)
     return merged
 
 

@@ -62,7 +62,8 @@ def collect(
             :meth:`pytest_libero_max.benchmark.selection.Selection.to_dict`; None leaves it unsaid.
         order: Order of play; the planned pairs of the run are in this order.
         stopping_rule: Rule that may stop the run, as asked for; None for none.
-        gates: Gates of a shard, which are decided where all shards are joined.
+        gates: Gates of a shard, which are decided where all shards are joined, or of a run whose stopping
+            rule decides gates.
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
         started: Start of the run, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.

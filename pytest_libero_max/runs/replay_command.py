@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json
@@ -12,6 +14,11 @@ if TYPE_CHECKING:
 
 OUTPUT = "libero-max-replay"
 """Output folder of the replayed pair, so that the run itself is not set aside."""
+
+OUTSIDE = "outside"
+"""The ``code`` of a policy that another evaluation loop plays (:class:`~pytest_libero_max.gym.PairedRun`)."""
+
+_IN_ITS_LOOP = "in the evaluation loop of that run, in another folder: no command here can load its policy."
 
 _SUBSTRATE = {
     "semantics": "semantics",
@@ -26,8 +33,11 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     """Return the command that plays one case of a run again, once the case's item id is appended.
 
     It gives the same record in the folder in which the run was started, on a machine with the same files.
+    It is empty for the run of another evaluation loop, which alone can load its policy.
     """
     provenance = run.run.provenance
+    if is_outside(provenance):
+        return []
     policy, cases, substrate = (provenance[name] for name in ("policy", "case_set", "substrate"))
     kind, _, name = cases["name"].partition(" ")
     options: list[tuple[str, object]] = [("policy", policy["reference"]), ("profile", policy.get("profile"))]
@@ -50,6 +60,26 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options += _noise_floor(provenance)
     options.append(("output", OUTPUT))
     return ["pytest", *(f"--libero-max-{name}={value}" for name, value in options if value is not None), "-k"]
+
+
+def replay_text(replay: Sequence[str], item_id: str = "") -> str:
+    """Return how to play a case again, in a line.
+
+    Args:
+        replay: Result of :func:`replay_command`.
+        item_id: The case; empty for none yet.
+    """
+    return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_LOOP
+
+
+def traces_setting(provenance: Json) -> str:
+    """Return the setting that lets such a run keep the traces of all pairs."""
+    return 'PairedRun(..., traces="all")' if is_outside(provenance) else "--libero-max-traces=all"
+
+
+def is_outside(provenance: Json) -> bool:
+    """Return True if the run is that of another evaluation loop."""
+    return bool(provenance["policy"].get("code") == OUTSIDE)
 
 
 def _noise_floor(provenance: Json) -> list[tuple[str, object]]:

@@ -10,6 +10,7 @@ from typing import Literal
 
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.policies.clients.waiting import waiting_lines
 from pytest_libero_max.runs.lock import SeenMark, read_mark
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.progress import (
@@ -105,7 +106,14 @@ class Seen:
         pace = pace_parts(progress, now) if self._seems_to_play else []
         lines.append(", ".join([f"{progress.done} of {progress.planned} pairs", *pace]))
         lines.append(letters_text(progress.counts))
-        return lines + (playing_lines(progress) if self._seems_to_play else [])
+        if self._seems_to_play:
+            lines += [*playing_lines(progress), *self.waiting_lines]
+        return lines
+
+    @property
+    def waiting_lines(self) -> list[str]:
+        """Lines on servers that are waited for; none of a run that does not play."""
+        return waiting_lines(self.folder) if self._seems_to_play else []
 
     @property
     def _seems_to_play(self) -> bool:
@@ -141,7 +149,10 @@ def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
         runs: Status of each run.
         now: Seconds since the epoch, for when they will be ready; None: leave that out.
     """
-    lines = [f"{seen.lines()[0]}, {progress_text(seen.progress)}" for seen in runs]
+    lines = [
+        "; ".join([f"{seen.lines()[0]}, {progress_text(seen.progress)}", *seen.waiting_lines])
+        for seen in runs
+    ]
     together = PairCounts()
     for seen in runs:  # the same pair may be one of several runs
         counts = seen.progress.counts

@@ -179,7 +179,7 @@ def test_on_github_failed_gates_are_annotated_and_summarised(
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
     result = run("-k", "camera_shift", "--libero-max-gate=dynamic_sr >= 0.6")
     result.stdout.fnmatch_lines(["::error title=LIBERO-MAX gate failed::*"])
-    assert "gate FAIL" in summary.read_text()
+    assert "| `dynamic_sr >= 0.6` | **violated** | 0 |" in summary.read_text()
     assert "# reacher" in summary.read_text()
 
 
@@ -409,5 +409,6 @@ def test_a_policy_that_draws_noise_of_its_own_is_called_so_and_measured(
     )
     for name in ("report.md", "report.html"):
         assert "NOT REPEATABLE" in (pytester.path / "libero-max-results" / name).read_text()
-    run("--libero-max-sham=0", "--libero-max-output=bare", policy="noisy.py")
+    result = run("--libero-max-sham=0", "--libero-max-output=bare", policy="noisy.py")
+    result.stdout.fnmatch_lines(["*--libero-max-sham=1."])
     assert results("bare")[1]["sham"] is None

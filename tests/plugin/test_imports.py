@@ -30,6 +30,30 @@ def test_a_played_pair_imports_nothing_of_the_construction(
     assert not [name for name in modules if name.startswith("pytest_libero_max.construction")]
 
 
+REWRITTEN = """
+import os, sys
+from pathlib import Path
+
+def pytest_sessionfinish():
+    names = [name for name in sys.modules if name.startswith("pytest_libero_max.")]
+    later = names[names.index("pytest_libero_max.plugin") + 1:]
+    kinds = {type(sys.modules[name].__loader__).__name__ for name in later}
+    Path(f"loaders_{os.getpid()}.txt").write_text(f"{len(later)} {' '.join(kinds)}")
+"""
+
+
+def test_neither_controller_nor_worker_rewrites_asserts_of_the_package(
+    pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]
+) -> None:
+    pytester.makeconftest(REWRITTEN)
+    run("--libero-max-limit=1", "-n1", subprocess=True).assert_outcomes(passed=1)
+    processes = [path.read_text().split() for path in pytester.path.glob("loaders_*.txt")]
+    assert len(processes) == 2
+    for number, *loaders in processes:
+        assert int(number) > 100
+        assert loaders == ["SourceFileLoader"]
+
+
 AT_THE_END = """
 import sys
 from pathlib import Path

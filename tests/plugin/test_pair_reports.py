@@ -1,7 +1,12 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 
+from pytest_libero_max.plugin.pair_reports import packed, unpacked
+from pytest_libero_max.plugin.stash_keys import RESULT_ATTRIBUTE
 from tests.plugin.test_run import Results, Run
 
 
@@ -23,3 +28,40 @@ def test_episodes_of_another_length_are_not_stored(
     assert "max_steps=35" in error["message"]
     assert "its episodes have 30" in error["message"]
     assert result.ret == 11
+
+
+@pytest.mark.parametrize(
+    ("result", "sent"),
+    [
+        ({"arms": {"base": {"steps": 3, "shares": None}}, "m": [0.1, float("inf")]}, str),
+        ({"note": b"bytes"}, dict),
+        (None, type(None)),
+    ],
+)
+def test_a_result_travels_as_one_text_where_json_knows_all_of_it(result: Any, sent: type) -> None:
+    data = packed({RESULT_ATTRIBUTE: result, "outcome": "passed"})
+    assert data is not None
+    assert isinstance(data[RESULT_ATTRIBUTE], sent)
+    assert unpacked(data) == {RESULT_ATTRIBUTE: result, "outcome": "passed"}
+
+
+def test_reports_of_other_tests_are_sent_as_they_are() -> None:
+    assert packed(None) is None
+    assert packed({"outcome": "failed"}) == unpacked({"outcome": "failed"}) == {"outcome": "failed"}
+
+
+def test_xdist_sends_results_as_text(pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]) -> None:
+    pytester.makeconftest(
+        """
+        from pathlib import Path
+        import pytest
+
+        @pytest.hookimpl(wrapper=True, tryfirst=True)
+        def pytest_report_from_serializable(data):
+            if data.get("libero_max") is not None:
+                Path("sent.txt").write_text(type(data["libero_max"]).__name__)
+            return (yield)
+        """
+    )
+    run("--libero-max-limit=1", "-n1", subprocess=True).assert_outcomes(passed=1)
+    assert (pytester.path / "sent.txt").read_text() == "str"

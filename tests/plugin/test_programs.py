@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -183,6 +184,32 @@ def test_a_pair_of_a_program_is_played_again_and_filmed(
     assert any(word.startswith("--libero-max-program=") for word in command)
     with open_recorded(folder) as recorded:
         assert recorded.cases[line["case_id"]].digest == line["case_digest"]
+
+
+def test_a_program_of_the_package_is_named_and_leaves_out_what_it_does_not_fit(
+    run: Run, results: Results
+) -> None:
+    asked = ("-m", "camera_shift or target_relocation", "--libero-max-program=transient")
+    done = run(*asked)
+    done.assert_outcomes(passed=2)
+    left_out = (
+        "program transient leaves out 4 of 16 cases (2 of target_relocation, 2 of receptacle_relocation): "
+    )
+    done.stdout.fnmatch_lines([f"{left_out}an object that has moved can be in the hand*"])
+    lines, report = results()
+    assert [list(line["arms"]) for line in lines] == [["base", "dynamic", "lasting"]] * 2
+    for line in lines:
+        arms = line["arms"]
+        assert arms["dynamic"]["firings"][0] == arms["lasting"]["firings"][0]
+        assert len(arms["dynamic"]["firings"]) == 2
+    assert report["provenance"]["case_set"]["program"] == "transient"
+    assert "--libero-max-program=transient" in replay_command(read_pairs(Path("libero-max-results")))
+
+
+def test_a_program_that_fits_no_case_is_refused(run: Run) -> None:
+    done = run("--libero-max-program=instruction_switch")
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines(["ERROR: *'instruction_switch' fits none of the 16 cases: the new task needs*"])
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_a_live_line_leaves_nothing_in_the_output(
 
 
 def _comparable(terminal: Terminal) -> list[str]:
-    times = r"in \d+\.\d+s( \(.*\))?|=+$|^=+|\d\.\d+ ms"
+    times = r"in \d+\.\d+s( \(.*\))?|=+$|^=+|\d+(\.\d+)? ms"
     return [re.sub(times, "", row) for row in terminal.shown()]
 
 

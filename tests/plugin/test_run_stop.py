@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.cli import main
 from pytest_libero_max.runs.status import Follower
 from tests.plugin.test_run import Results, Run, identities
 
@@ -84,7 +85,7 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
     name = "libero-spatial-t00-i00-distractor_burst-v0"
     stopped = {"reason": f"{name} was the last", "of": 16, "rule": "enough:3", "at": 3}
     assert lines[-1] == {"line": "stopped", **stopped}
-    assert report["pairs"]["stopped"] == stopped
+    assert report["pairs"]["stopped"] == {**stopped, "watched": []}
     played = report["pairs"]["played"]
     assert played == 3 if not workers else 3 <= played < 16
     assert result.ret == 0
@@ -117,6 +118,71 @@ def test_a_stopped_run_goes_on_only_without_its_rule(
     assert on.ret == 0
     assert results()[1]["pairs"]["complete"]
     assert results()[1]["pairs"]["stopped"] is None
+
+
+@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["plain", "n2"])
+def test_a_run_stops_once_its_gate_is_certain_and_has_its_verdict(
+    run: Run,
+    results: Results,
+    pytester: pytest.Pytester,
+    capsys: pytest.CaptureFixture[str],
+    workers: tuple[str, ...],
+) -> None:
+    rule = ("--libero-max-stop=certain", "--libero-max-order=shuffled:1", "--libero-max-gate=base_sr < 50%")
+    result = run(
+        *rule, *workers, "--junitxml=junit.xml", policy=slow(pytester, sleep_s=0.02), subprocess=True
+    )
+    lines, report = results()
+    verdict = (
+        "gate pass  base_sr < 50%: passed, whatever the 7 pairs left are: it is at most 43.8% over all 16"
+    )
+    assert lines[-1] == {
+        "line": "stopped",
+        "reason": "the verdict of the gate is known",
+        "of": 16,
+        "rule": "certain",
+        "at": 9,
+    }
+    assert report["provenance"]["gates"] == ["base_sr < 50%"]
+    assert report["overall"]["base_success"]["lower"] is None
+    assert report["pairs"]["stopped"]["watched"][0]["verdict"] == "passed"
+    result.stdout.fnmatch_lines(
+        ["STOPPED by rule certain at 9 of 16: *", f"{verdict} pairs*", "Exit status 0:*"]
+    )
+    before = (pytester.path / "libero-max-results" / "pairs.jsonl").read_bytes()
+    again = run(*rule, "--libero-max-resume", *workers, policy="slow.py", subprocess=True)
+    assert again.ret == result.ret == 0
+    again.stdout.fnmatch_lines([f"{verdict} pairs*"])
+    after = (pytester.path / "libero-max-results" / "pairs.jsonl").read_bytes()
+    assert after.startswith(before)
+    assert b'"line":"pair"' not in after[len(before) :]
+    assert main(["gate", "libero-max-results", "--gate=base_sr < 50%"]) == 0
+    assert f"{verdict} pairs" in capsys.readouterr().out
+
+
+def test_anytime_needs_a_random_order_and_is_said_to(run: Run) -> None:
+    result = run("--libero-max-stop=anytime", "--libero-max-order=blocks:7", subprocess=True)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(
+        ["*--libero-max-stop=anytime: in the order blocks:7 *Add --libero-max-order=shuffled:SEED *"]
+    )
+
+
+def test_a_level_is_declared_before_the_first_pair(run: Run) -> None:
+    order = "--libero-max-order=shuffled:2"
+    run(order, "-k", "camera_shift", subprocess=True)
+    result = run(
+        order, "-k", "camera_shift", "--libero-max-stop=anytime", "--libero-max-resume", subprocess=True
+    )
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*--libero-max-stop=anytime: level and gates are declared before *"])
+
+
+def test_a_rule_that_never_decides_is_said_in_the_header(run: Run) -> None:
+    result = run("--libero-max-stop=certain", "--libero-max-gate=whole_track == 1", subprocess=True)
+    result.stdout.fnmatch_lines(
+        ["*stop: certain never stops this run, for no bounds are known of whole_track == 1*"]
+    )
 
 
 def test_a_worker_that_dies_keeps_no_rule_from_its_decision(
@@ -202,7 +268,10 @@ def test_a_run_is_resumed_in_its_order(run: Run) -> None:
 @pytest.mark.parametrize(
     ("option", "message"),
     [
-        ("--libero-max-order=shuffled", "*--libero-max-order='shuffled': expected sorted or blocks:SEED*"),
+        (
+            "--libero-max-order=shuffled",
+            "*--libero-max-order='shuffled': expected sorted, blocks:SEED or shuffled:SEED*",
+        ),
         ("--libero-max-stop=error:1", "*--libero-max-stop='error:1': *Did you mean 'errors'?*"),
         (
             "--libero-max-stop=errors:none",

@@ -64,7 +64,7 @@ def killed_after(pairs: int, path: Path, server: ExitStack) -> Iterator[None]:
         ("vla_eval", ("vla_eval_server.py", "reach", "10"), "vla-eval"),
     ],
 )
-def test_one_of_three_published_servers_dies_and_the_records_are_those_of_one(
+def test_a_published_server_of_a_suite_dies_and_the_records_are_those_of_one_server(
     module: str,
     script: tuple[str, ...],
     scheme: str,
@@ -74,31 +74,47 @@ def test_one_of_three_published_servers_dies_and_the_records_are_those_of_one(
 ) -> None:
     require(module)
     pytester.path.joinpath("blind.toml").write_text(BLIND[scheme])
-    how = ("--libero-max-profile=blind.toml", "--libero-max-revision=weights-7")
+    manifest = tiny_manifest(
+        events=("camera_shift", "distractor_burst", "illumination_switch"),
+        suites=("libero_spatial", "libero_goal"),
+    )
+    pytester.path.joinpath("suites.json").write_text(json.dumps(manifest))
+    how = (
+        "--libero-max-profile=blind.toml",
+        "--libero-max-revision=weights-7",
+        "--libero-max-manifest=suites.json",
+    )
     with ExitStack() as servers:
         ports = [servers.enter_context(peer(*script)) for _ in range(2)]
         mortal = servers.enter_context(ExitStack())
         ports.insert(0, mortal.enter_context(peer(*script)))
         addresses = [f"{scheme}://127.0.0.1:{port}?patience=0.5" for port in ports]
-        run(*how, policy=addresses[1]).assert_outcomes(passed=16)
+        first, second, third = addresses
+        pytester.path.joinpath("map.toml").write_text(
+            f'[[servers]]\nfor = ["libero_goal"]\naddresses = ["{first}", "{second}"]\n'
+            f'[[servers]]\naddress = "{third}"\n'
+        )
+        run(*how, policy=second).assert_outcomes(passed=12)
         alone, _ = results()
         store = pytester.path / "several" / "pairs.jsonl"
         with killed_after(3, store, mortal):
-            result = run(
-                *how,
-                "-n3",
-                "--libero-max-output=several",
-                policy=",".join(addresses),
-                subprocess=True,
-            )
-    result.assert_outcomes(passed=16)
-    result.stdout.fnmatch_lines(["libero-max: 3 servers: *", f"Policy server {addresses[0]} was left out: *"])
+            result = run(*how, "-n3", "--libero-max-output=several", policy="map.toml", subprocess=True)
+    result.assert_outcomes(passed=12)
+    result.stdout.fnmatch_lines(
+        [
+            f"libero-max: 3 servers: {first}, {second} for libero_goal; {third} for all other pairs",
+            f"Policy server {first} was left out: *. {second} answered instead.",
+        ]
+    )
+    assert "not measured" not in result.stdout.str()
     lines = [json.loads(line) for line in store.read_text().splitlines()]
     assert identities(lines[1:]) == identities(alone)
-    assert lines[0]["provenance"]["policy"]["servers"][0]["addresses"] == addresses
-    used = {line["timings"]["server"] for line in lines[1:]}
-    assert len(used) >= 2
-    assert "servers</" in (store.parent / "report.html").read_text() or len(used) == 1
+    assert lines[0]["provenance"]["policy"]["servers"][0]["addresses"] == [first, second]
+    used: dict[str, set[str]] = {suite: set() for suite in ("libero_goal", "libero_spatial")}
+    for line in lines[1:]:
+        used[line["suite"]].add(line["timings"]["server"])
+    assert second in used["libero_goal"] <= {first, second}
+    assert used["libero_spatial"] == {third}
 
 
 def test_a_pair_whose_memory_was_on_a_dead_server_is_played_again(run: Run, results: Results) -> None:
@@ -163,6 +179,10 @@ def test_a_run_goes_on_at_another_address_of_the_declared_weights(
         run(*how, "-k", "distractor_burst", "--libero-max-output=b", policy=other).assert_outcomes(passed=2)
         resume = ("-k", "camera_shift", "--libero-max-resume")
         assert run(*how, *resume, policy=other).ret == 0
+        pytester.path.joinpath("map.toml").write_text(
+            f'[[servers]]\nfor = ["camera_shift"]\naddress = "{other}"\n[[servers]]\naddress = "{one}"\n'
+        )
+        assert run(*how, *resume, policy="map.toml").ret == 0
         others = run(how[0], *resume, "--libero-max-revision=x", policy=other)
         assert others.ret == pytest.ExitCode.USAGE_ERROR
         run(how[0], "-k", "camera_shift", "--libero-max-output=c", policy=one).assert_outcomes(passed=2)

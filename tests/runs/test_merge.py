@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 
@@ -11,10 +12,12 @@ from msgspec import structs
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.exit_status import ended_as_declared
 from pytest_libero_max.report.writers.report_files import report_json, report_of
 from pytest_libero_max.report.writers.summary import summary_lines, title_text
 from pytest_libero_max.runs.merge import merge_folders, merge_runs
 from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun, read_pairs
 from tests.report.made_up import POLICY, PROVENANCE, error_of, plan, record_of, records_of
 
@@ -166,3 +169,17 @@ def test_pieces_that_were_played_with_different_things_are_refused(changes: Json
     other = StoredRun(Run(tuple(PAIRS), PROVENANCE), (record,), (), torn=False)
     with pytest.raises(ReportError, match=f"played with different things: {message}"):
         merge_runs({"a": _piece(PAIRS[:5]), "b": other})
+
+
+def test_a_merge_says_which_runs_had_stopped() -> None:
+    stopped = Stopped("the verdict of the gate is known", 16, "certain", 4)
+    first = replace(_piece(PAIRS[:4], planned=PAIRS[:16]), stopped=stopped)
+    for names in ("ab", "ba"):
+        pieces = {"a": first, "b": _piece(PAIRS[16:], planned=PAIRS[16:])}
+        report = report_of(merge_runs({name: pieces[name] for name in names}))
+        said = "Stopped: a was stopped by rule certain at 4 of 16: the verdict of the gate is known."
+        assert summary_lines(report)[0].endswith(f"12 missing. No score. {said}")
+        assert not ended_as_declared(report.pairs)
+    whole = report_of(merge_runs({"a": first, "b": _piece(PAIRS[4:])}))
+    assert whole.pairs.complete
+    assert whole.pairs.stopped is None

@@ -1,0 +1,84 @@
+"""Pairs that are played again at the end of a run, in fresh processes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.plugin.run_verification import chosen
+from tests.plugin.conftest import REACHER, tiny_manifest
+
+Run = Callable[..., pytest.RunResult]
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
+
+ANCHORED = REACHER.replace(
+    "        pass", "        self.turn = self.first.setdefault(episode.suite, len(self.first))"
+)
+ANCHORED = ANCHORED.replace("    def reset", "    first = {}\n\n    def reset")
+ANCHORED = ANCHORED.replace("        return", "        action[3] = 0.01 * self.turn\n        return")
+"""Keeps for each suite what it was when it first saw it: the same whenever this process asks again."""
+
+SUITES = ("libero_goal", "libero_spatial")
+
+
+@pytest.fixture
+def suites(pytester: pytest.Pytester) -> None:
+    manifest = tiny_manifest(events=("camera_shift",), suites=SUITES)
+    pytester.path.joinpath("tiny.json").write_text(json.dumps(manifest))
+
+
+def test_pairs_end_alike_in_a_process_of_their_own(run: Run, results: Results, suites: None) -> None:
+    result = run("--libero-max-verify=2")
+    result.assert_outcomes(passed=4)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["Played again: 2 of 2 pairs end alike in processes of their own*"])
+    table = results()[1]["sections"]["Pairs played again"]
+    assert list(table.values()) == ["alike", "alike"]
+
+
+def test_a_policy_that_keeps_what_it_saw_first_of_a_suite_is_found(
+    pytester: pytest.Pytester, run: Run, suites: None
+) -> None:
+    pytester.makepyfile(anchored=ANCHORED)
+    assert run(policy="anchored.py").ret == 0
+    result = run("--libero-max-verify=2", policy="anchored.py")
+    result.assert_outcomes(passed=4)
+    assert result.ret == 11
+    result.stdout.fnmatch_lines(
+        [
+            "Played again: 1 of 2 pairs *",
+            "NOT REPEATED: 1 of 2 pairs *spatial*base: other proof; dynamic: other proof*",
+            "Exit status 11: not all pairs that were played again came out alike.",
+        ]
+    )
+    assert "other proof" in (pytester.path / "libero-max-results" / "report.md").read_text()
+
+
+def test_a_policy_that_is_not_repeatable_is_not_played_again(
+    pytester: pytest.Pytester, run: Run, suites: None
+) -> None:
+    pytester.makepyfile(other=ANCHORED.replace("image_size=64", "image_size=64, repeatable=False"))
+    result = run("--libero-max-verify=2", policy="other.py")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["Played again: no pair, because the policy is not repeatable."])
+
+
+def test_each_suite_has_its_turn() -> None:
+    records = [
+        cast("PairRecord", SimpleNamespace(case_id=f"{suite}-{number}", suite=suite))
+        for suite in SUITES
+        for number in range(5)
+    ]
+    picked = chosen(records, 4)
+    assert sorted(record.suite for record in picked) == sorted(SUITES * 2)
+    assert chosen(records[::-1], 4) == picked
+
+
+def test_a_number_of_pairs_that_is_none_is_refused(run: Run) -> None:
+    result = run("--libero-max-verify=some")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
