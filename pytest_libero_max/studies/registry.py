@@ -24,6 +24,7 @@ _OWN = {
     "camera-timing": "camera_study:CameraTiming",
     "camera-strength": "camera_study:CameraStrength",
     "event-timing": "event_timing:EventTiming",
+    "audit": "audit:Audit",
     _CADENCE: "cadence_sweep:CadenceSweep",
     _LATENCY: "latency_sweep:LatencySweep",
 }
