@@ -26,8 +26,8 @@ SOURCE = os.environ.get("LIBERO_MAX_SOURCE_URL", "").rstrip("/")
 """The address of the repository, which the release workflow knows. Without it there are no project URLs."""
 
 UNSUPPORTED = """\
-pytest-libero-max needs Python 3.11, 3.12 or 3.13; this is {version}.
-Results depend on MuJoCo 3.3, and MuJoCo 3.3 has no wheel for Python 3.14 and later.
+pytest-libero-max needs Python 3.11 to 3.14; this is {version}.
+Robosuite 1.4 runs on MuJoCo up to 3.9, and MuJoCo 3.9 has no wheel for Python 3.15 and later.
 Make the environment with another interpreter, which uv can bring:
   python3 -m venv .venv-uv && .venv-uv/bin/pip install uv
   .venv-uv/bin/uv venv --clear --seed --python 3.13 .venv
@@ -35,8 +35,8 @@ or use the container: see Containerfile."""
 
 
 def check_python() -> None:
-    """Refuse an interpreter for which there is no MuJoCo 3.3, before pip looks for one in vain."""
-    if sys.version_info >= (3, 14):
+    """Refuse an interpreter for which there is no MuJoCo that plays, before pip looks for one in vain."""
+    if sys.version_info >= (3, 15):
         sys.exit(UNSUPPORTED.format(version=sys.version.split()[0]))
 
 

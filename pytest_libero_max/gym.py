@@ -1,8 +1,8 @@
 """Gymnasium environments of the pairs of a run, for evaluation loops of others; the extra ``gym``.
 
 A run hands out an environment for each case and arm, and writes the record of a pair when both arms have
-ended, into a ``pairs.jsonl`` that ``libero-max report``, ``compare`` and ``gate`` read. It keeps no traces,
-of which films are made::
+ended, into a ``pairs.jsonl`` that ``libero-max report``, ``compare`` and ``gate`` read. With ``traces``
+``libero-max film`` makes films of it::
 
     run = PairedRun("results", PolicySpec("my_policy", horizon=10, query_interval=5), "lite", limit=100)
     for case in run.cases:
@@ -31,17 +31,21 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.benchmark.sampling import stratified
 from pytest_libero_max.benchmark.selection import Selection
-from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.errors import LiberoMaxError, ProtocolError, did_you_mean
+from pytest_libero_max.benchmark.tracks import is_manifest_path, load_cases
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, did_you_mean
 from pytest_libero_max.events.registry import check_cases
 from pytest_libero_max.events.schedules import BASE, Arm, arms_of
 from pytest_libero_max.pairing.environment import ArmEnv, Info
 from pytest_libero_max.pairing.record import ArmRecord, PairError, PairRecord
 from pytest_libero_max.pairing.rollout import RolloutResult
+from pytest_libero_max.pairing.runner import Pair
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
+from pytest_libero_max.pairing.trace import write_trace
 from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.runs.media import TRACE_MODES, TRACES_NAME
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.provenance import collect
+from pytest_libero_max.runs.replay_command import OUTSIDE
 from pytest_libero_max.runs.store import PairStore
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import DEFAULT, describe_substrate, open_substrate, scores_of
@@ -68,18 +72,21 @@ class PairedRun:
             and Q (execution horizon, replan steps: each answer's first Q actions are executed). With
             ``repeatable`` its answers in Dynamic's executed prefix must be those in Base, or the pair is an
             error.
-        cases: A track, or a manifest.
+        cases: A track, the path of a manifest, or a manifest.
         limit: At most so many cases of it, spread evenly; None: all.
         substrate: Name of the substrate.
         options: Its options.
+        traces: Pairs whose traces are kept, from which ``libero-max film`` makes films: ``none``,
+            ``regression`` or ``all``.
 
     Attributes:
         cases: The cases that are to be played, in the order of play.
 
     Raises:
         ReportError: The folder holds another run.
-        OptionError: The folder cannot be written to, or another run is in progress in it.
-        ManifestError: The track is unknown.
+        OptionError: The folder cannot be written to, another run is in progress in it, or the track is
+            unknown.
+        ManifestError: The manifest cannot be read.
     """
 
     def __init__(
@@ -90,19 +97,18 @@ class PairedRun:
         limit: int | None = None,
         substrate: str = DEFAULT,
         options: SubstrateOptions | None = None,
+        traces: str = "none",
     ) -> None:
-        manifest = load_track(cases) if isinstance(cases, str) else cases
+        if traces not in TRACE_MODES:
+            raise OptionError.seen("traces", traces, f", but must be one of {', '.join(TRACE_MODES)}.")
+        manifest = load_cases(cases) if isinstance(cases, str) else cases
         check_cases(manifest.cases)
         planned = Order().of(manifest.cases if limit is None else stratified(manifest.cases, limit))
         provenance = collect(
-            policy={"reference": policy.name, "code": "outside", "horizon": None, "query_interval": None},
+            policy={"reference": policy.name, "code": OUTSIDE, "horizon": None, "query_interval": None},
             substrate=describe_substrate(substrate, options),
             scores=scores_of(substrate),
-            case_set={
-                "name": f"track {cases}" if isinstance(cases, str) else manifest.digest[:12],
-                "digest": manifest.digest,
-                "limit": limit,
-            },
+            case_set={**_named(cases, manifest), "digest": manifest.digest, "limit": limit},
             selection=Selection.choose(
                 (case.case_id for case in planned),
                 len(manifest),
@@ -111,6 +117,7 @@ class PairedRun:
             protocol={"prefix": "replay", "noise_floor": None},
             command=sys.argv,
         )
+        self._traces, self._traced = Path(folder) / TRACES_NAME, traces
         self._store, stored = PairStore.resume(Path(folder), Run.of(planned, provenance))
         measured = frozenset[str]() if stored is None else stored.measured
         self.policy = policy
@@ -146,10 +153,15 @@ class PairedRun:
         return ArmOfRun(self, case, arms[arm], place)
 
     def vector(self, cases: Sequence[Case], arm: str = BASE) -> SyncVectorEnv:
-        """Return one arm of several cases as a vector environment, each with a world of its own."""
-        return SyncVectorEnv(
-            [lambda case=case, place=place: self.env(case, arm, place) for place, case in enumerate(cases)]
-        )
+        """Return one arm of several cases as a vector environment, each with a world of its own.
+
+        Each is played once: an arm that has ended executes nothing more, also after a reset, and goes on
+        showing its end.
+        """
+        envs = [self.env(case, arm, place) for place, case in enumerate(cases)]
+        for env in envs:
+            env._once = True
+        return SyncVectorEnv([lambda env=env: env for env in envs])
 
     def close(self) -> None:
         """Close the worlds and end the run; done when the last pair has ended, and at the end of Python."""
@@ -186,7 +198,7 @@ class PairedRun:
         return {
             **self._substrates[env.place].fingerprint(),
             **scene_fingerprints(world, env.case.init_state_index),
-            "adapter": "outside",
+            "adapter": OUTSIDE,
         }
 
     def _failed(self, case: Case, error: LiberoMaxError, phase: str) -> None:
@@ -206,7 +218,10 @@ class PairedRun:
             rollouts = {arm.name: rollouts[arm.name] for arm in arms}
             instruction, fingerprints = self._begun.pop(case.case_id)
             played = {arm.name: ArmRecord.of(arm, rollouts) for arm in arms}
-            self._store.append(PairRecord.of(case, instruction, played, self.policy, fingerprints, {}))
+            record = PairRecord.of(case, instruction, played, self.policy, fingerprints, {})
+            if self._traced in ("all", record.outcome):
+                write_trace(self._traces, Pair(record, rollouts))
+            self._store.append(record)
         else:
             return
         del self._ended[case.case_id]
@@ -237,6 +252,8 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
         self._run, self._max_episode_steps = run, case.budget
         self._env: ArmEnv | None = None
         self._seen: Observation = {}
+        self._once = False
+        self._last: tuple[Observation, float, bool, bool, Info] | None = None
         shape = (*height_and_width(run.policy.image_size), 3)
         images = {f"{name}_image": spaces.Box(0, 255, shape, np.uint8) for name in run.policy.cameras}
         state = {name: spaces.Box(-np.inf, np.inf, (size,), np.float64) for name, size in _STATE.items()}
@@ -259,6 +276,8 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
             SubstrateError: The substrate cannot build the case.
         """
         run, case = self._run, self.case
+        if self._last is not None:
+            return self._last[0], self._last[-1]
         world, base = run._begin(self)
         try:
             fingerprints = run._fingerprints(self, world) if base is None else {}
@@ -279,6 +298,8 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
             ActionError: The action cannot be played.
             ProtocolError: No episode is running, or the executed prefix differs from Base's.
         """
+        if self._last is not None:
+            return self._last
         self._run._require_playing(self)
         assert self._env is not None
         try:
@@ -286,10 +307,11 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
         except LiberoMaxError as error:
             self._run._failed(self.case, error, self.arm.name)
             raise
+        self.task_description, info = info["instruction"], self._with(info, terminated)
         if terminated or truncated:
             self._run._end(self, self._env.result)
-        self.task_description = info["instruction"]
-        return self._seen, reward, terminated, truncated, self._with(info, terminated)
+            self._last = (self._seen, 0.0, terminated, truncated, info) if self._once else None
+        return self._seen, reward, terminated, truncated, info
 
     def render(self) -> Any:
         """Return the image of the first camera, upright; None for a policy without cameras."""
@@ -304,15 +326,18 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
 class LiberoLoop:
     """An arm behind the methods of LIBERO's ``OffScreenRenderEnv``, for loops written for it.
 
-    The first ten steps after :meth:`set_init_state` are taken for the loop's own waiting steps and not
-    executed: the world has settled already.
+    The first steps after :meth:`reset` are taken for the loop's own waiting steps and not executed: the world
+    has settled already. As in LIBERO, ``done`` is True where the task is completed and not where time is up;
+    what is given after that is not executed.
 
     Args:
         env: The arm.
+        waiting_steps: Number of waiting steps of the loop.
     """
 
-    def __init__(self, env: ArmOfRun) -> None:
-        self._env, self._waits = env, 0
+    def __init__(self, env: ArmOfRun, waiting_steps: int = SETTLE_STEPS) -> None:
+        self._env, self._waiting_steps, self._waits = env, waiting_steps, 0
+        self._over = False
         self._seen: Observation = {}
 
     @property
@@ -325,7 +350,7 @@ class LiberoLoop:
 
     def reset(self) -> Observation:
         """Begin the episode and return the observation."""
-        self._waits = SETTLE_STEPS
+        self._waits, self._over = self._waiting_steps, False
         self._seen, _ = self._env.reset()
         return self._seen
 
@@ -334,15 +359,25 @@ class LiberoLoop:
         return self._seen
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, Info]:
-        """Execute one action, after ten that are not; returns observation, reward, done and info."""
-        if self._waits:
-            self._waits -= 1
+        """Execute one action, after those that are not; return observation, reward, done and info."""
+        if self._waits or self._over:
+            self._waits = max(self._waits - 1, 0)
             return self._seen, 0.0, False, {}
-        self._seen, reward, terminated, truncated, info = self._env.step(action)
-        return self._seen, reward, terminated or truncated, info
+        self._seen, reward, terminated, self._over, info = self._env.step(action)
+        return self._seen, reward, terminated, info
 
     def close(self) -> None:
         """Do nothing: the worlds belong to the run."""
+
+
+def _named(cases: str | Manifest, manifest: Manifest) -> dict[str, str]:
+    """Return the names of the cases in the provenance of a run."""
+    released = {} if manifest.recognition is None else {"released_as": str(manifest.recognition)}
+    if isinstance(cases, Manifest):
+        return {"name": manifest.digest[:12], **released}
+    if is_manifest_path(cases):
+        return {"name": f"manifest {Path(cases).name}", "path": cases, **released}
+    return {"name": f"track {cases}"}
 
 
 def _differs(env: ArmOfRun, policy: PolicySpec) -> ProtocolError:

@@ -9,6 +9,7 @@ from pytest_libero_max.events.triggers import (
     BudgetFraction,
     Proximity,
     StepsAfter,
+    Untouched,
 )
 
-__all__ = ["Above", "AfterGrasp", "AtStart", "BudgetFraction", "Proximity", "StepsAfter"]
+__all__ = ["Above", "AfterGrasp", "AtStart", "BudgetFraction", "Proximity", "StepsAfter", "Untouched"]

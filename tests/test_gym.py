@@ -14,12 +14,14 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.cli import main
-from pytest_libero_max.errors import ProtocolError
+from pytest_libero_max.errors import OptionError, ProtocolError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.report.page.case_table import run_cases
+from pytest_libero_max.runs.replay_command import replay_command, replay_text
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import Observation
@@ -92,6 +94,36 @@ def test_a_loop_of_ones_own_writes_the_records_of_the_runner(
     capsys.readouterr()
 
 
+def test_a_run_of_another_loop_is_filmed_from_its_traces_and_says_where_its_pairs_are_played_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy = load_policy("random")
+    policy.spec = type(policy.spec)("mine", cameras=("agentview",))
+    monkeypatch.setattr(Case, "budget", 12)
+    with pytest.raises(OptionError, match=r"traces='every', but must be one of none, regression, all"):
+        PairedRun(tmp_path, policy.spec, "smoke", traces="every")
+    for name in ("none", "all"):
+        run = PairedRun(tmp_path / name, policy.spec, "smoke", limit=1, traces=name)
+        for arm in run.arms(run.cases[0]):
+            play(run.env(run.cases[0], arm), policy)
+    capsys.readouterr()
+    assert main(["film", str(tmp_path / "none"), "--select=all"]) == 1
+    assert 'Play the run again with PairedRun(..., traces="all").' in capsys.readouterr().err
+    assert main(["film", str(tmp_path / "all"), "--select=all", "--size=64"]) == 0
+    assert len(list((tmp_path / "all" / "films").iterdir())) == 1
+    assert main(["report", str(tmp_path / "all")]) == 0
+    capsys.readouterr()
+    main(["gate", str(tmp_path / "all"), "--gate=dynamic_sr >= 50%"])
+    again = "in the evaluation loop of that run, in another folder: no command here can load its policy."
+    assert f"again: {again}" in capsys.readouterr().out
+    stored = read_pairs(tmp_path / "all")
+    offered = [each["caption"] for each in run_cases(stored, {}, {}, tmp_path / "all")["commands"]]
+    assert offered[:2] == [f"Play it {again}", f"Play it again {again}"]
+    assert not any("again and film" in caption for caption in offered)
+    assert replay_text(replay_command(stored)) == again
+    assert "--libero-max-policy" not in (tmp_path / "all" / "report.html").read_text()
+
+
 def test_answers_in_the_prefix_are_compared_and_not_executed(tmp_path: Path) -> None:
     case = CASES.cases[0]
     for repeatable in (True, False):
@@ -125,6 +157,9 @@ def test_a_vector_of_cases_and_two_environments_in_one_world(tmp_path: Path) -> 
             observations, _, terminated, truncated, info = vector.step(actions)
             done |= terminated | truncated
         assert list(info["arm"]) == [arm] * len(done)
+        for _ in range(2 * CASES.cases[0].budget):
+            ended, _, _, _, info = vector.step(np.zeros((len(done), 7)))
+        assert all((ended[name] == values).all() for name, values in observations.items())
     substrate = open_substrate("tiny")
     for case, record in zip(run.cases, read_pairs(tmp_path).records, strict=True):
         same(record, play_pair(case, substrate.world(case), policy))
@@ -137,13 +172,17 @@ def test_a_vector_of_cases_and_two_environments_in_one_world(tmp_path: Path) -> 
     run.close()
 
 
-def libero_loop(env: LiberoLoop, policy: Policy, case: Case) -> bool:
-    """Play an episode as evaluation code for LIBERO does: reset, initial state, ten waiting steps."""
+def libero_loop(env: LiberoLoop, policy: Policy, case: Case, budget: int) -> bool:
+    """Play an episode as evaluation code for LIBERO does: reset, initial state, ten waiting steps.
+
+    Returns:
+        What such code takes for success.
+    """
     act = chunks(policy, case)
     env.seed(7)
     env.reset()
     observation, done = env.set_init_state(None), False
-    for step in range(case.budget + 10):
+    for step in range(budget + 10):
         if step < 10:
             observation, _, done, _ = env.step([0.0] * 6 + [-1.0])
             continue
@@ -159,8 +198,8 @@ def test_a_loop_written_for_libero_plays_a_pair_on_a_robot(tmp_path: Path) -> No
     policy.spec = type(policy.spec)("random", cameras=())
     run = PairedRun(tmp_path, policy.spec, load_track("smoke"), limit=1)
     (case,) = run.cases
-    for arm in run.arms(case):
-        assert libero_loop(LiberoLoop(run.env(case, arm)), policy, case)
+    for arm, more in zip(run.arms(case), (0, 5), strict=True):
+        assert not libero_loop(LiberoLoop(run.env(case, arm)), policy, case, case.budget + more)
     substrate = open_substrate("embedded")
     (record,) = read_pairs(tmp_path).records
     same(record, play_pair(case, substrate.world(case), policy))

@@ -107,9 +107,9 @@ def test_a_build_with_an_altered_track_fails(checkout: Path) -> None:
 def test_later_pythons_are_refused_with_the_cure(
     setup: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "version_info", (3, 14, 0))
-    monkeypatch.setattr(sys, "version", "3.14.0 (main)")
-    with pytest.raises(SystemExit, match=r"needs Python 3\.11, 3\.12 or 3\.13; this is 3\.14\.0") as refusal:
+    monkeypatch.setattr(sys, "version_info", (3, 15, 0))
+    monkeypatch.setattr(sys, "version", "3.15.0 (main)")
+    with pytest.raises(SystemExit, match=r"needs Python 3\.11 to 3\.14; this is 3\.15\.0") as refusal:
         setup["check_python"]()
     assert "uv venv --clear --seed --python 3.13 .venv" in str(refusal.value)
 

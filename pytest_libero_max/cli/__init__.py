@@ -16,11 +16,22 @@ from importlib.metadata import version
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import printable
+from pytest_libero_max.cli.completion import complete
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
 GROUPS = {
     "Start here": ("doctor", "check", "show", "compare", "gate", "film"),
-    "Before a run": ("profiles", "events", "plan", "power", "serve", "launch", "bench"),
+    "Before a run": (
+        "profiles",
+        "events",
+        "programs",
+        "plan",
+        "power",
+        "serve",
+        "launch",
+        "bench",
+        "fingerprint",
+    ),
     "During and after runs": (
         "runs",
         "view",
@@ -31,6 +42,7 @@ GROUPS = {
         "publish",
         "recovery",
         "rerun",
+        "claim",
     ),
     "Training data": ("demos",),
     "Make the benchmark": (
@@ -75,7 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    options = parser().parse_args(arguments)
+    command = parser()
+    complete(command)
+    options = command.parse_args(arguments)
     try:
         return int(options.run(options) or 0)
     except LiberoMaxError as error:

@@ -1,10 +1,12 @@
-"""``libero-max bench``: speed of steps, images and pairs on this machine, in three commands."""
+"""``libero-max bench``: speed of steps, images and pairs on this machine, in four commands."""
 
 from __future__ import annotations
 
 import argparse
+import os
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.cli.arguments import add_libero, add_substrate, substrate_options
 from pytest_libero_max.cli.work import Work
 
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``bench``, ``bench-scenes`` and ``bench-genuine`` to the parser."""
+    """Add ``bench`` and its kin to the parser."""
     bench = commands.add_parser(
         "bench", help="Measure stepping, rendering and pairs side by side with robosuite"
     )
@@ -32,6 +34,39 @@ def add_command(commands: Commands) -> None:
     add_substrate(scenes)
     scenes.set_defaults(run=_bench_scenes)
 
+    images = commands.add_parser(
+        "bench-images",
+        help="Measure the images that the device that draws gives to one process, and to several at once",
+        description="Says which device draws (MUJOCO_GL and MUJOCO_EGL_DEVICE_ID choose it), then how many "
+        "images of 256 pixels it draws a second, by scene and number of processes, in wall-clock time. "
+        "Run it where nothing else runs.",
+    )
+    images.add_argument(
+        "--scenes",
+        nargs="+",
+        type=_scene,
+        default=[(suite, 0) for suite in ("libero_spatial", "libero_object", "libero_goal", "libero_10")],
+        metavar="SUITE/TASK",
+        help="Default: task 0 of each suite",
+    )
+    images.add_argument(
+        "--workers",
+        nargs="+",
+        type=_positive,
+        default=[1, 2, 4],
+        metavar="N",
+        help="Numbers of processes that draw at once (default: 1 2 4)",
+    )
+    images.add_argument(
+        "--seconds",
+        type=float,
+        default=5.0,
+        metavar="S",
+        help="Time for each measurement (default: %(default)s)",
+    )
+    add_substrate(images)
+    images.set_defaults(run=_bench_images)
+
     genuine = commands.add_parser(
         "bench-genuine", help="Measure steps and a pair side by side with an installed LIBERO's environment"
     )
@@ -42,6 +77,41 @@ def add_command(commands: Commands) -> None:
     genuine.add_argument("--repeats", type=int, default=1, metavar="N", help="Pairs (default: %(default)s)")
     add_libero(genuine)
     genuine.set_defaults(run=_bench_genuine)
+
+
+def _scene(text: str) -> tuple[str, int]:
+    suite, _, index = text.partition("/")
+    if not (suite in SUITE_BUDGETS and index.isdigit() and int(index) < 10):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no scene: expected SUITE/TASK, one of {', '.join(SUITE_BUDGETS)} and 0 to 9"
+        )
+    return suite, int(index)
+
+
+def _positive(text: str) -> int:
+    if not (text.isdigit() and int(text) >= 1):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number of at least 1")
+    return int(text)
+
+
+def _bench_images(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.images import device, measure_rates, rate_lines
+
+    print(f"Images by {device()}, {os.cpu_count()} processor cores\n", flush=True)
+    total = len(options.scenes) * len(options.workers)
+    rates = []
+    with Work() as work:
+        work.show(f"0 of {total} measured")
+        for rate in measure_rates(
+            options.substrate,
+            substrate_options(options),
+            options.scenes,
+            options.workers,
+            seconds=options.seconds,
+        ):
+            rates.append(rate)
+            work.show(f"{len(rates)} of {total} measured{work.left(len(rates), total)}")
+    print("\n".join(rate_lines(rates)))
 
 
 def _bench(options: argparse.Namespace) -> None:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.runs.live_text import LiveText, understands_sequences
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -47,6 +52,46 @@ def add_command(commands: Commands) -> None:
 
 
 def _check(options: argparse.Namespace) -> int:
+    with _one_line_on_waits("patience=" in options.policy):
+        return _examine(options)
+
+
+@contextmanager
+def _one_line_on_waits(asked: bool) -> Iterator[None]:
+    """Show tries to reach a server as one line, which changes in place on a terminal and goes at the end."""
+    log, shown = logging.getLogger("pytest_libero_max.servers"), _Tries(asked)
+    log.addHandler(shown)
+    try:
+        yield
+    finally:
+        log.removeHandler(shown)
+        shown.close()
+
+
+class _Tries(logging.Handler):
+    """The last try on a terminal; the first one elsewhere."""
+
+    def __init__(self, asked: bool) -> None:
+        super().__init__()
+        self._for_how_long = "as long as its patience lasts" if asked else f"for {PATIENCE_S} s at most"
+        self._live = LiveText(sys.stderr) if understands_sequences(sys.stderr) else None
+        self._said = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        line = f"Trying {self._for_how_long}: {record.getMessage()}"
+        if self._live is not None:
+            self._live.draw([line])
+        elif not self._said:
+            print(line, file=sys.stderr)
+        self._said = True
+
+    def close(self) -> None:
+        if self._live is not None:
+            self._live.erase()
+        super().close()
+
+
+def _examine(options: argparse.Namespace) -> int:
     from pytest_libero_max.policies.check import check_cameras
     from pytest_libero_max.policies.examination import examine, made_up
     from pytest_libero_max.policies.loading import check_reference, load_policy

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.terminal import say
+from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -18,10 +19,13 @@ def add_command(commands: Commands) -> None:
         "compare", help="Compare runs on the cases they share, and list what flipped"
     )
     compare.add_argument(
-        "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of two or more runs"
+        "folders", type=Path, nargs="*", metavar="FOLDER", help="The output folders of two or more runs"
     )
     compare.add_argument(
-        "--restrict", action="store_true", help="Compare on common cases where the runs have different ones"
+        "--restrict",
+        action="store_true",
+        help="Compare on common cases where the runs have different ones, also with policies that support "
+        "a part of the suites",
     )
     compare.add_argument(
         "--flips", type=int, default=20, metavar="N", help="Listed at most (default: %(default)s)"
@@ -33,19 +37,45 @@ def add_command(commands: Commands) -> None:
         metavar="FOLDER",
         help="Also write the comparison here as JSON, Markdown and HTML, with its figures",
     )
+    compare.add_argument(
+        "--tables",
+        type=Path,
+        metavar="FOLDER",
+        help="Also write the tables and figures that the paper prints here, for these runs or for one: "
+        "Markdown, CSV and LaTeX",
+    )
+    compare.add_argument(
+        "--published",
+        action="store_true",
+        help="Add the published results to the tables; without a run, write them alone",
+    )
     compare.set_defaults(run=_compare)
 
 
 def _compare(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+    from pytest_libero_max.report.comparison.compare import (
+        common_cases,
+        compare_runs,
+        compared_and_apart,
+        read_runs,
+    )
     from pytest_libero_max.report.comparison.compare_files import write_comparison
     from pytest_libero_max.report.comparison.compare_text import comparison_lines
+    from pytest_libero_max.report.comparison.paper_files import write_tables
     from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     runs = read_runs(options.folders)
+    if options.published and not options.tables:
+        raise OptionError("--published adds rows to tables. Give --tables=FOLDER as well.")
+    if options.tables:
+        written = write_tables(runs, options.tables, options.restrict, options.published)
+        print(f"Written: {written[0]}, and {len(written) - 1} files beside it")
+        if len(runs) < 2:
+            return
     comparison = compare_runs(runs, options.restrict)
     if options.json:
         write_text(options.json, report_json(comparison))
     if options.output:
-        write_comparison(comparison, options.output, common_cases(runs, options.restrict))
+        compared, _ = compared_and_apart(runs, options.restrict)
+        write_comparison(comparison, options.output, common_cases(compared, options.restrict))
     say(comparison_lines(comparison, options.flips))

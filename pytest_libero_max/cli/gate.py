@@ -30,24 +30,23 @@ def add_command(commands: Commands) -> None:
 
 
 def _gate(options: argparse.Namespace) -> int:
-    from pytest_libero_max.cli.ini_file import ini_lines
+    from pytest_libero_max.cli.ini_file import gates_of
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
-    from pytest_libero_max.report.gate_results import decide, gate_lines, not_passed_text, require_usable
-    from pytest_libero_max.report.gates import parse_gates
+    from pytest_libero_max.report.gate_results import decide, require_usable
+    from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.report.writers.summary import incomplete_text
     from pytest_libero_max.runs.replay_command import replay_command
     from pytest_libero_max.runs.store import read_pairs
 
-    here = Path.cwd()
-    gates = parse_gates(options.gate or ini_lines("libero_max_gate", here))
+    gates, start = gates_of(options.gate, Path.cwd())
     if not gates:
         raise OptionError(
             "There is no gate to decide. Give --gate=CONDITION, or libero_max_gate in pytest's ini file."
         )
     stored = read_pairs(options.folder)
-    require_usable(gates, stored.run.planned, stored.run.planned, options.folder, here)
-    verdicts = decide(gates, options.folder, here)
+    require_usable(gates, stored.run.planned, stored.run.planned, options.folder, start)
+    verdicts = decide(gates, options.folder, start)
     say_coloured(gate_lines(verdicts, replay_command(stored)))
     failed = not_passed_text(verdicts)
     counts = report_of(stored).pairs

@@ -1,13 +1,18 @@
-"""One option of pytest's ini file, for commands that run without pytest."""
+"""One option of pytest's ini file, and the gates in it, for commands that run without pytest."""
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import iniconfig  # installed with pytest, which reads its own files with it
 
 from pytest_libero_max.errors import OptionError
+
+if TYPE_CHECKING:
+    from pytest_libero_max.report.gates import Gate
 
 _NAMES = (
     "pytest.toml",
@@ -20,8 +25,16 @@ _NAMES = (
 )
 
 
-def ini_lines(option: str, start: Path) -> list[str]:
-    """Return the lines of an option, empty where it is not set.
+def gates_of(asked: Sequence[str], start: Path) -> tuple[tuple[Gate, ...], Path]:
+    """Return the gates of a command, or those of the ini file, and the folder that paths in them begin at."""
+    from pytest_libero_max.report.gates import parse_gates
+
+    texts, folder = (asked, start) if asked else ini_lines("libero_max_gate", start)
+    return parse_gates(texts), folder
+
+
+def ini_lines(option: str, start: Path) -> tuple[list[str], Path]:
+    """Return the lines of an option, empty where it is not set, and the folder of the file.
 
     As pytest does, reads one file: the first in ``start`` or the nearest folder above that has settings for
     pytest.
@@ -39,10 +52,9 @@ def ini_lines(option: str, start: Path) -> list[str]:
                     raise OptionError(f"Cannot read {path}: {error}. Mend it or give the option.") from error
                 if settings is not None:
                     value = settings.get(option, [])
-                    return (
-                        [str(line) for line in value] if isinstance(value, list) else str(value).splitlines()
-                    )
-    return []
+                    lines = value if isinstance(value, list) else str(value).splitlines()
+                    return [*map(str, lines)], folder
+    return [], start
 
 
 def _settings(path: Path) -> dict[str, object] | None:

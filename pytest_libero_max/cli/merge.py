@@ -43,8 +43,9 @@ def add_command(commands: Commands) -> None:
 
 def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
-    from pytest_libero_max.report.gate_results import decide, gate_lines, not_passed_text, require_usable
+    from pytest_libero_max.report.gate_results import decide, require_usable
     from pytest_libero_max.report.gates import parse_gates
+    from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.merge import finished, merge_folders
@@ -52,12 +53,12 @@ def _merge(options: argparse.Namespace) -> int:
     folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
     asked = parse_gates(options.gate)
     run, here = merge_folders(folders, options.output).run, Path.cwd()
-    report, paths = write_reports(options.output)
-    say_coloured([*left_out, *summary_lines(report, [str(path) for path in paths])])
     gates = (*parse_gates(run.provenance.get("gates") or ()), *asked)
+    verdicts = decide(gates, options.output, here)
+    report, paths = write_reports(options.output, gates=verdicts)
+    say_coloured([*left_out, *summary_lines(report, [str(path) for path in paths])])
     if report.pairs.complete:
         require_usable(gates, run.planned, run.planned, options.output, here)
-    verdicts = decide(gates, options.output, here)
     failed = not_passed_text(verdicts)
     if verdicts:
         say_coloured(gate_lines(verdicts))

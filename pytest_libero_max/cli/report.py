@@ -19,6 +19,14 @@ def add_command(commands: Commands) -> None:
     )
     report.add_argument("folder", type=Path, metavar="FOLDER", help="The output folder of the run")
     report.add_argument(
+        "--gate",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="Show the verdict on this gate; may be repeated (default: libero_max_gate of the ini file). "
+        "No verdict changes the exit status; libero-max gate has one",
+    )
+    report.add_argument(
         "--figures",
         action="store_true",
         help="Also write the figures, as SVG and (with the extra figures) PNG",
@@ -31,15 +39,20 @@ def add_command(commands: Commands) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
+    from pytest_libero_max.cli.ini_file import gates_of
+    from pytest_libero_max.report.gate_results import decide
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
+    from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.report_files import write_figures, write_reports, write_text
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.report.writers.tables import csv_text, latex_text
     from pytest_libero_max.runs.media import films_in
 
-    report, paths = write_reports(options.folder)
+    gates, start = gates_of(options.gate, Path.cwd())
+    verdicts = decide(gates, options.folder, start) if gates else ()
+    report, paths = write_reports(options.folder, gates=verdicts)
     if options.figures:
         paths += write_figures(report, options.folder)
     if options.tables:
@@ -54,5 +67,7 @@ def _report(options: argparse.Namespace) -> None:
         paths.append(options.folder / BADGE_NAME)
     films = {item: str(options.folder / film) for item, film in films_in(options.folder).items()}
     say_coloured(summary_lines(report, [str(path) for path in paths], films))
+    if verdicts:
+        say_coloured(gate_lines(verdicts))
     if options.figures and not raster.available():
         print(f"Figures are SVG only; for PNG as well: {raster.INSTALL}")

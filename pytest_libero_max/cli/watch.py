@@ -87,7 +87,7 @@ def _lines(runs: Sequence[Seen]) -> list[str]:
 def _line(seen: Seen) -> str:
     from pytest_libero_max.runs.progress import progress_text
 
-    return progress_text(seen.progress, time.time())
+    return "; ".join([progress_text(seen.progress, time.time()), *seen.waiting_lines])
 
 
 def _exit_status(seen: Seen) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,6 +36,25 @@ def test_of_the_template_only_the_stand_in_for_a_model_is_wrong_and_its_pictures
     sheet = cv2.imread(str(picture))
     assert sheet is not None
     assert sheet.shape == (276, 512, 3)
+
+
+def test_a_server_that_is_not_there_is_tried_for_seconds_and_said_in_two_lines(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]  # nobody listens there a moment later
+    assert main(["check", f"openpi://127.0.0.1:{port}", "--profile=pi05_libero"]) == 1
+    tried, given_up = capsys.readouterr().err.splitlines()
+    assert tried.startswith(
+        f"Trying for 5 s at most: policy server openpi://127.0.0.1:{port}: cannot be reached"
+    )
+    assert "given up" in given_up
+    assert "--libero-max" not in given_up
+
+
+def test_an_address_without_its_scheme_is_completed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "localhost:8123", "--profile=pi05_libero"]) == 1
+    assert "has a scheme: openpi://localhost:8123" in capsys.readouterr().err
 
 
 def test_a_served_policy_is_checked_by_what_it_is_sent(

@@ -27,15 +27,15 @@ def test_an_option_is_found_in_every_file_that_pytest_reads(tmp_path: Path, name
     below = tmp_path / "a" / "b"
     below.mkdir(parents=True)
     for folder in (tmp_path, below):
-        assert [line for line in ini_lines("libero_max_gate", folder) if line] == GATES
+        assert [line for line in ini_lines("libero_max_gate", folder)[0] if line] == GATES
 
 
 def test_the_first_file_with_settings_for_pytest_counts(tmp_path: Path) -> None:
     (tmp_path / "tox.ini").write_text("[pytest]\nlibero_max_gate = missing == 0\n")
     (tmp_path / "pyproject.toml").write_text("[project]\nname = 'x'\n")
-    assert ini_lines("libero_max_gate", tmp_path) == ["missing == 0"]
+    assert ini_lines("libero_max_gate", tmp_path) == (["missing == 0"], tmp_path)
     (tmp_path / "pytest.ini").write_text("")
-    assert ini_lines("libero_max_gate", tmp_path) == []
+    assert ini_lines("libero_max_gate", tmp_path)[0] == []
 
 
 def test_a_broken_file_is_named(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What ``libero-max profiles`` and ``libero-max events`` say."""
+"""What ``libero-max profiles``, ``events`` and ``programs`` say."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pytest_libero_max.benchmark.programs import program_names
 from pytest_libero_max.cli import main
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.policies.profile import profile_names
@@ -65,3 +66,16 @@ def test_each_event_is_described(capsys: pytest.CaptureFixture[str]) -> None:
     found = [line.partition(":")[0] for line in out.splitlines() if not line.startswith(" ")]
     assert found[:8] == list(BENCHMARK_EVENTS)
     assert out.count("Expected: ") == len(found)
+
+
+def test_programs_are_listed_with_the_cases_that_they_fit(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["programs"]) == 0
+    listed = capsys.readouterr().out
+    assert all(f"{name}:\n" in listed for name in program_names())
+    assert main(["programs", "there_and_back"]) == 0
+    shown = capsys.readouterr().out
+    assert "Cases with event target_relocation or receptacle_relocation: nothing else" in shown
+    assert '    1. {"trigger": {"type": "untouched"' in shown
+    assert shown.endswith("pytest --libero-max-policy=POLICY --libero-max-program=there_and_back\n")
+    assert main(["programs", "transiant"]) == 1
+    assert "Did you mean 'transient'" in capsys.readouterr().err

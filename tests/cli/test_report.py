@@ -12,7 +12,8 @@ def test_a_report_is_recomputed_from_the_pairs_alone(
     stored: Callable[..., str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = stored("run", seed=1)
-    assert main(["report", folder, "--figures", "--tables"]) == 0
+    assert main(["report", folder, "--figures", "--tables", "--gate=planned > 64"]) == 0
+    assert "<b class='violated'>violated</b>" in Path(folder, "report.html").read_text()
     assert "64 of 64 planned pairs played" in capsys.readouterr().out
     names = {path.name for path in Path(folder).iterdir()}
     assert {"report.json", "report.md", "report.html", "report.csv", "report.tex"} <= names

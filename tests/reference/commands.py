@@ -8,11 +8,21 @@ from collections.abc import Iterator
 from pytest_libero_max import cli
 from tests.reference.markdown import code, table
 
+_COMPLETION = """\
+The shell completes commands, options, profiles, tracks and paths with the extra `completion`. In the
+environment in which the plugin is installed:
+
+```sh
+pip install 'pytest-libero-max[completion]'
+eval "$(register-python-argcomplete libero-max)"   # Bash and Zsh; a line for ~/.bashrc or ~/.zshrc
+```"""
+
 
 def page() -> str:
     """The text."""
     commands = "\n\n".join(_command(name, parser, help) for name, parser, help in _commands(cli.parser()))
-    return f"# The `libero-max` command\n\nFor what is done before and after runs.\n\n{commands}\n"
+    parts = ("# The `libero-max` command", "For what is done before and after runs.", _COMPLETION, commands)
+    return "\n\n".join(parts) + "\n"
 
 
 def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser, str]]:

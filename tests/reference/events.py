@@ -9,7 +9,7 @@ from types import ModuleType
 from pytest_libero_max import events
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.programs import parse_program
+from pytest_libero_max.benchmark.programs import find_program, parse_program, program_names
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.events import triggers
 from pytest_libero_max.events.kind import EventKind
@@ -61,7 +61,7 @@ A case of the tracks is one trigger with one change: nothing happens in Base, an
 *program* says more: any arms, each a schedule of entries that happen one after another. An entry has a
 `trigger`, and either a `change` or the index of an earlier entry that it `reverts`: what that one changed
 is as it was before. A case carries its program under `program`, beside `scenario`; its manifest then has
-`"manifest_format": 2`. A file with a program alone is laid over all cases of a run by
+`"manifest_format": 2`. A file with a program alone is laid over the cases of a run by
 `--libero-max-program=FILE`:
 
 ```json
@@ -69,19 +69,38 @@ is as it was before. A case carries its program under `program`, beside `scenari
 ```
 
 - `"event"` is the trigger, or the change, of the case's own event. Inside a trigger or a change,
-  `{{"event": FIELD}}` is one of its fields: `{{"type": "after_grasp", "value": {{"event": "value"}}}}`
-  waits for the grasp of the entity that the event's own trigger names.
+  `{{"event": FIELD}}` is a field of that trigger or change, or else of the other:
+  `{{"type": "after_grasp", "value": {{"event": "value"}}}}` waits for the grasp of the
+  entity that the event's own trigger names.
 - `base` and `dynamic` are part of every program. Where they are not spelled out they are those of the case.
   Nothing may happen in `base`. Rates, outcomes and gates are those of `base` and `dynamic`; further arms are
   in the records.
-- `strength` beside a `change` is the share of it that happens, above 0, at most 1.
+- `strength` beside a `change` is the share of it that happens, above 0, at most 1. `times` makes an entry as
+  many entries, one after another; an index counts each.
 - An arm other than these two may have a `repetition` above 0, to share nothing with the others, and a
   `cadence`, at which it is played: `query_interval` (Q, the executed actions) and `horizon` (H, the chunk
   size). A `latency` is the time that its queries take, `"4steps"` or `"4steps,sync"`
   ([meaning](../studies/README.md#latency)).
+- `about` says what the program plays. `only` and `without` say which cases it fits, by patterns of `event`,
+  `suite` and `entity` (that of the trigger), and `because` why; a run leaves the others out and says so.
 - The name of the program ends the ids of the test items, its digest is in the run's header, and the digest of
   each case covers it: a run is not resumed, merged or compared with one of another program.
+
+These come with the package, for `--libero-max-program=NAME`; `libero-max programs NAME` shows the arms:
+
+{_programs()}
 """
+
+
+def _programs() -> str:
+    return table(
+        ("Program", "What is played", "Cases"),
+        [
+            (f"`{name}`", program.about, program.because or "all")
+            for name in program_names()
+            for program in (find_program(name),)
+        ],
+    )
 
 
 def _program() -> str:

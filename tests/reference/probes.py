@@ -7,7 +7,9 @@ from typing import Any
 from pytest_libero_max.pairing import probes
 from pytest_libero_max.pairing.probes.probe import Probe
 from pytest_libero_max.pairing.probes.registry import ENTRY_POINT_GROUP, PROBES
+from pytest_libero_max.pairing.probes.safety import Safety
 from pytest_libero_max.pairing.probes.standard import STANDARD
+from pytest_libero_max.report.safety import LIMITS
 from tests.reference.docstrings import description
 from tests.reference.markdown import code, one_line, prose, table
 
@@ -17,6 +19,7 @@ OWN = "pytest_libero_max."
 
 def page() -> str:
     """The text."""
+    limits = "\n".join(f"- {meaning.format(limit)}" for limit, meaning in LIMITS.values())
     others = [probe for probe in PROBES.values() if type(probe).__module__.startswith(OWN)]
     return f"""# Probes
 
@@ -63,6 +66,18 @@ the means of its numbers are in the reports, by arm.
 For each that is asked after every step the world's digest is compared, 0.02 ms on the embedded substrate.
 
 {_table(others)}
+
+## Successful but unsafe
+
+With `--libero-max-probe=safety` the reports count the rollouts that complete their task beyond one of these
+limits, which are those of SafeVLA-Bench (arXiv 2606.00773), and again at half and at twice the limits:
+
+{limits}
+
+{prose(description(Safety))}
+
+What is let go half a centimetre above its place exceeds 0.3 m/s, so that tasks which end over a basket seldom
+stay below. The motors of the simulated arm give at most 80 Nm.
 """
 
 
