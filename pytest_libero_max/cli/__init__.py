@@ -131,7 +131,11 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--version", action="version", version=f"%(prog)s {version('pytest-libero-max')}")
     commands = command.add_subparsers(
-        required=True, metavar="COMMAND", help=argparse.SUPPRESS, parser_class=argparse.ArgumentParser
+        required=True,
+        prog=command.prog,
+        metavar="COMMAND",
+        help=argparse.SUPPRESS,
+        parser_class=argparse.ArgumentParser,
     )
     for names in GROUPS.values():
         for name in names:

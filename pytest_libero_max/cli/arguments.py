@@ -16,6 +16,26 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.contract import Catalogue, SubstrateOptions
 
 
+def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
+    """Return the type of an argument that is a whole number of at least ``least`` and at most ``most``."""
+    rule = f"of at least {least}" if most is None else f"from {least} to {most}"
+
+    def parse(text: str) -> int:
+        try:
+            number = int(text)
+        except ValueError:
+            number = least - 1
+        if number < least or (most is not None and number > most):
+            raise argparse.ArgumentTypeError(f"{text!r}, but must be a whole number {rule}")
+        return number
+
+    return parse
+
+
+PORT = whole_number(0, 65_535)
+"""Type of an argument that is a port to listen at; 0 is any that is free."""
+
+
 def add_libero(command: argparse.ArgumentParser) -> None:
     """Add the options that say where LIBERO is."""
     command.add_argument(

@@ -7,7 +7,7 @@ import os
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
-from pytest_libero_max.cli.arguments import add_libero, add_substrate, substrate_options
+from pytest_libero_max.cli.arguments import add_libero, add_substrate, substrate_options, whole_number
 from pytest_libero_max.cli.work import Work
 
 if TYPE_CHECKING:
@@ -22,12 +22,22 @@ def add_command(commands: Commands) -> None:
         "bench", help="Measure stepping, rendering and pairs side by side with robosuite"
     )
     bench.add_argument(
-        "--scene", default="libero_spatial/0", metavar="SUITE/TASK", help="Default: %(default)s"
+        "--scene",
+        type=_scene,
+        default=("libero_spatial", 0),
+        metavar="SUITE/TASK",
+        help="Default: libero_spatial/0",
     )
     bench.add_argument(
-        "--steps", type=int, default=100, metavar="N", help="Control steps (default: %(default)s)"
+        "--steps",
+        type=whole_number(1),
+        default=100,
+        metavar="N",
+        help="Control steps (default: %(default)s)",
     )
-    bench.add_argument("--repeats", type=int, default=3, metavar="N", help="Pairs (default: %(default)s)")
+    bench.add_argument(
+        "--repeats", type=whole_number(1), default=3, metavar="N", help="Pairs (default: %(default)s)"
+    )
     bench.set_defaults(run=_bench)
 
     scenes = commands.add_parser("bench-scenes", help="Measure what each of the forty scenes costs")
@@ -52,7 +62,7 @@ def add_command(commands: Commands) -> None:
     images.add_argument(
         "--workers",
         nargs="+",
-        type=_positive,
+        type=whole_number(1),
         default=[1, 2, 4],
         metavar="N",
         help="Numbers of processes that draw at once (default: 1 2 4)",
@@ -70,11 +80,19 @@ def add_command(commands: Commands) -> None:
     genuine = commands.add_parser(
         "bench-genuine", help="Measure steps and a pair side by side with an installed LIBERO's environment"
     )
-    genuine.add_argument("--suite", default="libero_spatial", metavar="SUITE", help="Default: %(default)s")
     genuine.add_argument(
-        "--steps", type=int, default=60, metavar="N", help="Control steps (default: %(default)s)"
+        "--suite",
+        choices=tuple(SUITE_BUDGETS),
+        default="libero_spatial",
+        metavar="SUITE",
+        help="Default: %(default)s",
     )
-    genuine.add_argument("--repeats", type=int, default=1, metavar="N", help="Pairs (default: %(default)s)")
+    genuine.add_argument(
+        "--steps", type=whole_number(1), default=60, metavar="N", help="Control steps (default: %(default)s)"
+    )
+    genuine.add_argument(
+        "--repeats", type=whole_number(1), default=1, metavar="N", help="Pairs (default: %(default)s)"
+    )
     add_libero(genuine)
     genuine.set_defaults(run=_bench_genuine)
 
@@ -86,12 +104,6 @@ def _scene(text: str) -> tuple[str, int]:
             f"{text!r} is no scene: expected SUITE/TASK, one of {', '.join(SUITE_BUDGETS)} and 0 to 9"
         )
     return suite, int(index)
-
-
-def _positive(text: str) -> int:
-    if not (text.isdigit() and int(text) >= 1):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number of at least 1")
-    return int(text)
 
 
 def _bench_images(options: argparse.Namespace) -> None:
@@ -118,8 +130,8 @@ def _bench(options: argparse.Namespace) -> None:
     from pytest_libero_max.bench.pair_runner import measure_pairs
     from pytest_libero_max.bench.step_speed import measure_stepping
 
-    suite, _, index = options.scene.partition("/")
-    print("\n".join(measure_stepping(suite, int(index or 0), steps=options.steps).lines()), flush=True)
+    suite, index = options.scene
+    print("\n".join(measure_stepping(suite, index, steps=options.steps).lines()), flush=True)
     print("\n".join(measure_pairs(suite, repeats=options.repeats).lines()))
 
 

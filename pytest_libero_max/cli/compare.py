@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
@@ -28,7 +29,11 @@ def add_command(commands: Commands) -> None:
         "a part of the suites",
     )
     compare.add_argument(
-        "--flips", type=int, default=20, metavar="N", help="Listed at most (default: %(default)s)"
+        "--flips",
+        type=whole_number(0),
+        default=20,
+        metavar="N",
+        help="Listed at most (default: %(default)s)",
     )
     compare.add_argument("--json", type=Path, metavar="FILE", help="Also write the comparison here")
     compare.add_argument(

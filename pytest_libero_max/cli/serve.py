@@ -7,6 +7,7 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import PORT
 from pytest_libero_max.errors import AdapterError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ def add_command(commands: Commands) -> None:
     )
     serve.add_argument("adapter", metavar="ADAPTER", help="As for pytest --libero-max-policy")
     serve.add_argument("--host", default="127.0.0.1", help="Interface to listen at (default: %(default)s)")
-    serve.add_argument("--port", type=int, default=8000, metavar="PORT", help="Default: %(default)s")
+    serve.add_argument("--port", type=PORT, default=8000, metavar="PORT", help="Default: %(default)s")
     serve.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H (chunk size)")
     serve.add_argument(
         "--query-interval", type=int, metavar="ACTIONS", help="Override Q (execution horizon, replan steps)"

@@ -12,6 +12,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pytest_libero_max.cli.arguments import PORT
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import ReportError
 
@@ -31,7 +32,7 @@ def add_command(commands: Commands) -> None:
         "page that is missing is made first.",
     )
     view.add_argument("folder", type=Path, metavar="RUN", help="Folder of the run")
-    view.add_argument("--port", type=int, default=0, help="Default: one that is free")
+    view.add_argument("--port", type=PORT, default=0, metavar="PORT", help="Default: one that is free")
     view.add_argument("--no-browser", action="store_true", help="Print the address alone")
     view.set_defaults(run=_view)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 _BETS = (np.arange(20) + 0.5)[:, None] / 20
@@ -97,24 +96,3 @@ class _LeastTotal:
         first = int(np.argmin(out[:last])) if not out[:last].all() else last
         self.least += first
         self._rest, self._capital = self._rest[first : last + 1], self._capital[:, first : last + 1]
-
-
-def capital(numbers: NDArray[np.int64], total: int, least: int = 0) -> NDArray[np.float64]:
-    """Capital against one sum after each number, for many orders at once.
-
-    Args:
-        numbers: (orders, population) numbers.
-        total: The sum that is bet against, as too small.
-        least: Smallest number that there can be.
-
-    Returns:
-        (orders, population) mean capital of the bets; infinite from where the sum is impossible.
-    """
-    steps = numbers - least
-    left = numbers.shape[1] - np.arange(numbers.shape[1])
-    rest = total - least * numbers.shape[1] - (np.cumsum(steps, axis=1) - steps)
-    gain = np.where(rest > 0, steps * left / np.where(rest > 0, rest, 1) - 1, 0.0)
-    mean = np.zeros(numbers.shape)
-    for bet in _BETS[:, 0]:
-        mean += np.cumprod(1 + bet * gain, axis=1) / len(_BETS)
-    return np.where(np.maximum.accumulate((rest < 0) | (steps > rest), axis=1), math.inf, mean)

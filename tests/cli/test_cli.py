@@ -72,3 +72,21 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
     assert capsys.readouterr().out.startswith("pro-object-shape-spatial-t01-i08-target_relocation-d1-p195")
     assert main(["show", "smoke", "pro-object"]) == 1
     assert "is not in libero-max-embedded-smoke" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("bench --steps 0", "argument --steps: '0', but must be a whole number of at least 1"),
+        ("bench --scene libero_spatial/x", "argument --scene: 'libero_spatial/x' is no scene"),
+        ("serve noop --port 70000", "argument --port: '70000', but must be a whole number from 0 to 65535"),
+        ("view run --port one", "argument --port: 'one', but must be a whole number from 0 to 65535"),
+    ],
+)
+def test_a_number_out_of_range_names_the_command_the_argument_and_the_rule(
+    arguments: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments.split())
+    command = arguments.split()[0]
+    assert f"libero-max {command}: error: {message}" in capsys.readouterr().err

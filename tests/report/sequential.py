@@ -23,7 +23,7 @@ from pytest_libero_max.report.stopping_rule import CompletedPrefix, parse_rule
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.stats.power import power
-from pytest_libero_max.stats.sequential import capital
+from tests.stats.capital import capital
 
 LEVEL = 0.05
 PAIRS = 800

@@ -7,7 +7,8 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from pytest_libero_max.stats.sequential import TotalSequence, capital, log_evidence_of_change
+from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
+from tests.stats.capital import capital
 
 
 @pytest.mark.parametrize("level", [0.05, 0.2])
