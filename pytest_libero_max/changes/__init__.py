@@ -30,7 +30,7 @@ from pytest_libero_max.changes.poses import (
 )
 from pytest_libero_max.changes.registry import OPERATIONS, change_from_dict, check_changes
 from pytest_libero_max.changes.reversal import Reversal
-from pytest_libero_max.changes.robot import OffsetArm
+from pytest_libero_max.changes.robot import OffsetArm, OpenGripper
 
 __all__ = [
     "OPERATIONS",
@@ -49,6 +49,7 @@ __all__ = [
     "MoveObject",
     "Nothing",
     "OffsetArm",
+    "OpenGripper",
     "OrbitCamera",
     "PictureCorruption",
     "PlaceCamera",

@@ -23,7 +23,7 @@ from pytest_libero_max.changes.poses import (
     RemoveObject,
     TurnObject,
 )
-from pytest_libero_max.changes.robot import OffsetArm
+from pytest_libero_max.changes.robot import OffsetArm, OpenGripper
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.registry import Registry
 
@@ -51,9 +51,10 @@ _KINDS = (
     TurnObject,
     SetInstruction,
     SetTask,
-    # What only the audit uses.
+    # What only the audit and programs use.
     HideInputs,
     FreezeImages,
+    OpenGripper,
 )
 
 

@@ -1,4 +1,4 @@
-"""Changes of the robot: the start pose of its arm."""
+"""Changes of the robot: the pose of its arm, and a gripper that lets go."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from pytest_libero_max.benchmark.structs import rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, between, strength_of
+from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, between, strength_of
+from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld
@@ -73,6 +74,42 @@ class OffsetArm(ManifestFields):
         if s == 1.0:
             return self
         return replace(self, delta_joint_rad=tuple(delta * s for delta in self.delta_joint_rad))
+
+
+@dataclass(frozen=True)
+class OpenGripper(ManifestFields):
+    """Let the fingers open for a moment, whatever the policy commands.
+
+    Their command becomes that of an open gripper. Actions that close it need eight steps (0.4 s) to bring it
+    back, in which what was held falls.
+    """
+
+    operation: ClassVar[str] = "open_gripper"
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"robot"})
+
+    def apply(self, world: AlterableWorld) -> Evidence:
+        before = _fingers(world)
+        world.open_gripper()
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, _fingers(world))
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """Refuse: what has been dropped does not come back.
+
+        Raises:
+            ChangeError: Always.
+        """
+        raise ChangeError(f"{self.operation} cannot be taken back: what was held has fallen. Leave it out.")
+
+    def scaled(self, strength: float) -> OpenGripper | Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+
+def _fingers(world: AlterableWorld) -> dict[str, list[float]]:
+    return {"finger_pos_m": world.observe(cameras=())[f"{ROBOT}_gripper_qpos"].tolist()}
 
 
 def _touching(world: AlterableWorld) -> bool:

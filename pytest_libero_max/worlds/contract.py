@@ -384,6 +384,14 @@ class AlterableWorld(OnMujoco, Protocol):
         """
         ...
 
+    def open_gripper(self) -> None:
+        """Set the command of the fingers to open; actions that close the gripper take some steps to undo it.
+
+        Raises:
+            SubstrateError: The world has no such gripper.
+        """
+        ...
+
     def assign(self, instruction: str | None = None, goal: Goal | None = None) -> None:
         """Assign another instruction, another goal or both, in place of the task's own, until the next reset.
 

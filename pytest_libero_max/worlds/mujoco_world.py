@@ -478,6 +478,9 @@ class MujocoWorld(ABC):
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
         raise SubstrateError(f"{self._scene} has no arm with seven joints that could be posed.")
 
+    def open_gripper(self) -> None:
+        raise SubstrateError(f"{self._scene} has no gripper with a command of its own that could be opened.")
+
     def assign(self, instruction: str | None = None, goal: Goal | None = None) -> None:
         if goal is not None:
             self._check_goal(goal)

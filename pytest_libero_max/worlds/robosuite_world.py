@@ -64,6 +64,10 @@ class RobosuiteWorld(MujocoWorld):
         self._reset_controller()
         self._after_alteration()
 
+    def open_gripper(self) -> None:
+        self._stepper.open_grip()
+        self._after_alteration()
+
     def _reset_controller(self) -> None:
         self._stepper.start()
 

@@ -165,6 +165,10 @@ class Stepper:
         self._goal_ori[:] = state[:9].reshape(3, 3)
         self._grip[:] = state[9:]
 
+    def open_grip(self) -> None:
+        """Set the gripper's commands to open; actions that close it bring them back step by step."""
+        self._grip[:] = 1.0, -1.0
+
     def step(self, action: Array, control: Control = "delta") -> float:
         """Play one control step of a (7,) float64 action; derived data are up to date before and after.
 

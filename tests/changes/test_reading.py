@@ -80,6 +80,7 @@ VALID: dict[str, Json] = {
     "set_instruction": {"instruction": "grab the milk", "style": "synonyms"},
     "hide_inputs": {"cameras": ["agentview"], "state": True},
     "freeze_images": {"cameras": ["agentview"], "height": 64, "width": 64},
+    "open_gripper": {},
     "set_task": {"instruction": "take the milk", "goal": [["on", "milk_1", "plate_1"]]},
 }
 

@@ -11,6 +11,7 @@ from pytest_libero_max.changes import (
     CorruptPicture,
     CoverEntity,
     OffsetArm,
+    OpenGripper,
     OrbitCamera,
     PlaceCamera,
     PutObject,
@@ -59,6 +60,7 @@ CHANGES: dict[str, tuple[Change, set[str]]] = {
     "picture": (CorruptPicture("agentview", "fog", 4, 11), {"filters"}),
     "glare": (SetGlare(0.8, 0.5, 0.5, 0.3), {"filters"}),
     "arm": (OffsetArm(ARM, keep_clear=True), PHYSICS),
+    "open": (OpenGripper(), {"physics", "controller"}),
     "put": (PutObject(BOWL, "main_table", (0.1, -0.02), "cookies_1"), PHYSICS),
     "turn": (TurnObject(BOWL, 45.0), PHYSICS),
     "words": (SetInstruction("grab the bowl"), set()),
@@ -192,10 +194,36 @@ def test_a_joint_beyond_its_limit_is_refused(world: EmbeddedWorld) -> None:
         OffsetArm((0.0, 0.0, 0.0, 2.9, 0.0, 0.0, 0.0)).apply(world)
 
 
+def test_an_opened_gripper_closes_again_within_eight_steps(world: EmbeddedWorld) -> None:
+    closing = (*NOOP_ACTION[:-1], 1.0)
+
+    def width() -> float:
+        return float(np.ptp(world.observe(cameras=())["robot0_gripper_qpos"]))
+
+    world.reset(0)
+    play(world, [closing] * 20)
+    closed = width()
+    OpenGripper().apply(world)
+    assert width() == closed
+    play(world, [closing] * 3)
+    assert width() > closed + 0.01
+    play(world, [closing] * 17)
+    assert width() == pytest.approx(closed, abs=1e-3)
+
+
+def test_what_was_dropped_is_not_taken_back(world: EmbeddedWorld) -> None:
+    world.reset(0)
+    change = OpenGripper()
+    with pytest.raises(ChangeError, match="cannot be taken back: what was held has fallen"):
+        change.reverted(change.apply(world))
+
+
 def test_the_tiny_world_has_no_arm_to_pose_and_one_goal_only() -> None:
     world = TinyWorld()
     with pytest.raises(SubstrateError, match="no arm with seven joints"):
         OffsetArm(ARM).apply(world)
+    with pytest.raises(SubstrateError, match="no gripper with a command"):
+        OpenGripper().apply(world)
     with pytest.raises(SubstrateError, match="decides its own goal only"):
         SetTask("x", (("on", "box_1", "plate_1"),)).apply(world)
     SetInstruction("go").apply(world)

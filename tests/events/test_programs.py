@@ -243,7 +243,7 @@ def test_a_program_of_the_package_can_be_built_in_every_case_of_lite_that_it_fit
     assert changed
 
 
-@pytest.mark.parametrize("name", ["instruction_switch", "later"])
+@pytest.mark.parametrize("name", ["instruction_switch", "later", "slip"])
 def test_the_scene_of_a_case_has_what_a_program_of_the_package_names(name: str) -> None:
     """Objects that are lifted are no fixtures, and those of a new goal are there."""
     program = find_program(name)
@@ -253,7 +253,7 @@ def test_the_scene_of_a_case_has_what_a_program_of_the_package_names(name: str) 
             continue
         objects = variation_metadata(variation_of(case)).objects
         out = {change["object"] for change in case.event.setup}
-        lifted = {case.event.entity} if name == "later" else set()
+        lifted = set() if name == "instruction_switch" else {case.event.entity}
         assert named.get(name, set()) | lifted <= objects.keys() - out, case.item_id
 
 
