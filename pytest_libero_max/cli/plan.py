@@ -58,10 +58,9 @@ def add_command(commands: Commands) -> None:
     plan.add_argument(
         "--record-ms",
         type=float,
-        default=7.0,
+        default=2.5,
         metavar="MS",
-        help="Time that the process that owns the run needs for a record, mostly the disk's (default: "
-        "%(default)s)",
+        help="Time that the process that owns the run needs for a record (default: %(default)s)",
     )
     plan.add_argument(
         "--shards", type=int, metavar="N", help="Also say how well so many shards share the work"

@@ -347,8 +347,14 @@ class RunController:
 
     # What arrives.
 
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+    @pytest.hookimpl(wrapper=True, trylast=True)
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> Generator[None, None, None]:
+        self._take_in(report)
+        yield
+        vars(report).pop(RESULT_ATTRIBUTE, None)  # pytest keeps every report until the end
+
+    def _take_in(self, report: pytest.TestReport) -> None:
+        """Store what a report holds of a pair, and tell it."""
         result = getattr(report, RESULT_ATTRIBUTE, None)
         name = case_of(report.nodeid) if result is None else result["item_id"]
         if name not in self.cases or self.store is None or self.stop.status is not None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -65,3 +66,23 @@ def test_xdist_sends_results_as_text(pytester: pytest.Pytester, run: Callable[..
     )
     run("--libero-max-limit=1", "-n1", subprocess=True).assert_outcomes(passed=1)
     assert (pytester.path / "sent.txt").read_text() == "str"
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "1")], ids=["plain", "one worker"])
+def test_no_record_stays_in_memory_with_its_report(
+    pytester: pytest.Pytester, run: Callable[..., pytest.RunResult], workers: tuple[str, ...]
+) -> None:
+    pytester.makeconftest(
+        f"""
+        def pytest_runtest_logreport(report):
+            if report.when == "call":
+                assert {RESULT_ATTRIBUTE!r} in vars(report)
+
+        def pytest_terminal_summary(terminalreporter):
+            kept = [report for reports in terminalreporter.stats.values() for report in reports]
+            print("kept", len(kept), sum({RESULT_ATTRIBUTE!r} in vars(report) for report in kept))
+        """
+    )
+    done = run("-k", "camera_shift", *workers, subprocess=True)
+    assert done.ret == 0
+    assert re.search(r"^kept [1-9]\d* 0$", str(done.stdout), re.MULTILINE)

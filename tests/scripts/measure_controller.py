@@ -4,12 +4,13 @@
 ``tiny`` substrate. With this folder in ``PYTHONPATH``, ``pytest -p measure_controller -n 8
 --libero-max-policy=noop --libero-max-substrate=tiny --libero-max-manifest=pairs.json`` plays it: each worker
 plays one pair of a variant, and then answers at once with its record under the other names. At the end
-the controller prints its time from the first report to the last.
+the controller prints its time from the first report to the last, and its memory.
 """
 
 from __future__ import annotations
 
 import json
+import resource
 import sys
 import time
 from collections.abc import Generator
@@ -59,7 +60,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Print the time of a pair; with xdist, in the controller alone."""
     pairs = len(_seen) - 1
     cpu_ms, wall_ms = ((last - first) / pairs * 1e3 for first, last in zip(_seen[0], _seen[-1], strict=True))
-    terminalreporter.write_line(f"{pairs} pairs, each {cpu_ms:.2f} ms of processor time in {wall_ms:.1f} ms")
+    most_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    terminalreporter.write_line(
+        f"{pairs} pairs, each {cpu_ms:.2f} ms of processor time in {wall_ms:.1f} ms; "
+        f"the first report after {_seen[0][0]:.1f} s of processor time; {most_mib:.0f} MiB, report included"
+    )
 
 
 if __name__ == "__main__":
