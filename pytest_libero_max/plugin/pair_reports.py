@@ -16,6 +16,7 @@ from pytest_libero_max.plugin.stash_keys import (
     NOTE_ATTRIBUTE,
     RESULT,
     RESULT_ATTRIBUTE,
+    STATUS_ATTRIBUTE,
     STOP,
     STOP_ATTRIBUTE,
 )
@@ -92,13 +93,21 @@ def _of_its_length(result: PairRecord | PairError, case: Case) -> PairRecord | P
 
 
 def status_of(report: Any) -> tuple[str, str, str] | None:
-    """Return category, letter and sentence of a measured pair for the terminal; None for any other report."""
+    """Return category, letter and sentence of a measured pair for the terminal; None for any other report.
+
+    They stay on the report: it is asked for them again at the end with ``-rA``, without its record.
+    """
+    known: tuple[str, str, str] | None = getattr(report, STATUS_ATTRIBUTE, None)
+    if known is not None:
+        return known
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is None or is_error(result) or report.when != "call" or not report.passed:
         return None
     from pytest_libero_max.runs.progress import status
 
     try:
-        return status(PairRecord.from_dict(result))
+        known = status(PairRecord.from_dict(result))
     except ReportError:
         return None  # the controller stores why
+    setattr(report, STATUS_ATTRIBUTE, known)
+    return known

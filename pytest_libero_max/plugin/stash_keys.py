@@ -41,6 +41,9 @@ POLICY_PHASE = "policy"
 RESULT_ATTRIBUTE = "libero_max"
 """The attribute of a test report that carries the same to the controller."""
 
+STATUS_ATTRIBUTE = "libero_max_status"
+"""The attribute of a test report that keeps what the terminal shows of its pair."""
+
 STOP = pytest.StashKey[str]()
 """On an item: reason to stop the run, found by the process that played the pair."""
 

@@ -83,6 +83,7 @@ def test_no_record_stays_in_memory_with_its_report(
             print("kept", len(kept), sum({RESULT_ATTRIBUTE!r} in vars(report) for report in kept))
         """
     )
-    done = run("-k", "camera_shift", *workers, subprocess=True)
+    done = run("-k", "camera_shift", "-rA", *workers, subprocess=True)
     assert done.ret == 0
+    done.stdout.fnmatch_lines(["*short test summary info*", "*Base *after*"])
     assert re.search(r"^kept [1-9]\d* 0$", str(done.stdout), re.MULTILINE)
