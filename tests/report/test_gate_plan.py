@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,9 @@ from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
 from tests.report.gate_table import GATES, PAGE, TRACKS, row
 
+INTERVAL = cache(paired_difference)
+"""Two thousand draws have some sixty pairs of losses and gains."""
+
 
 def _value(gate: Gate, kept: int, lost: int, gained: int, pairs: int) -> float:
     """The quantity of a gate, computed from one set of outcomes."""
@@ -21,14 +26,10 @@ def _value(gate: Gate, kept: int, lost: int, gained: int, pairs: int) -> float:
         ratio = Ratio(kept + (lost if gate.name == "base_sr" else gained), pairs)
         return (ratio.value or 0.0) if gate.end is None else float(getattr(clopper_pearson(ratio), gate.end))
     if gate.name == "equivalent_vs":
-        interval = paired_difference(lost, gained, pairs, EQUIVALENCE_CONFIDENCE)
+        interval = INTERVAL(lost, gained, pairs, EQUIVALENCE_CONFIDENCE)
         assert interval is not None
         return max(-interval.lower, interval.upper)
-    return (
-        (gained - lost) / pairs
-        if gate.end is None
-        else getattr(paired_difference(lost, gained, pairs), gate.end)
-    )
+    return (gained - lost) / pairs if gate.end is None else getattr(INTERVAL(lost, gained, pairs), gate.end)
 
 
 @pytest.mark.parametrize("pairs", [32, 100])
