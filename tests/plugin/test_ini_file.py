@@ -113,13 +113,14 @@ def test_only_a_run_that_plays_writes_into_the_output_folder(
     project: pytest.Pytester, arguments: list[str], where: str
 ) -> None:
     target = ["libero-max"] if where == "ini file" else ["--libero-max-policy=adapter.py"]
-    project.runpytest_subprocess(*target, *arguments)
+    here = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # the tests of a checkout are imported already
+    project.runpytest_inprocess(*target, *arguments, *here)
     folder = project.path / "libero-max-results"
     assert not folder.exists()
     folder.mkdir()
     (folder / "report.json").write_text("kept")
     (folder / "pairs.jsonl").write_text("kept\n")
-    project.runpytest_subprocess(*target, *arguments)
+    project.runpytest_inprocess(*target, *arguments, *here)
     assert {path.name: path.read_text() for path in folder.iterdir()} == {
         "report.json": "kept",
         "pairs.jsonl": "kept\n",
