@@ -54,6 +54,7 @@ from pytest_libero_max.report.sham import sham_of
 from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import watched_by
 from pytest_libero_max.report.studies.study_results import study_of
+from pytest_libero_max.report.timing import success_curves, timing_section
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
@@ -81,6 +82,13 @@ METHODS: Mapping[str, str | float] = {
     "by_source keeps the pairs of each source; too narrow with few changed pairs",
     "mcnemar": "exact two-sided test of regressions against gains",
     "stale_actions": "over pairs with a query after the event; quantiles by inverse CDF",
+    "time_to_success": "policy steps to success; an episode without success counts with its horizon; t "
+    "interval over pairs, and tasks resampled for other tasks; success_curves are survival curves, one minus "
+    "the empirical distribution: no pair is censored before its horizon",
+    "after_the_event": "medians with intervals between order statistics, over the pairs that have the "
+    "quantity; Base is measured from the step of Dynamic's event; stages are the first touch, grasp, lift, "
+    "arrival above the destination and satisfaction of a fact of the goal, and success; one that was reached "
+    "before the event does not count again",
     "macro": "unweighted mean over source categories; secondary to the rates over all pairs",
     "floor": f"true where Base success is below {FLOOR_BASE_RATE:g}; a small change is no robustness there",
     "breakdowns": "descriptive; groups hold different cases, so differences between them are no effects",
@@ -142,7 +150,9 @@ def build_report(
     )
     study = study_of(in_order, [pair.task for pair in measured], provenance["protocol"])
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
-    row = partial(_row, with_intervals=counts.stopped is None or counts.stopped.rule is None)
+    with_intervals = counts.stopped is None or counts.stopped.rule is None
+    row = partial(_row, with_intervals=with_intervals)
+    times = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
     return Report(
         pairs=counts,
         selection=selection,
@@ -167,8 +177,9 @@ def build_report(
         largest_split=_split(largest_split(_variants(groups["variant"]))),
         extremes=_extremes(groups["category"]),
         shrunken=_shrunken(measured, columns),
+        success_curves=success_curves(in_order),
         study=study,
-        sections=safety_section(in_order) | probe_means(in_order),
+        sections=times | safety_section(in_order) | probe_means(in_order),
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
         provenance=provenance,

@@ -409,6 +409,22 @@ class ChangedPair(Block, frozen=True, kw_only=True):
     sentence: Text
 
 
+class SuccessCurves(Block, frozen=True, kw_only=True):
+    """Survival curves of Base and Dynamic over the same pairs: nothing is censored before an episode's end.
+
+    Attributes:
+        pairs: Played pairs.
+        steps: Policy steps at which a pair is completed; 0 and the longest episode as well.
+        base: Number of pairs that Base has not completed by each of these.
+        dynamic: Number of pairs that Dynamic has not completed by then.
+    """
+
+    pairs: Count
+    steps: list[Count]
+    base: list[Count]
+    dynamic: list[Count]
+
+
 class Report(Block, frozen=True, kw_only=True):
     """The report of a run: everything that is computed from its pairs.
 
@@ -445,9 +461,11 @@ class Report(Block, frozen=True, kw_only=True):
             without a played pair are left out.
         shrunken: By event and by task, the groups with few pairs: their paired changes drawn towards the mean
             of all groups. A second estimate; headline, gates and all else use the raw ones.
+        success_curves: Pairs not yet completed by policy step; None where no pair was played.
         study: Results of the study of the run; None for a run of no study.
-        sections: Tables, titles with names and values: means of what probes measured, by probe, column and
-            arm, and what hooks of the user's own have added, which is not computed from the pairs.
+        sections: Tables, titles with names and values: how long it took, means of what probes measured, by
+            probe, column and arm, and what hooks of the user's own have added, which is not computed from the
+            pairs.
         statements: Limits of these numbers: sentences by a stable key.
         methods: Methods by which the numbers are computed, a sentence each.
         provenance: Everything that could change a result, as the header of pairs.jsonl has it.
@@ -474,6 +492,7 @@ class Report(Block, frozen=True, kw_only=True):
     largest_split: Split | None
     extremes: dict[str, Extremes]
     shrunken: dict[str, dict[str, Shrunken]] = field(default_factory=dict)
+    success_curves: SuccessCurves | None = None
     study: Study | None = None
     sections: dict[str, dict[str, str | int | float | bool | None]]
     statements: dict[str, Text]

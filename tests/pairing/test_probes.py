@@ -284,7 +284,7 @@ def test_an_error_of_the_policy_stays_its_own(world: TinyWorld) -> None:
 
 
 def test_probes_are_found_by_name() -> None:
-    assert list(PROBES) == ["contact_timeline", "first_goal", "safety"]
+    assert list(PROBES) == ["contact_timeline", "first_goal", "motion", "safety"]
     assert probes_called(()) == STANDARD
     assert probes_called(["contact_timeline", "contact_timeline"]).names == ("contact_timeline",)
     with pytest.raises(OptionError, match=r"probe='contact_time' is not a probe\. Did you mean 'contact_tim"):

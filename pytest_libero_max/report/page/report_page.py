@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report import highlights
+from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
@@ -33,6 +33,7 @@ from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text,
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
+from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
@@ -136,6 +137,8 @@ def html(
         study_notes=[] if study is None else study_notes(study),
         study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
         study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
+        timing=timing,
+        survival=survival_curves(report),
         study_tables=[] if study is None else study_tables(study),
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,

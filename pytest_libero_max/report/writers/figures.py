@@ -7,9 +7,18 @@ from collections.abc import Callable, Mapping
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.formats import interval_text, percent, points
-from pytest_libero_max.report.palette import GAIN, GRID, INK, LOSS, MUTED, NEUTRAL, ON_LIGHT
+from pytest_libero_max.report.palette import ARMS, GAIN, GRID, INK, LOSS, MUTED, NEUTRAL, ON_LIGHT
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.svg import arrow, circle, document, line, rectangle, shade, text
+from pytest_libero_max.report.writers.svg import (
+    arrow,
+    circle,
+    document,
+    line,
+    rectangle,
+    shade,
+    staircase,
+    text,
+)
 
 _ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 220, 420, 170, 34
 
@@ -106,11 +115,42 @@ def stale_histogram(report: Report) -> str:
     return document(across, bottom + 48, "Stale-action exposure, pairs by actions", shapes)
 
 
+def survival_curves(report: Report) -> str:
+    """Draw the share of pairs not yet completed by policy step, a staircase for Base and one for Dynamic."""
+    curves, left, high = report.success_curves, 50, 200
+    last = curves.steps[-1] if curves else 0
+    shapes = [text(left, high + 36, "policy steps", size=11, color=MUTED)]
+    for quarter in range(5):
+        y = high * (1 - quarter / 4)
+        shapes += [
+            line(left, y, left + _PLOT, y),
+            text(left - 6, y + 4, f"{25 * quarter}%", "end", 11, MUTED),
+        ]
+    if curves and last:
+        for quarter in range(5):
+            x = left + _PLOT * quarter / 4
+            shapes.append(text(x, high + 18, f"{last * quarter / 4:.0f}", "middle", 11, MUTED))
+        arms = (("Base", curves.base, ARMS[0], 4), ("Dynamic", curves.dynamic, ARMS[1], 2))
+        for number, (name, counts, color, width) in enumerate(arms):
+            places = [
+                (left + _PLOT * step / last, high * (1 - count / curves.pairs))
+                for step, count in zip(curves.steps, counts, strict=True)
+            ]
+            x, y = left + _PLOT + 16, 12 + 18 * number
+            shapes += [
+                staircase(places, color, width),
+                line(x, y, x + 24, y, color, width),
+                text(x + 30, y + 4, name),
+            ]
+    return document(left + _PLOT + 110, high + 48, "Pairs not yet completed by policy step", shapes)
+
+
 FIGURES: Mapping[str, Callable[[Report], str]] = {
     "base-to-dynamic": arrow_plot,
     "paired-change": change_profile,
     "categories": category_map,
     "stale-actions": stale_histogram,
+    "time-to-success": survival_curves,
 }
 """Every figure by the stem of its file name."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.report import highlights
+from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
@@ -110,7 +110,8 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
             lines += [*markdown_table(head, highlights.shrunken_rows(report, name)), ""]
     lines += [] if report.study is None else _study(report.study)
     for title, values in report.sections.items():
-        lines += [f"## {markdown_text(title)}", "", *markdown_table(("Name", "Value"), values.items()), ""]
+        lines += [f"## {markdown_text(title)}", "", *([timing.NOTE, ""] if title == timing.TITLE else [])]
+        lines += [*markdown_table(("Name", "Value"), values.items()), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",

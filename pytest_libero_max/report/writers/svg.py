@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 from pytest_libero_max.benchmark.documents import printable
@@ -39,6 +40,13 @@ def line(x1: float, y1: float, x2: float, y2: float, color: str = GRID, width: f
         f"<line x1='{_n(x1)}' y1='{_n(y1)}' x2='{_n(x2)}' y2='{_n(y2)}' stroke='{color}' "
         f"stroke-width='{_n(width)}'/>"
     )
+
+
+def staircase(places: Sequence[tuple[float, float]], color: str, width: float) -> str:
+    """Return a line through places that goes across before it goes up or down."""
+    (x, y), *later = places
+    path = f"M{_n(x)} {_n(y)}" + "".join(f"H{_n(x)}V{_n(y)}" for x, y in later)
+    return f"<path d='{path}' fill='none' stroke='{color}' stroke-width='{_n(width)}'/>"
 
 
 def circle(x: float, y: float, radius: float, fill: str, stroke: str = "none") -> str:

@@ -1,0 +1,142 @@
+"""Times of made-up pairs, against what can be worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.timing import NOTE, TITLE, success_curves, timing_section
+from pytest_libero_max.report.writers.figures import survival_curves
+from pytest_libero_max.report.writers.markdown import markdown
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
+
+RMST = "Restricted mean time to success"
+PAIRS = plan()
+
+
+def took(number: int, base: int | None, dynamic: int | None, **changes: Any) -> PairRecord:
+    """A pair whose arms succeed after so many steps, or never in 220; its event is at step 23."""
+    steps = {"base_steps": base or 220, "dynamic_steps": dynamic or 220}
+    return record_of(PAIRS[number], base is not None, dynamic is not None, **steps, **changes)
+
+
+def rows(records: Sequence[PairRecord], *, with_intervals: bool = True) -> dict[str, Any]:
+    tasks = [str(number) for number in range(len(records))]
+    return timing_section(records, tasks, with_intervals=with_intervals)[TITLE]
+
+
+def staged(record: PairRecord, base: list[int | None], dynamic: list[int | None]) -> PairRecord:
+    """The pair with these touch, grasp and lift steps of the only fact of its goal."""
+    names, arms = ("touch_step", "grasp_step", "lift_step"), {}
+    for name, steps in (("base", base), ("dynamic", dynamic)):
+        stages: dict[str, list[int | None]] = {"above_step": [None], "satisfied_step": [None]}
+        stages |= {stage: [step] for stage, step in zip(names, steps, strict=True)}
+        arms[name] = replace(record.arms[name], probes={"stages": stages})
+    return replace(record, arms=arms)
+
+
+def test_an_episode_without_success_counts_with_its_horizon() -> None:
+    table = rows([took(0, 100, 120), took(1, 80, None), took(2, None, None)])
+    assert table[f"{RMST}, Base"] == f"{(100 + 80 + 220) / 3:.1f} steps"
+    assert table[f"{RMST}, Dynamic"] == f"{(120 + 220 + 220) / 3:.1f} steps"
+    assert table[f"{RMST}, Dynamic - Base"] == "+53.3 steps [n/a: 2 pairs differ, 10 are needed]"
+    assert table["Median from event to success, Base"] == "67.0 steps  2/3 pairs"
+    assert table["Median from event to success, Dynamic"] == "97.0 steps  1/3 pairs"
+    assert (
+        table["Median from event to success, Dynamic - Base where both have it"] == "+20.0 steps  1/3 pairs"
+    )
+
+
+def test_the_area_under_a_curve_is_the_restricted_mean() -> None:
+    records = [
+        took(number, 60 + 3 * number, None if number % 4 == 0 else 90 + number) for number in range(32)
+    ]
+    curves = success_curves(records)
+    assert curves is not None
+    assert (curves.steps[0], curves.steps[-1], curves.pairs) == (0, 220, 32)
+    for counts, label in ((curves.base, "Base"), (curves.dynamic, "Dynamic")):
+        widths = [after - before for before, after in zip(curves.steps, curves.steps[1:], strict=False)]
+        area = sum(width * count for width, count in zip(widths, counts, strict=False)) / 32
+        assert rows(records)[f"{RMST}, {label}"] == f"{area:.1f} steps"
+
+
+def test_intervals_are_there_where_there_is_enough_and_no_rule_has_ended_the_run() -> None:
+    records = [took(number, 80 + number, 90 + number * number % 37) for number in range(32)]
+    table = rows(records)
+    assert "[" in table[f"{RMST}, Dynamic - Base"]
+    assert table[f"{RMST}, Dynamic - Base, for other tasks"].endswith(", 32 tasks")
+    assert "[" in table["Median from event to success, Base"]
+    assert not any("[" in str(value) for value in rows(records, with_intervals=False).values())
+
+
+def test_the_next_stage_is_one_that_was_not_reached_before_the_event() -> None:
+    again = staged(took(0, None, None), [10, 30, 44], [10, 60, 80])
+    never = staged(took(1, None, None), [10, 20, 50], [10, 20, None])
+    success = staged(took(2, 90, 70), [10, 20, 22], [10, 20, 22])
+    table = rows([again, never, success, took(3, 100, 100)])
+    assert table["Median from event to the next stage, Base"] == "27.0 steps  3/4 pairs"  # 30, 50, 90 less 23
+    assert table["Median from event to the next stage, Dynamic"] == "42.0 steps  2/4 pairs"  # 60, 70 less 23
+    assert (
+        table["Median from event to the next stage, Dynamic - Base where both have it"]
+        == "+5.0 steps  2/4 pairs"
+    )
+
+
+def test_way_and_jerk_are_divided_at_the_event() -> None:
+    def moved(arm: Any, ways: list[float], jerks: list[float]) -> Any:
+        motion = {"path_m": 0.0, "jerk_m_s3": 0.0, "step_m": ways, "step_jerk_m_s3": jerks}
+        return replace(arm, probes={"motion": motion})
+
+    record = took(0, 27, 29)
+    before = [0.01] * 23, [2.0] * 21
+    arms = {
+        "base": moved(record.arms["base"], before[0] + [0.02] * 4, [*before[1], 9.0, 9.0, 3.0, 4.0]),
+        "dynamic": moved(record.arms["dynamic"], before[0] + [0.02] * 6, [*before[1], 9.0, 9.0, *[10.0] * 4]),
+    }
+    table = rows([replace(record, arms=arms), took(1, 90, 90)])
+    assert table["Pairs whose motion was watched"] == 1
+    assert table["Median way of the hand to the event, the same in both arms"] == "0.23 m  1/1 pairs"
+    assert table["Median way after the event, Base"] == "0.08 m  1/1 pairs"
+    assert table["Median way after the event, Dynamic / Base where both succeed"] == "1.50  1/1 pairs"
+    assert table["Median jerk to the event, the same in both arms"] == "2.0 m/s^3  1/1 pairs"
+    assert table["Median jerk after the event, Base"] == f"{math.sqrt(12.5):.1f} m/s^3  1/1 pairs"
+    assert table["Median jerk after the event, Dynamic / Base"] == f"{10 / math.sqrt(12.5):.2f}  1/1 pairs"
+
+
+def test_nothing_is_said_of_what_there_is_not() -> None:
+    assert timing_section([], []) == {}
+    assert success_curves([]) is None
+    table = rows([took(0, None, None), took(1, 90, 90, dynamic_digest=None, **_quiet())])
+    assert table["Pairs with an event"] == 1
+    assert table["Median from event to success, Dynamic"] == "n/a  0/1 pairs"
+    assert not any("motion" in name for name in table)
+
+
+def _quiet() -> dict[str, Any]:
+    return {name: value for name, value in NEVER_TRIGGERED.items() if name != "dynamic_digest"} | {
+        "base_digest": "cd" * 32
+    }
+
+
+@pytest.mark.parametrize("ends", [(90, 90), (90, None), (None, None)])
+def test_it_is_in_report_and_page(ends: tuple[int | None, int | None]) -> None:
+    records = [took(number, *ends) for number in range(4)]
+    report = build_report(records, [], PAIRS[:8], PROVENANCE)
+    assert f"## {TITLE}\n\n{NOTE}\n" in markdown(report)
+    assert f"<h2>{TITLE}</h2>\n<p>{NOTE}</p><figure>{survival_curves(report)}" in html(report, [], [])
+    assert report.success_curves is not None
+    left = [0 if end else 4 for end in ends]
+    assert [report.success_curves.base[-1], report.success_curves.dynamic[-1]] == left
+
+
+def test_a_report_without_pairs_has_no_times() -> None:
+    report = build_report([], [], PAIRS, PROVENANCE)
+    assert report.success_curves is None
+    assert TITLE not in markdown(report) + html(report, [], [])
