@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import pytest_libero_max
@@ -21,7 +22,8 @@ from pytest_libero_max.substrates.libero.installation import importable, install
 from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
 from pytest_libero_max.substrates.libero.lacking import lacking
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
-from pytest_libero_max.worlds.contract import NOOP_ACTION
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
+from pytest_libero_max.worlds.rendering.renderer import Renderer
 from tests.construction.test_official import MANIFEST, OFFICIAL
 from tests.substrates.libero.made_up import pro_case
 
@@ -64,6 +66,30 @@ def test_a_case_of_each_source_plays_on_its_own_data() -> None:
     assert "alphabet_soup_1" in worlds["LIBERO"].entities
     assert worlds["task"].language == "Pick the cream cheese and place it in the basket"
     assert worlds["Camera Viewpoints"].language.endswith("view 0 0 100 2 4 initstate 0")
+    substrate.close()
+
+
+def test_two_seeds_of_a_task_share_an_upload_and_leave_out_nothing_visible(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    substrate = LiberoSubstrate()
+    worlds = [substrate.task_world("libero_10", 2, seed) for seed in (0, 1)]
+    images = [world.observe(size=128) for world in worlds]
+    uploaded, other = (world._renderer._uploaded for world in worlds if world._renderer is not None)
+    assert uploaded is not None
+    assert uploaded is other
+    world = worlds[0]
+    assert world._view is not None
+    plain = Renderer(world.model, world._view, reflections=True)
+    with monkeypatch.context() as patch:
+        patch.setattr(type(uploaded), "holds", lambda *_: False)
+        for name in CAMERAS:
+            assert np.array_equal(images[0][f"{name}_image"], plain.render(name, 128)), name
+    assert plain._uploaded is not uploaded
+    assert uploaded.holds(world.model)
+    world.model.tex_data[-1] ^= 1
+    assert not uploaded.holds(world.model)
+    plain.close()
     substrate.close()
 
 

@@ -163,6 +163,16 @@ def test_scenes_with_other_textures_meshes_or_planes_share_nothing(difference: d
     other.close()
 
 
+@pytest.mark.parametrize("place", [0, renderer._PIECE - 1, renderer._PIECE, -1])
+def test_a_byte_that_differs_is_found_in_every_piece(place: int) -> None:
+    one = np.zeros(2 * renderer._PIECE + 3, np.uint8)
+    other = one.copy()
+    assert renderer._equal(one, other)
+    assert not renderer._equal(one, other[:-1])
+    other[place] = 1
+    assert not renderer._equal(one, other)
+
+
 def test_looking_changes_nothing() -> None:
     world, blind = TinyWorld(), TinyWorld()
     for _ in range(3):
