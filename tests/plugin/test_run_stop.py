@@ -80,7 +80,7 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
 ) -> None:
     policy = slow(pytester, sleep_s=0.05)
     rule = "--libero-max-stop=enough:3"
-    result = run(rule, "--junitxml=junit.xml", *workers, policy=policy, subprocess=True)
+    result = run(rule, "--junitxml=junit.xml", *workers, policy=policy, subprocess=bool(workers))
     lines, report = results()
     name = "libero-spatial-t00-i00-distractor_burst-v0"
     stopped = {"reason": f"{name} was the last", "of": 16, "rule": "enough:3", "at": 3}
@@ -107,14 +107,14 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
 def test_a_stopped_run_goes_on_only_without_its_rule(
     run: Run, results: Results, enough: None, workers: tuple[str, ...]
 ) -> None:
-    run("--libero-max-stop=enough:3", *workers, subprocess=True)
+    run("--libero-max-stop=enough:3", *workers, subprocess=bool(workers))
     before = len(results()[0]) - 1
-    again = run("--libero-max-stop=enough:3", "--libero-max-resume", *workers, subprocess=True)
+    again = run("--libero-max-stop=enough:3", "--libero-max-resume", *workers, subprocess=bool(workers))
     lines, report = results()
     assert sum(line["line"] == "pair" for line in lines) == before
     assert report["pairs"]["stopped"]["at"] == 3
     assert again.ret == 0
-    on = run("--libero-max-resume", *workers, subprocess=True)
+    on = run("--libero-max-resume", *workers, subprocess=bool(workers))
     assert on.ret == 0
     assert results()[1]["pairs"]["complete"]
     assert results()[1]["pairs"]["stopped"] is None
@@ -161,7 +161,7 @@ def test_a_run_stops_once_its_gate_is_certain_and_has_its_verdict(
 
 
 def test_anytime_needs_a_random_order_and_is_said_to(run: Run) -> None:
-    result = run("--libero-max-stop=anytime", "--libero-max-order=blocks:7", subprocess=True)
+    result = run("--libero-max-stop=anytime", "--libero-max-order=blocks:7")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(
         ["*--libero-max-stop=anytime: in the order blocks:7 *Add --libero-max-order=shuffled:SEED *"]
@@ -170,16 +170,14 @@ def test_anytime_needs_a_random_order_and_is_said_to(run: Run) -> None:
 
 def test_a_level_is_declared_before_the_first_pair(run: Run) -> None:
     order = "--libero-max-order=shuffled:2"
-    run(order, "-k", "camera_shift", subprocess=True)
-    result = run(
-        order, "-k", "camera_shift", "--libero-max-stop=anytime", "--libero-max-resume", subprocess=True
-    )
+    run(order, "-k", "camera_shift")
+    result = run(order, "-k", "camera_shift", "--libero-max-stop=anytime", "--libero-max-resume")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["*--libero-max-stop=anytime: level and gates are declared before *"])
 
 
 def test_a_rule_that_never_decides_is_said_in_the_header(run: Run) -> None:
-    result = run("--libero-max-stop=certain", "--libero-max-gate=whole_track == 1", subprocess=True)
+    result = run("--libero-max-stop=certain", "--libero-max-gate=whole_track == 1", "--libero-max-limit=1")
     result.stdout.fnmatch_lines(
         ["*stop: certain never stops this run, for no bounds are known of whole_track == 1*"]
     )
@@ -201,7 +199,7 @@ def test_errors_stop_a_run_that_is_then_incomplete(
     run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:
     policy = slow(pytester, broken=("camera_shift-v1", "distractor_burst-v1"))
-    result = run("--libero-max-stop=errors:2", policy=policy, subprocess=True)
+    result = run("--libero-max-stop=errors:2", policy=policy)
     lines, _ = results()
     assert [line["line"] for line in lines] == ["pair", "error", "pair", "error", "stopped"]
     assert result.ret == 11
@@ -217,7 +215,7 @@ def test_other_tests_are_played_after_a_rule_has_stopped_the_pairs(
     run: Run, pytester: pytest.Pytester, enough: None
 ) -> None:
     pytester.makepyfile(test_other="def test_other(): pass")
-    result = run("libero-max", "test_other.py", "--libero-max-stop=enough:2", subprocess=True)
+    result = run("libero-max", "test_other.py", "--libero-max-stop=enough:2")
     result.assert_outcomes(passed=3)
 
 
@@ -239,10 +237,10 @@ def test_the_first_failure_stops_all_workers(
 def test_results_do_not_depend_on_the_order_of_play(
     run: Run, results: Results, pytester: pytest.Pytester, workers: tuple[str, ...]
 ) -> None:
-    run(subprocess=True)
+    run()
     usual, usual_report = results()
     assert usual_report["provenance"]["order"] == "sorted"
-    run("--libero-max-order=blocks:7", *workers, subprocess=True)
+    run("--libero-max-order=blocks:7", *workers, subprocess=bool(workers))
     mixed, report = results()
     assert identities(mixed) == identities(usual)
     assert report["overall"] == usual_report["overall"]
@@ -281,6 +279,6 @@ def test_a_run_is_resumed_in_its_order(run: Run) -> None:
 )
 @pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["plain", "n1"])
 def test_bogus_values_are_refused(run: Run, option: str, message: str, workers: tuple[str, ...]) -> None:
-    result = run(option, *workers, subprocess=True)
+    result = run(option, *workers, subprocess=bool(workers))
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines([message])
