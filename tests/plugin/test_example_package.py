@@ -30,12 +30,11 @@ RUN = ("--libero-max-policy=adapter.py", "--libero-max-manifest=tiny.json", "--l
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
 
 
-@pytest.fixture
-def installed(
-    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, short_sessions: None
-) -> pytest.Pytester:
-    """A folder with the example package installed, an adapter, and a manifest with its event."""
-    place = pytester.mkdir("site")
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of packages with the example package in it, and a manifest with its event beside it."""
+    place = tmp_path_factory.mktemp("example") / "site"
+    place.mkdir()
     project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
     info = place / f"libero_max_push-{project['version']}.dist-info"
     info.mkdir()
@@ -49,9 +48,19 @@ def installed(
     (info / "entry_points.txt").write_text("\n".join(groups))
     for module in PACKAGE.glob("*.py"):
         shutil.copy(module, place)
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(place), str(REPOSITORY)]))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(place), str(REPOSITORY)])}
+    subprocess.run([sys.executable, "-c", MANIFEST], cwd=place.parent, env=environment, check=True)
+    return place
+
+
+@pytest.fixture
+def installed(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, short_sessions: None, site: Path
+) -> pytest.Pytester:
+    """A folder with the example package installed, an adapter, and a manifest with its event."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), str(REPOSITORY)]))
     pytester.makepyfile(adapter=REACHER)
-    subprocess.run([sys.executable, "-c", MANIFEST], cwd=pytester.path, check=True)
+    shutil.copy(site.parent / "tiny.json", pytester.path)
     return pytester
 
 
