@@ -1,23 +1,53 @@
-"""``libero-max publish`` and ``published``: packed results of a run, and those of the paper."""
+"""``libero-max publish``, ``verify-run`` and ``published``: packed results of a run, and the paper's."""
 
 from __future__ import annotations
 
 import argparse
+import secrets
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from pytest_libero_max.cli.arguments import whole_number
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``publish`` and ``published`` to the parser."""
+    """Add ``publish``, ``verify-run`` and ``published`` to the parser."""
     publish = commands.add_parser(
         "publish", help="Write packed pairs, report and figures of a run into a folder to be published"
     )
     publish.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
     publish.add_argument("folder", type=Path, metavar="FOLDER", help="For example reports/lite/expert")
     publish.set_defaults(run=_publish)
+
+    check = commands.add_parser(
+        "verify-run",
+        help="Check a published run: compute every number again, and play some pairs again",
+        description="Reports, figures and cases have to follow from the packed pairs and from the frozen "
+        "tracks. Pairs drawn at random are then played again, each in a process of its own, and have to end "
+        "alike, with the same proofs. Exit status 1 if anything differs.",
+    )
+    check.add_argument("folder", type=Path, metavar="FOLDER", help="Written by libero-max publish")
+    check.add_argument(
+        "--pairs",
+        type=whole_number(0),
+        default=2,
+        metavar="K",
+        help="Number of pairs to play again; 0 plays none (default: %(default)s)",
+    )
+    check.add_argument(
+        "--seed", metavar="TEXT", help="Draw the same pairs again (default: a new one, printed)"
+    )
+    check.add_argument(
+        "--policy",
+        metavar="REFERENCE",
+        help="The policy of the run as it is found here, as for pytest --libero-max-policy (default: that "
+        "of the run)",
+    )
+    check.set_defaults(run=_verify_run)
 
     published = commands.add_parser("published", help="Print the results published in the paper")
     published.set_defaults(run=_published)
@@ -27,6 +57,32 @@ def _publish(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.publication import publish
 
     print(f"Written: {', '.join(map(str, publish(options.run_folder, options.folder)))}")
+
+
+def _verify_run(options: argparse.Namespace) -> int:
+    from pytest_libero_max.report.publication import checked
+    from pytest_libero_max.runs.replay_command import is_outside
+    from pytest_libero_max.runs.run_verification import verification_lines, verified
+    from pytest_libero_max.runs.store import read_pairs
+
+    for line in checked(options.folder):
+        print(line)
+    run = read_pairs(options.folder)
+    if not options.pairs or is_outside(run.run.provenance):
+        print("played again: none; nothing shows that these pairs were played")
+        return 0
+    seed = options.seed if options.seed is not None else str(secrets.randbelow(10**6))
+    print(f"playing {min(options.pairs, len(run.records))} pairs again, drawn by --seed={seed}", flush=True)
+    start = time.perf_counter()
+    found = verified(run, options.pairs, Path.cwd(), seed=seed, policy=options.policy)
+    lines, problems = verification_lines(found, time.perf_counter() - start)
+    print("\n".join([*lines, *problems]))
+    if problems:
+        print(
+            "A pair that could not be played says nothing about the run. Where policy and versions are those "
+            "of the run, a pair that ends otherwise refutes it."
+        )
+    return 1 if problems else 0
 
 
 def _published(options: argparse.Namespace) -> None:

@@ -155,7 +155,7 @@ class RunEnd:
             return []
         if not self._records[0].policy.get("repeatable", True):
             return ["Played again: no pair, because the policy is not repeatable."]
-        from pytest_libero_max.plugin.run_verification import verification_lines, verified
+        from pytest_libero_max.runs.run_verification import verification_lines, verified
 
         begun = time.perf_counter()
         run, folder = read_pairs(self.settings.output), self.config.invocation_params.dir
@@ -237,7 +237,7 @@ class RunEnd:
     def _add_sections(self, report: Report) -> Report:
         """Add the pairs that were played again, and let conftest files add sections, and nothing else."""
         if self._verified:
-            from pytest_libero_max.plugin.run_verification import TITLE
+            from pytest_libero_max.runs.run_verification import TITLE
 
             again = {item: text or "alike" for item, text in self._verified.items()}
             report = msgspec.structs.replace(report, sections={**report.sections, TITLE: again})

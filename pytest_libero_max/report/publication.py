@@ -1,15 +1,32 @@
-"""A published run: its packed pairs, from which every report follows, and its report in Markdown."""
+"""A published run: its packed pairs, from which every report follows, and its report in Markdown.
+
+It is written, and checked by those who did not write it.
+"""
 
 from __future__ import annotations
 
 import gzip
+from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import read_content
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.errors import LiberoMaxError, ReportError
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.markdown import markdown
-from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME, make_folder, report_of, write_bytes
-from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, pairs_file, read_pairs
+from pytest_libero_max.report.writers.report_files import (
+    MARKDOWN_NAME,
+    REPORT_NAME,
+    all_figures,
+    make_folder,
+    report_json,
+    report_of,
+    write_bytes,
+)
+from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_file, read_pairs
 
 
 def publish(run: Path, folder: Path) -> list[Path]:
@@ -39,3 +56,96 @@ def publish(run: Path, folder: Path) -> list[Path]:
     for name, content in files.items():
         write_bytes(folder / name, content)
     return [folder / name for name in files]
+
+
+def checked(folder: Path) -> Iterator[str]:
+    """Compute everything in a published folder again from its pairs, and compare.
+
+    It shows that the folder agrees with itself and with the frozen cases, not that the pairs were ever
+    played: that takes playing some again.
+
+    Yields:
+        The checks that passed, a line each, and what was not checked.
+
+    Raises:
+        ReportError: The first thing that is not as it must be.
+    """
+    stored = _read_whole(folder)
+    report = report_of(stored)
+    if not report.pairs.complete:
+        raise ReportError(f"{folder} is incomplete: {report.headline.reason}. {_CURE}")
+    yield f"pairs: {report.pairs.played} of {report.pairs.planned} planned pairs, each line well-formed"
+    yield _check_cases(stored, folder)
+    if not (folder / MARKDOWN_NAME).is_file():
+        raise ReportError(f"{folder} has no {MARKDOWN_NAME}, which every published run has. {_CURE}")
+    texts = _texts(report, folder)
+    for name, text in texts.items():
+        _require_text(folder / name, text)
+    yield f"numbers: as the pairs give them in {', '.join(texts)}"
+    other = sorted({path.name for path in folder.iterdir()} - {PACKED_PAIRS_NAME, *texts})
+    if other:
+        yield f"not checked: {', '.join(other)}"
+
+
+_CURE = "Ask its author for the folder as libero-max publish writes it, or publish the run again."
+
+
+def _read_whole(folder: Path) -> StoredRun:
+    if not (folder / PACKED_PAIRS_NAME).is_file():
+        raise ReportError(
+            f"{folder} has no {PACKED_PAIRS_NAME}, so it is no published run. "
+            f"Make one: libero-max publish RUN {folder}."
+        )
+    stored = read_pairs(folder / PACKED_PAIRS_NAME)
+    if stored.torn:
+        raise ReportError(f"{folder / PACKED_PAIRS_NAME} ends within a line. {_CURE}")
+    return stored
+
+
+def _check_cases(stored: StoredRun, folder: Path) -> str:
+    """Check that the planned pairs are those of the selection, and of the frozen track."""
+    planned, provenance = stored.run.planned, stored.run.provenance
+    if provenance.get("selection"):
+        Selection.from_dict(provenance["selection"]).require(pair.case_id for pair in planned)
+    case_set = provenance["case_set"]
+    kind, _, name = case_set["name"].partition(" ")
+    if kind != "track" or not name or case_set.get("program"):
+        return f"not checked: cases of {case_set['name']}, which is no frozen track"
+    try:
+        track = load_track(name)
+    except LiberoMaxError as error:
+        return f"not checked: cases of {case_set['name']} ({error})"
+    if track.digest != case_set["digest"]:
+        raise ReportError(
+            f"{folder} names the {case_set['name']} with digest={case_set['digest']!r}, but here it has "
+            f"{track.digest!r}. Install the version of pytest-libero-max that it was played with."
+        )
+    frozen = {case.case_id: PlannedPair.of(case) for case in track}
+    for pair in planned:
+        if pair != frozen.get(pair.case_id):
+            raise ReportError(
+                f"The planned pair {pair.case_id!r} of {folder} differs from the case of the "
+                f"{case_set['name']}; a published run plays frozen cases as they are. {_CURE}"
+            )
+    return f"cases: {len(planned)} of the {len(frozen)} of the {case_set['name']}, as they were frozen"
+
+
+def _texts(report: Report, folder: Path) -> dict[str, str]:
+    """Return what the files of a folder must hold, of those that follow from its pairs."""
+    texts = {MARKDOWN_NAME: markdown(report), REPORT_NAME: report_json(report)}
+    if [*folder.glob("*.svg")]:
+        texts |= {f"{stem}.svg": svg for stem, svg in all_figures(report).items()}
+    return {name: text for name, text in texts.items() if (folder / name).is_file()}
+
+
+def _require_text(path: Path, expected: str) -> None:
+    found = path.read_bytes().decode(errors="replace")
+    if found == expected:
+        return
+    lines = zip_longest(found.splitlines(), expected.splitlines(), fillvalue="(nothing)")
+    different = [(number, *pair) for number, pair in enumerate(lines, start=1) if pair[0] != pair[1]]
+    number, one, other = (*different, (1, "other line ends", "line feeds"))[0]
+    raise ReportError(
+        f"{path}, line {number}: {one.strip()!r}, but its pairs give {other.strip()!r}. A published report "
+        f"follows from the pairs beside it. {_CURE} Another version of the package may write other text."
+    )

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from pytest_libero_max.cli import main
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.plugin.run_verification import chosen
+from pytest_libero_max.runs.run_verification import chosen
 from tests.plugin.conftest import REACHER, tiny_manifest
 
 Run = Callable[..., pytest.RunResult]
@@ -39,6 +41,28 @@ def test_pairs_end_alike_in_a_process_of_their_own(run: Run, results: Results, s
     result.stdout.fnmatch_lines(["Played again: 2 of 2 pairs end alike in processes of their own*"])
     table = results()[1]["sections"]["Pairs played again"]
     assert list(table.values()) == ["alike", "alike"]
+
+
+def test_a_published_run_is_played_again_by_those_who_check_it(
+    pytester: pytest.Pytester, run: Run, suites: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A success that is altered everywhere agrees with itself, and is found by playing the pair."""
+    run().assert_outcomes(passed=4)
+    assert main(["publish", "libero-max-results", "published"]) == 0
+    assert main(["verify-run", "published", "--pairs=1", "--seed=7"]) == 0
+    out = capfd.readouterr().out
+    assert "drawn by --seed=7" in out
+    assert "Played again: 1 of 1 pairs end alike" in out
+
+    pairs = Path("libero-max-results", "pairs.jsonl")
+    head, *rest = map(json.loads, pairs.read_text().splitlines())
+    drawn = chosen([PairRecord.from_dict(dict(line)) for line in rest], 1, "7")[0].case_id
+    altered = next(line for line in rest if line["case_id"] == drawn)
+    altered["arms"]["dynamic"]["success"] ^= True
+    pairs.write_text("".join(json.dumps(line) + "\n" for line in (head, *rest)))
+    assert main(["publish", "libero-max-results", "published"]) == 0
+    assert main(["verify-run", "published", "--pairs=1", "--seed=7"]) == 1
+    assert "dynamic: success" in capfd.readouterr().out
 
 
 def test_a_policy_that_keeps_what_it_saw_first_of_a_suite_is_found(

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,9 +16,7 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
-from pytest_libero_max.report.publication import publish
-from pytest_libero_max.report.writers.markdown import markdown
-from pytest_libero_max.report.writers.report_files import report_of
+from pytest_libero_max.report.publication import checked, publish
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, page_cases, plan, records_of
@@ -62,8 +64,71 @@ def test_an_incomplete_run_is_not_published(run: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("folder", RUNS, ids=lambda folder: str(folder.relative_to(REPORTS)))
 def test_the_report_of_a_published_run_follows_from_its_pairs(folder: Path) -> None:
     assert {"report.md", PACKED_PAIRS_NAME} <= {path.name for path in folder.iterdir()}
-    report = report_of(read_pairs(folder / PACKED_PAIRS_NAME))
-    assert (folder / "report.md").read_text(encoding="utf-8") == markdown(report)
+    assert [line for line in checked(folder) if line.startswith("numbers: ")]
+
+
+def _flip(lines: list[Any]) -> None:
+    pair = next(line for line in lines[1:] if line["arms"]["dynamic"]["firings"])
+    pair["arms"]["dynamic"]["success"] ^= True
+
+
+def _remove(lines: list[Any]) -> None:
+    del lines[-1]
+
+
+def _remove_and_replan(lines: list[Any]) -> None:
+    gone = lines.pop()["case_id"]
+    lines[0]["planned"] = [pair for pair in lines[0]["planned"] if pair["case_id"] != gone]
+
+
+def _alter_case(lines: list[Any]) -> None:
+    case = lines[1]["case_id"]
+    planned = next(pair for pair in lines[0]["planned"] if pair["case_id"] == case)
+    planned["case_digest"] = lines[1]["case_digest"] = "0" * 64
+
+
+def _alter_group(lines: list[Any]) -> None:
+    lines[0]["planned"][0]["task"] = "libero_goal/9"
+
+
+@pytest.mark.parametrize(
+    ("tamper", "message"),
+    [
+        (_flip, r"report\.md, line \d+: '.*', but its pairs give '.*'\. .* follows from the pairs"),
+        (_remove, "is incomplete: 31 of 32 planned pairs were played.* publish the run again"),
+        (_remove_and_replan, "32 of 32 cases are chosen, but the run has 31 planned pairs"),
+        (_alter_case, "The planned pair '.*' of .* differs from the case of the track smoke"),
+        (_alter_group, "The planned pair '.*' of .* differs from the case of the track smoke"),
+    ],
+)
+def test_a_folder_whose_pairs_were_altered_is_refused(
+    tamper: Callable[[list[Any]], None], message: str, tmp_path: Path
+) -> None:
+    folder = shutil.copytree(REPORTS / "smoke" / "expert", tmp_path / "expert")
+    packed = folder / PACKED_PAIRS_NAME
+    lines = [json.loads(line) for line in gzip.decompress(packed.read_bytes()).splitlines()]
+    tamper(lines)
+    packed.write_bytes(gzip.compress("".join(json.dumps(line) + "\n" for line in lines).encode()))
+    with pytest.raises(ReportError, match=message):
+        list(checked(folder))
+
+
+def test_a_folder_with_an_altered_number_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shutil.copytree(REPORTS / "smoke" / "expert", tmp_path / "expert")
+    assert main(["report", str(folder)]) == 0
+    assert main(["verify-run", str(folder), "--pairs=0"]) == 0
+    assert "numbers: as the pairs give them in report.md, report.json" in capsys.readouterr().out
+    report = folder / "report.json"
+    report.write_text(report.read_text().replace('"played": 32', '"played": 31', 1))
+    assert main(["verify-run", str(folder), "--pairs=0"]) == 1
+    assert "'\"played\": 31,', but its pairs give '\"played\": 32,'" in capsys.readouterr().err
+
+
+def test_a_folder_that_was_not_published_is_refused(run: Path) -> None:
+    with pytest.raises(ReportError, match=r"no published run\. Make one: libero-max publish RUN"):
+        list(checked(run))
 
 
 def test_one_command_makes_every_file_of_a_published_run(tmp_path: Path) -> None:

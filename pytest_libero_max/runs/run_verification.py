@@ -28,7 +28,9 @@ _ALONE = (
 """Options of a session that plays one pair, whatever the ini file says."""
 
 
-def verified(run: StoredRun, number: int, folder: Path) -> dict[str, str]:
+def verified(
+    run: StoredRun, number: int, folder: Path, *, seed: str = "", policy: str | None = None
+) -> dict[str, str]:
     """Play pairs of a run again, and compare how their arms end.
 
     A policy that keeps something from pair to pair, and whatever else in a process outlives a pair, is the
@@ -38,7 +40,9 @@ def verified(run: StoredRun, number: int, folder: Path) -> dict[str, str]:
     Args:
         run: The run.
         number: Number of pairs; by turns of each suite.
-        folder: Folder in which the run was started.
+        folder: Folder in which the run was started, or where its policy is found.
+        seed: Other pairs are drawn by each.
+        policy: Reference of the policy here; by default that of the run.
 
     Returns:
         By item id of each pair: empty if outcome, steps and proof of each arm are the same, otherwise what
@@ -46,12 +50,14 @@ def verified(run: StoredRun, number: int, folder: Path) -> dict[str, str]:
     """
     command = [sys.executable, "-m", *replay_command(run)[:-1], *_ALONE]
     command.remove(f"--libero-max-output={OUTPUT}")
-    return {record.item_id: _again(record, command, folder) for record in chosen(run.records, number)}
+    if policy is not None:
+        command.append(f"--libero-max-policy={policy}")  # pytest takes the last
+    return {record.item_id: _again(record, command, folder) for record in chosen(run.records, number, seed)}
 
 
-def chosen(records: Sequence[PairRecord], number: int) -> list[PairRecord]:
-    """Return so many pairs, by turns of each suite; the same for the same records in any order."""
-    ranked = sorted(records, key=lambda record: hashlib.sha256(record.case_id.encode()).digest())
+def chosen(records: Sequence[PairRecord], number: int, seed: str = "") -> list[PairRecord]:
+    """Return so many pairs, by turns of each suite; the same for the same records and seed in any order."""
+    ranked = sorted(records, key=lambda record: hashlib.sha256(f"{seed}{record.case_id}".encode()).digest())
     before: Counter[str] = Counter()
     turns = []
     for record in ranked:
