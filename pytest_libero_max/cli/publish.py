@@ -28,7 +28,8 @@ def add_command(commands: Commands) -> None:
         help="Check a published run: compute every number again, and play some pairs again",
         description="Reports, figures and cases have to follow from the packed pairs and from the frozen "
         "tracks. Pairs drawn at random are then played again, each in a process of its own, and have to end "
-        "alike, with the same proofs. Exit status 1 if anything differs.",
+        "alike, with the same proofs. This loads the policy that the run names, and runs its code; "
+        "--pairs=0 prints the name alone. Exit status 1 if anything differs.",
     )
     check.add_argument("folder", type=Path, metavar="FOLDER", help="Written by libero-max publish")
     check.add_argument(
@@ -68,6 +69,7 @@ def _verify_run(options: argparse.Namespace) -> int:
     for line in checked(options.folder):
         print(line)
     run = read_pairs(options.folder)
+    print(f"policy: {options.policy or run.run.provenance['policy']['reference']}", flush=True)
     if not options.pairs or is_outside(run.run.provenance):
         print("played again: none; nothing shows that these pairs were played")
         return 0

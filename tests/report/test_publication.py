@@ -119,7 +119,9 @@ def test_a_folder_with_an_altered_number_is_refused(
     folder = shutil.copytree(REPORTS / "smoke" / "expert", tmp_path / "expert")
     assert main(["report", str(folder)]) == 0
     assert main(["verify-run", str(folder), "--pairs=0"]) == 0
-    assert "numbers: as the pairs give them in report.md, report.json" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "numbers: as the pairs give them in report.md, report.json" in said
+    assert "policy: expert\n" in said
     report = folder / "report.json"
     report.write_text(report.read_text().replace('"played": 32', '"played": 31', 1))
     assert main(["verify-run", str(folder), "--pairs=0"]) == 1
