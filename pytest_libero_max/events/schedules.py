@@ -271,13 +271,13 @@ def arms_of(
     base = arms.pop(BASE, Arm(BASE))
     dynamic = arms.pop(DYNAMIC, None) or Arm(DYNAMIC, (Entry(trigger_of(case), change_of(case, strength)),))
     reseed = Entry(dynamic.schedule[0].trigger, ReseedPolicy())
-    later = tuple(map(_one_later, dynamic.schedule))
+    later = tuple(map(one_later, dynamic.schedule))
     shams = (Arm(SHAM, (reseed,)), Arm(SHAM_DYNAMIC, (reseed, *later))) if sham else ()
     again = (Arm(BASE_AGAIN, repetition=1),) if repeat_base else ()
     return (base, dynamic, *arms.values(), *shams, *again)
 
 
-def _one_later(entry: Entry) -> Entry:
+def one_later(entry: Entry) -> Entry:
     """Return an entry for a schedule with one more entry at its beginning; references move with it."""
     trigger, action = entry.trigger, entry.action
     if isinstance(trigger, StepsAfter) and trigger.entry >= 0:

@@ -212,7 +212,7 @@ OPTIONS = (
         "NAME",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
         "track camera unless another one is named), event-timing, cadence and latency (of the track lite), "
-        "audit, or one of another package",
+        "audit and repeats, or one of another package",
         read.known_in(STUDIES),
     ),
     Option(

@@ -29,6 +29,7 @@ from pytest_libero_max.report.measured import (
     without_intervals,
 )
 from pytest_libero_max.report.probe_means import probe_means
+from pytest_libero_max.report.repeats import repeats_section
 from pytest_libero_max.report.report_document import (
     Cell,
     ClippedActions,
@@ -70,6 +71,7 @@ from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
 from pytest_libero_max.stats.shrinkage import shrunken
+from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.registry import scores_of
 
 METHODS: Mapping[str, str | float] = {
@@ -152,7 +154,10 @@ def build_report(
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     with_intervals = counts.stopped is None or counts.stopped.rule is None
     row = partial(_row, with_intervals=with_intervals)
-    times = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
+    sections = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
+    if study is not None and study.name == Repeats.name:
+        tasks = [pair.task for pair in measured]
+        sections = repeats_section(in_order, tasks, with_intervals=with_intervals) | sections
     return Report(
         pairs=counts,
         selection=selection,
@@ -179,7 +184,7 @@ def build_report(
         shrunken=_shrunken(measured, columns),
         success_curves=success_curves(in_order),
         study=study,
-        sections=times | safety_section(in_order) | probe_means(in_order),
+        sections=sections | safety_section(in_order) | probe_means(in_order),
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
         provenance=provenance,

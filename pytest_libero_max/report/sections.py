@@ -1,14 +1,19 @@
-"""Sections that a user's hook adds to a report: titles with tables of names and values."""
+"""Sections of a report: titles with tables of names and values, to which a user's hook may add."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isfinite
 
 import msgspec
 
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report import repeats, timing
 from pytest_libero_max.report.report_document import Report
+
+NOTES: Mapping[str, str] = {timing.TITLE: timing.NOTE, repeats.TITLE: repeats.NOTE}
+"""Help for reading a section, by its title."""
 
 
 def with_sections(report: Report, amended: Json) -> Report:

@@ -25,6 +25,7 @@ _OWN = {
     "camera-strength": "camera_study:CameraStrength",
     "event-timing": "event_timing:EventTiming",
     "audit": "audit:Audit",
+    "repeats": "repeats:Repeats",
     _CADENCE: "cadence_sweep:CadenceSweep",
     _LATENCY: "latency_sweep:LatencySweep",
 }

@@ -17,7 +17,7 @@ from pytest_libero_max.benchmark.latency import Latency
 from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
-from pytest_libero_max.policies.contract import Query
+from pytest_libero_max.policies.contract import Query, query_seed
 from pytest_libero_max.report.studies.study_results import executed
 from pytest_libero_max.studies.audit import Audit
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, cadence_text, parse_cadence
@@ -25,6 +25,7 @@ from pytest_libero_max.studies.camera_study import CameraStrength, CameraTiming,
 from pytest_libero_max.studies.event_timing import EventTiming
 from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.studies.registry import STUDIES, make_study, study_from_dict
+from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.tasks.libero_tasks import tasks
 from pytest_libero_max.worlds.contract import Observation
@@ -89,6 +90,46 @@ def test_reset_has_the_change_before_the_first_query_and_leaves_the_pair_as_it_i
     assert (firing.step, firing.queries) == (0, 0)
     assert plain.evidence is not None
     assert firing.evidence["operation"] == plain.evidence["operation"]
+
+
+class Seeded(Approaching):
+    """Moves a little to a side that its seed says, and keeps the seeds."""
+
+    def __init__(self) -> None:
+        super().__init__(wait=2, horizon=8, interval=4)
+        self.seeds: list[int] = []
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        self.seeds.append(query.seed)
+        actions = super().predict(observation, query)
+        actions[:, 0] += 0.01 * np.random.default_rng(query.seed).random()
+        return actions
+
+
+def test_repeats_are_pairs_with_seeds_of_their_own(world: TinyWorld) -> None:
+    case, policy = make_case(distance_m=0.25), Seeded()
+    plain = measure_pair(case, world, Seeded()).record
+    studied = measure_pair(case, world, policy, arms=all_arms(Repeats(), policy)).record
+    arms = studied.arms
+    assert [*arms] == ["base", "dynamic", "base_2", "dynamic_2", "base_3", "dynamic_3"]
+    assert {name: arms[name].proof for name in plain.arms} == {
+        name: arm.proof for name, arm in plain.arms.items()
+    }
+    assert len({arm.proof for arm in arms.values()}) == 6
+    firsts = {query_seed(case.policy_seed, 0, plays) for plays in range(3)}
+    assert len(firsts) == 3
+    assert firsts <= set(policy.seeds)
+    for play in (2, 3):
+        shared = arms[f"dynamic_{play}"].firings
+        assert [len(shared), len(arms[f"base_{play}"].firings)] == [play, play - 1]
+        assert shared[-1].step > 0
+
+
+def test_a_policy_without_chance_repeats_itself(world: TinyWorld) -> None:
+    case, policy = make_case(distance_m=0.25), Approaching(wait=2)
+    arms = measure_pair(case, world, policy, arms=all_arms(Repeats(), policy)).record.arms
+    assert {arms[f"base_{play}"].proof for play in (2, 3)} == {arms["base"].proof}
+    assert {arms[f"dynamic_{play}"].proof for play in (2, 3)} == {arms["dynamic"].proof}
 
 
 class Noting(Approaching):

@@ -29,6 +29,7 @@ from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import Viewed, page
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.sections import NOTES
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
@@ -137,8 +138,8 @@ def html(
         study_notes=[] if study is None else study_notes(study),
         study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
         study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
-        timing=timing,
-        survival=survival_curves(report),
+        section_notes=NOTES,
+        section_figures={timing.TITLE: survival_curves(report)},
         study_tables=[] if study is None else study_tables(study),
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,

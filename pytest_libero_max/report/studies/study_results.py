@@ -21,6 +21,7 @@ from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraTiming
 from pytest_libero_max.studies.latency_sweep import LatencySweep
 from pytest_libero_max.studies.registry import study_from_dict
+from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.studies.study import Study as PlayedStudy
 
 _USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
@@ -45,7 +46,10 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
     cadence = cadence_results(study, records) if isinstance(study, CadenceSweep) else None
     latency = latency_results(study, records) if isinstance(study, LatencySweep) else None
     known = any(part is not None for part in (camera, cadence, latency))
-    arms = _inputs(records) if isinstance(study, Audit) else {} if known else _arms(records)
+    if isinstance(study, Repeats):
+        arms: dict[str, Any] = {"arms": success_by_arm(records)}
+    else:
+        arms = _inputs(records) if isinstance(study, Audit) else {} if known else _arms(records)
     return Study(
         name=study.name,
         title=_title(study, records),

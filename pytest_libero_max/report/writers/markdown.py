@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.report import highlights, timing
+from pytest_libero_max.report import highlights
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
@@ -15,6 +15,7 @@ from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.sections import NOTES
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_document import Study
@@ -110,7 +111,7 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
             lines += [*markdown_table(head, highlights.shrunken_rows(report, name)), ""]
     lines += [] if report.study is None else _study(report.study)
     for title, values in report.sections.items():
-        lines += [f"## {markdown_text(title)}", "", *([timing.NOTE, ""] if title == timing.TITLE else [])]
+        lines += [f"## {markdown_text(title)}", "", *([NOTES[title], ""] if title in NOTES else [])]
         lines += [*markdown_table(("Name", "Value"), values.items()), ""]
     lines += [
         f"## {LIMITS_TITLE}",

@@ -1,0 +1,50 @@
+"""Repeats: the same cases with other seeds of the policy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, arms_of, one_later
+from pytest_libero_max.events.triggers import AtStart
+from pytest_libero_max.studies.study import Study
+
+if TYPE_CHECKING:
+    from pytest_libero_max.policies.contract import PolicySpec
+
+
+class Repeats(Study):
+    """Base and Dynamic with the case's policy seed, and again with other seeds from the first query on.
+
+    The plays of a case are one item, one record and one pair: no statistic counts them as further pairs.
+    Other seeds are given to the queries; what a policy draws from its episode's seed alone stays the same.
+
+    Attributes:
+        plays: Number of plays of each case, the first included.
+    """
+
+    name = "repeats"
+    title = "Repeats with other policy seeds"
+    track = "smoke"
+    plays: ClassVar[int] = 3
+
+    def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
+        """Return a Base and a Dynamic for each further play, called ``base_2``, ``dynamic_2`` and so on."""
+        from pytest_libero_max.changes.nothing import ReseedPolicy
+
+        dynamic = next(arm for arm in arms_of(case, strength=strength) if arm.name == DYNAMIC)
+        found, start = [], Entry(AtStart(), ReseedPolicy())
+        for play in range(2, self.plays + 1):
+            later = dynamic.schedule
+            for _ in range(play - 1):
+                later = (start, *map(one_later, later))
+            found += [
+                Arm(repeated(BASE, play), (start,) * (play - 1)),
+                Arm(repeated(DYNAMIC, play), later),
+            ]
+        return tuple(found)
+
+
+def repeated(arm: str, play: int) -> str:
+    """Return the name of Base or Dynamic in a play; the first is 1."""
+    return arm if play == 1 else f"{arm}_{play}"
