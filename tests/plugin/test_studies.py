@@ -95,6 +95,33 @@ def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
     capsys.readouterr()
 
 
+def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
+    shaking = "+ np.random.default_rng(query.seed).normal(0, 0.001, 3)"
+    pytester.makepyfile(adapter=REACHER.replace("/ 0.05, -1, 1)", f"/ 0.05, -1, 1) {shaking}"))
+    study = ("--libero-max-study=repeats",)
+    for shard in ("1/2", "2/2"):
+        run(*study, f"--libero-max-shard={shard}", f"--libero-max-output=part{shard[0]}")
+    assert main(["merge", "part1", "part2", "--output", "joined"]) == 0
+    run(*study)
+    stored = pytester.path / "libero-max-results" / "pairs.jsonl"
+    stored.write_text("".join(stored.read_text().splitlines(keepends=True)[:2]))
+    done = run(*study, "--libero-max-resume", "-n", "2", subprocess=True)
+    done.assert_outcomes(passed=1)
+    records, report = results()
+    names = ["base", "dynamic", "base_2", "dynamic_2", "base_3", "dynamic_3"]
+    assert [list(record["arms"]) for record in records] == [names] * 2
+    table = report["sections"]["Repeats with other policy seeds"]
+    assert (table["Cases"], table["Plays of each"]) == (2, 3)
+    assert table["Rollouts that differ from the first play"] == "8/8"
+    assert (report["pairs"]["planned"], report["overall"]["outcomes"]["persistent_failure"]) == (2, 2)
+    joined = results("joined")[1]
+    for part in ("study", "overall", "sections"):
+        assert joined[part] == report[part]
+
+
 def test_the_cadence_study_plays_its_settings(run: Run, results: Results, pytester: pytest.Pytester) -> None:
     done = run("--libero-max-limit=2", "--libero-max-study=cadence", "--libero-max-cadence=8,2,4")
     done.assert_outcomes(passed=2)
