@@ -29,7 +29,10 @@ def add_command(commands: Commands) -> None:
     )
     certify.add_argument("folder", type=Path, metavar="FOLDER", help="The tracks, as build wrote them")
     certify.add_argument(
-        "tracks", nargs="*", metavar="TRACK", help="Which tracks (default: original and max; on libero, all)"
+        "tracks",
+        nargs="*",
+        metavar="TRACK",
+        help="Which tracks (default: original, max and beyond; on libero, all)",
     )
     add_expert(certify, default="expert")
     add_substrate(certify)

@@ -6,7 +6,9 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.pairing.runner import continue_rollout, inject, play_prefix, return_to
+from pytest_libero_max.events.schedules import arms_of
+from pytest_libero_max.pairing.rollout import Rollout
+from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.worlds.contract import World
 
@@ -67,14 +69,13 @@ def certify(world: World, case: Case, expert: Policy) -> Certificate:
         AdapterError: The expert broke its contract.
         SimulatorError: The simulation breaks.
     """
-    branch = play_prefix(case, world, expert)
-    if branch is None:
+    stage = Stage(case, world, expert)
+    _, dynamic, *_ = arms_of(case)
+    result = Rollout.start(stage, (dynamic,)).advance_to_end()
+    if not result.firings:
         return Certificate("not_triggered")
-    inject(case, world)
-    result = continue_rollout(branch, case, world, expert)
     ending: Ending = "solved"
     if not result.success:
-        return_to(branch, case, world, expert)
-        without_event = continue_rollout(branch, case, world, expert)
+        without_event = Rollout.start(stage).advance_to_end()
         ending = "unsolved" if without_event.success else "base_unsolved"
-    return Certificate(ending, branch.step, result.steps)
+    return Certificate(ending, result.firings[0].step, result.steps)

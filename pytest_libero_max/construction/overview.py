@@ -44,7 +44,8 @@ def overview_lines(folder: Path) -> list[str]:
     """
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
-    cases = list({case.case_id: case for manifest in tracks.values() for case in manifest}.values())
+    every = {case.case_id: case for manifest in tracks.values() for case in manifest}.values()
+    cases = [case for case in every if case.program is None]
     lines = [f"Version {next(iter(tracks.values())).version}.", "", "## Tracks", ""]
     lines += ["| track | cases | Plus | PRO | unmodified | events | digest |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: | --- |")
@@ -59,7 +60,8 @@ def overview_lines(folder: Path) -> list[str]:
     if unexamined:
         lines += ["", *_unexamined_lines(tracks, cases, unexamined)]
     lines += ["", *_out_of_sight_lines(cases, read_sights(folder))]
-    return [*lines, "", *_certificate_lines(cases, certificates)]
+    lines += ["", *_certificate_lines(cases, certificates)]
+    return [*lines, *_program_lines(every, certificates)]
 
 
 def _unexamined_lines(
@@ -97,15 +99,9 @@ def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certifi
         "",
         _ONCE,
         "",
-        "| event | cases | not played | solved | not triggered | Base unsolved | unsolved |",
-        "| --- |" + " ---: |" * (2 + len(ENDINGS)),
+        *_endings("event", BENCHMARK_EVENTS, [(case.event.name, case) for case in cases], certificates),
     ]
     played = {case.case_id: certificates.get(case.case_id) for case in cases}
-    for event in (*BENCHMARK_EVENTS, ""):
-        found = [played[case.case_id] for case in cases if event in ("", case.event.name)]
-        count = Counter("not_played" if one is None else one.ending for one in found)
-        numbers = " | ".join(str(count[ending]) for ending in ("not_played", *ENDINGS))
-        lines.append(f"| {event or 'all'} | {count.total()} | {numbers} |")
     solved, of = Counter[Cell](), Counter[Cell]()
     for case in cases:
         certificate = played[case.case_id]
@@ -118,6 +114,38 @@ def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certifi
         cells = [[Cell(category, event, variant) for variant in (0, 1)] for event in BENCHMARK_EVENTS]
         row = [" ".join(f"{solved[cell]}/{of[cell]}" for cell in pair) for pair in cells]
         lines.append(f"| {category} | {' | '.join(row)} |")
+    return lines
+
+
+def _program_lines(cases: Iterable[Case], certificates: Mapping[str, Certificate]) -> list[str]:
+    """Lines on the expert's results on the cases that have a program."""
+    labelled = [(case.program.name, case) for case in cases if case.program is not None]
+    if not labelled:
+        return []
+    return [
+        "",
+        "The same of the cases of `beyond`, of which Dynamic is what the program makes of it:",
+        "",
+        *_endings("program", sorted({name for name, _ in labelled}), labelled, certificates),
+    ]
+
+
+def _endings(
+    head: str,
+    groups: Iterable[str],
+    cases: Sequence[tuple[str, Case]],
+    certificates: Mapping[str, Certificate],
+) -> list[str]:
+    """Return a table of the ways in which the expert's episodes ended, by group and of all cases."""
+    lines = [
+        f"| {head} | cases | not played | solved | not triggered | Base unsolved | unsolved |",
+        "| --- |" + " ---: |" * (2 + len(ENDINGS)),
+    ]
+    for group in (*groups, ""):
+        found = [certificates.get(case.case_id) for name, case in cases if group in ("", name)]
+        count = Counter("not_played" if one is None else one.ending for one in found)
+        numbers = " | ".join(str(count[ending]) for ending in ("not_played", *ENDINGS))
+        lines.append(f"| {group or 'all'} | {count.total()} | {numbers} |")
     return lines
 
 

@@ -175,7 +175,7 @@ def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
 def independent_tracks(folder: Path) -> tuple[str, ...]:
     """Return the tracks that have every case of a folder, without those that were drawn from them."""
     names = track_names(folder)
-    return ("original", "max") if "original" in names else names
+    return ("original", "max", "beyond") if "original" in names else names
 
 
 def read_certificates(folder: Path) -> dict[str, Certificate]:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import product
+from dataclasses import replace
+from itertools import cycle, islice, product
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.programs import Program, find_program
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.runs.plan import task_number
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 SUBSTRATE = "pytest-libero-max embedded"
@@ -21,6 +24,13 @@ LITE_SEED = 20260830
 LITE_PER_EVENT = {"plus": 70, "pro": 30}
 
 SMOKE_SAMPLER = "libero-max-embedded-smoke-v2.0"
+
+BEYOND_SAMPLER = "libero-max-embedded-beyond-v1.0"
+BEYOND_PER_PROGRAM = 48
+BEYOND_PROGRAMS = (
+    *("above", "blackout", "compound", "dropped", "frozen", "instruction_switch", "later"),
+    *("moving", "nudge", "recurrent", "slip", "there_and_back", "transient"),
+)
 
 DEVELOPMENT = 16
 SAMPLER = "libero-max-embedded-recovery-v1.0"
@@ -141,6 +151,60 @@ def recovery_development(whole: Manifest) -> Manifest:
     return _split(whole, "recovery_development", contract, _by_id(chosen))
 
 
+def beyond(whole: Manifest) -> Manifest:
+    """48 cases of each program of the package, spread over suites, tasks, events and source categories.
+
+    A program's cases are drawn one by one, from its suites by turns: of the task that the program has used
+    least, the case whose event and variant, then source category, it has used least; a hash decides between
+    equals. No case is drawn twice. The id of a case ends with the name of its program.
+    """
+    tasks = {case.case_id: f"{case.suite}/{task_number(case)}" for case in whole}
+    ranks = {case.case_id: seed_of(BEYOND_SAMPLER, case.case_id) for case in whole}
+    taken: set[str] = set()
+    chosen: list[Case] = []
+    for program in map(find_program, BEYOND_PROGRAMS):
+        pool: dict[str, dict[str, list[Case]]] = {}
+        for case in whole:
+            if case.case_id not in taken and case.fits(program):
+                pool.setdefault(case.suite, {}).setdefault(tasks[case.case_id], []).append(case)
+        used: Counter[object] = Counter()
+        for suite in islice(cycle(sorted(pool)), BEYOND_PER_PROGRAM):
+            task = min(
+                pool[suite], key=lambda task: (used[task], seed_of(BEYOND_SAMPLER, program.name, task))
+            )
+            best = min(
+                pool[suite][task],
+                key=lambda case: (used[_event(case)], used[case.source_category], ranks[case.case_id]),
+            )
+            pool[suite][task].remove(best)
+            if not pool[suite][task]:
+                del pool[suite][task]
+            used.update((task, _event(best), best.source_category))
+            taken.add(best.case_id)
+            chosen.append(_named(best.playing(program)))
+    contract = (
+        f"{BEYOND_SAMPLER}; {BEYOND_PER_PROGRAM} cases of each program, from its suites by turns; least used "
+        "task of the program, least used event and variant, least used source category, then SHA-256 rank; "
+        "examined for the event alone, not for the program"
+    )
+    return _split(whole, "beyond", contract, _by_id(chosen))
+
+
+def _event(case: Case) -> tuple[str, int]:
+    return case.event.name, case.event.variant
+
+
+def _named(case: Case) -> Case:
+    """Return a case with a program under an id of its own."""
+    case_id = own_case_id(case.case_id, case.program)
+    return replace(case, case_id=case_id, record={**case.record, "case_id": case_id})
+
+
+def own_case_id(case_id: str, program: Program | None) -> str:
+    """Return the id of a case that plays a program: another one than that of the case without it."""
+    return case_id if program is None else f"{case_id}-{program.name}"
+
+
 def _split(whole: Manifest, name: str, contract: str, cases: Iterable[Case]) -> Manifest:
     """Return a track that is drawn from another, and made for the same scenes."""
     made_for = protocol(name, contract, whole.protocol["substrate"])
@@ -154,6 +218,7 @@ def _by_id(cases: Iterable[Case]) -> tuple[Case, ...]:
 SPLITS: Mapping[str, Callable[[Manifest], Manifest]] = {
     "smoke": smoke,
     "lite": lite,
+    "beyond": beyond,
     "camera": camera,
     "recovery": recovery,
     "recovery_development": recovery_development,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
 
@@ -39,7 +39,7 @@ from pytest_libero_max.construction.release import (
     read_sights,
     read_unexamined,
 )
-from pytest_libero_max.construction.splits import SPLITS
+from pytest_libero_max.construction.splits import SPLITS, own_case_id
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.substrates.registry import own_variation
@@ -82,11 +82,13 @@ def _checks(folder: Path) -> Iterator[str]:
         found = load_track(name, folder)
         _require_same(name, found, split(whole))
         yield f"{name}: {len(found)} cases, drawn from max, digest {found.digest}"
-    used = {case.case_id for case in (*whole, *original)}
-    yield from _table_checks(folder, used)
+    yield from _table_checks(folder, (*whole, *original, *load_track("beyond", folder)))
 
 
-def _table_checks(folder: Path, used: Set[str]) -> Iterator[str]:
+def _table_checks(folder: Path, cases: Iterable[Case]) -> Iterator[str]:
+    """Yield checks of the tables; cases with a program were examined without it, under another id."""
+    playable = {case.case_id: case.program is None for case in cases}
+    used = {name for name, plain in playable.items() if plain}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
     unexamined = read_unexamined(folder)
     for name in sorted(used & rejected.keys()):
@@ -95,12 +97,12 @@ def _table_checks(folder: Path, used: Set[str]) -> Iterator[str]:
         raise ManifestError(f"case {name!r} is in {UNEXAMINED}, but in no track.")
     for name in sorted((used - unexamined.keys()) ^ read_sights(folder).keys()):
         raise ManifestError(f"case {name!r} is in a track or in {SIGHTS}, but not in both.")
-    for name in sorted(certificates.keys() - used):
+    for name in sorted(certificates.keys() - playable.keys()):
         raise ManifestError(f"case {name!r} is in {CERTIFICATES}, but in no track.")
     yield f"{len(rejected)} rejected cases are in no track"
     if unexamined:
         yield f"{len(unexamined)} of {len(used)} cases are not examined"
-    yield f"{len(certificates)} of {len(used)} cases have a certificate"
+    yield f"{len(certificates)} of {len(playable)} cases have a certificate"
 
 
 def _genuine_checks(folder: Path) -> Iterator[str]:
@@ -121,7 +123,7 @@ def _genuine_checks(folder: Path) -> Iterator[str]:
     for name in sorted(tracks.keys() & (SPLITS.keys() - {"smoke"})):
         _require_same(name, tracks[name], SPLITS[name](tracks["max"]))
         yield f"{name}: drawn from max"
-    yield from _table_checks(folder, {case.case_id for track in tracks.values() for case in track})
+    yield from _table_checks(folder, (case for track in tracks.values() for case in track))
 
 
 def _require_own_names(case: Case) -> None:
@@ -131,7 +133,7 @@ def _require_own_names(case: Case) -> None:
     found = case.case_id, case.record["scenario"]["scenario_id"], event.seed
     name, variant = event.name, event.variant
     expected = (
-        identity.case_id(name, variant),
+        own_case_id(identity.case_id(name, variant), case.program),
         identity.scenario_id(name, variant),
         identity.seed(name, variant),
     )

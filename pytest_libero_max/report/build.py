@@ -291,7 +291,7 @@ def _group(
         totals[label(pair)] = totals.get(label(pair), 0) + 1
     names = sorted(totals, key=lambda name: group_order(dimension, name))
     results = breakdown(columns, [label(pair) for pair in measured], names)
-    return {name: (results[name], totals[name]) for name in names}
+    return {name: (results[name], totals[name]) for name in names if name}
 
 
 def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> dict[str, dict[str, Cell]]:

@@ -14,7 +14,7 @@ class Dimension:
 
     Attributes:
         title: Heading of its table.
-        label: The group of a pair.
+        label: The group of a pair; empty where it is in none.
     """
 
     title: str
@@ -32,5 +32,6 @@ DIMENSIONS: Mapping[str, Dimension] = {
     "difficulty": Dimension(
         "Difficulty", lambda pair: "none" if pair.difficulty is None else str(pair.difficulty)
     ),
+    "program": Dimension("Program", lambda pair: pair.program),
 }
 """Dimensions by their key in ``report["by"]`` and in gates, in the order of all writers."""

@@ -450,9 +450,10 @@ class Report(Block, frozen=True, kw_only=True):
             do not say.
         changed_pairs: Played pairs of which one arm succeeded and the other failed, by item id.
         causes: Number of failed arms of Base and of Dynamic, by cause.
-        by: Results by group, for eight ways of grouping: event, family, suite, source, category (source and
-            source category), severity, variant (event and parameter variant) and difficulty. Groups hold
-            different cases: differences between groups are descriptions, not effects.
+        by: Results by group, for nine ways of grouping: event, family, suite, source, category (source and
+            source category), severity, variant (event and parameter variant), difficulty and program (no
+            group where no case has one). Groups hold different cases: differences between groups are
+            descriptions, not effects.
         category_by_event: Outcomes of each source category (outer key) under each event (inner key).
         macro: Unweighted means over groups; secondary to the rates over all pairs.
         largest_split: The event whose two parameter variants differ most in Dynamic success; None where no

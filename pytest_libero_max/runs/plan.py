@@ -87,6 +87,11 @@ class PlannedPair(Document, frozen=True, kw_only=True):
         return f"{self.event}-v{self.variant}"
 
     @property
+    def program(self) -> str:
+        """Name of the program that the pair plays, with which its item id ends; empty where it has none."""
+        return self.item_id.partition(f"-{self.event_variant}-")[2]
+
+    @property
     def kind(self) -> Kind:
         """Kind of the pair, from which its cost is expected."""
         return Kind(self.suite, self.task, self.event)
@@ -105,7 +110,7 @@ class PlannedPair(Document, frozen=True, kw_only=True):
             family=family_of(case.event.name),
             variant=case.event.variant,
             severity=case.event.severity,
-            task=f"{case.suite}/{_task_number(case)}",
+            task=f"{case.suite}/{task_number(case)}",
         )
 
 
@@ -247,7 +252,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
         return run
 
 
-def _task_number(case: Case) -> str:
+def task_number(case: Case) -> str:
     """Return the index of the task in its suite; LIBERO-Plus numbers variations, named after their task."""
     if case.source != "plus":
         return str(case.task_index)

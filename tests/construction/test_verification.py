@@ -11,6 +11,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.programs import find_program
 from pytest_libero_max.benchmark.tracks import (
     CHECKSUMS,
     FOLDER,
@@ -55,6 +56,21 @@ def edit(folder: Path, track: str, change: Edit) -> None:
     change(document)
     write_frozen(path, json.dumps(document, indent=2, sort_keys=True) + "\n")
     write_checksums(folder, FILES)
+
+
+def test_every_program_of_beyond_has_cases_of_all_its_suites_alike() -> None:
+    track = load_track("beyond")
+    programs: dict[str, Counter[str]] = {}
+    for case in track:
+        assert case.program is not None
+        assert case.fits(find_program(case.program.name))
+        assert case.case_id.endswith(f"-{case.program.name}")
+        programs.setdefault(case.program.name, Counter())[case.suite] += 1
+    assert programs.pop("instruction_switch") == {"libero_goal": 48}
+    assert len(programs) == 12
+    assert all(len(suites) == 4 and {*suites.values()} == {12} for suites in programs.values())
+    plain = {case.case_id.removesuffix(f"-{case.program.name}") for case in track if case.program}
+    assert len(plain) == len(track)
 
 
 def test_the_frozen_tracks_are_right() -> None:

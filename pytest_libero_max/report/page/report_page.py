@@ -190,6 +190,7 @@ def _results(report: Report) -> dict[str, Any]:
         "breakdowns": [
             (dimension.title, _groups("groups", dimension.title, report.by[key], key))
             for key, dimension in DIMENSIONS.items()
+            if report.by[key]
         ],
     }
 

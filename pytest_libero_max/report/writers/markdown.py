@@ -92,6 +92,8 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
     ]
     lines += ["", highlights.NOTE]
     for key, dimension in DIMENSIONS.items():
+        if not report.by[key]:
+            continue
         lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report.by[key])]
     by_event = {**report.by["event"], ALL_PAIRS: report.overall}
     lines += ["", "## Coverage and stale actions", "", *_groups("coverage", "Event", by_event)]
