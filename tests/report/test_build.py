@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+from itertools import cycle
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
@@ -56,7 +59,8 @@ def test_a_complete_run_counts_every_pair_once() -> None:
 
 
 def test_every_breakdown_holds_every_pair() -> None:
-    pairs = plan(per_cell=2)
+    programs = cycle(("later", "there_and_back"))
+    pairs = [structs.replace(pair, item_id=f"{pair.item_id}-{next(programs)}") for pair in plan(per_cell=2)]
     report = build_report(records_of(pairs), [], pairs, PROVENANCE)
     for groups in plain(report)["by"].values():
         for side in ("planned", "played"):
@@ -73,6 +77,14 @@ def test_every_breakdown_holds_every_pair() -> None:
     ]
     assert list(plain(report)["by"]["category"]) == ["plus-camera_viewpoints", "pro-position"]
     assert list(plain(report)["by"]["difficulty"]) == ["3", "none"]
+    assert list(plain(report)["by"]["program"]) == ["later", "there_and_back"]
+    assert "| there_and_back | 32 of 32 |" in markdown(report)
+
+
+def test_pairs_without_a_program_are_in_no_group_of_programs() -> None:
+    report = build_report(records_of(plan()), [], plan(), PROVENANCE)
+    assert report.by["program"] == {}
+    assert "## Program" not in markdown(report)
 
 
 @pytest.mark.parametrize(
