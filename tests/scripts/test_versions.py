@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import numpy as np
+
+from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+from tests.scripts import versions
+from tests.scripts.measure import blind, make_case
+
+
+def episode(*steps: float, success: bool = True) -> dict[str, object]:
+    return {"s/0/0/path": np.array([[0.0, step] for step in steps]), "s/0/0/success": np.array(success)}
+
+
+def test_paths_are_compared_as_far_as_both_go() -> None:
+    one, other = np.zeros((4, 2)), np.zeros((6, 2))
+    assert versions.first_beyond(one, other, 0.0) is None
+    other[2, 1] = 1e-4
+    other[5, 0] = 1.0
+    assert versions.first_beyond(one, other, 0.0) == 3
+    assert versions.first_beyond(one, other, 1e-3) is None
+
+
+def test_what_differs_is_said_in_all_and_by_scene() -> None:
+    black, grey = (np.full((2, 2, 3), level, dtype=np.uint8) for level in (0, 7))
+    first = episode(0.0, 0.1, 0.2) | {"s/0/agentview_image": black}
+    second = episode(0.0, 0.1, 0.3, 0.4, success=False) | {"s/0/agentview_image": grey}
+    assert list(versions.compare({"here": first, "same": first, "there": second}))[1:] == [
+        "| here | 1/1 | | | | | | |",
+        "| same | 1/1 | 0 | 0 | 0 | 0 | 0 | 0/1 |",
+        "| there | 0/1 | 1 | 1, by at most 1 | 1, 3 | 1, 3 | 1, 3 | 1/1, 100.00% of pixels, by at most 7 |",
+        "s/0: there from state 0",
+    ]
+
+
+def test_recorded_actions_are_executed_until_they_end() -> None:
+    case, policy = make_case("libero_spatial", 0, 0), blind("expert")
+    substrate = EmbeddedSubstrate()
+    played = versions.trajectory(case, substrate.world(case), policy)
+    again = versions.trajectory(case, substrate.world(case), policy, played.actions)
+    part = versions.trajectory(case, substrate.world(case), policy, played.actions[:5])
+    substrate.close()
+    assert (played.success, again.success, part.success) == (True, True, False)
+    assert np.array_equal(again.path, played.path)
+    assert np.array_equal(part.path, played.path[:5])
