@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from pytest_libero_max.pairing.probes.monitor import Monitor
 from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes, View
 from pytest_libero_max.pairing.probes.registry import probes_called
 from pytest_libero_max.pairing.trajectory import QueryResult, Step, Trajectory
 
-__all__ = ["Column", "Probe", "Probes", "QueryResult", "Step", "Trajectory", "View", "probes_called"]
+__all__ = [
+    "Column",
+    "Monitor",
+    "Probe",
+    "Probes",
+    "QueryResult",
+    "Step",
+    "Trajectory",
+    "View",
+    "probes_called",
+]

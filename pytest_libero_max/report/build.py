@@ -28,6 +28,7 @@ from pytest_libero_max.report.measured import (
     result_of,
     without_intervals,
 )
+from pytest_libero_max.report.monitors import monitor_sections
 from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.repeats import repeats_section
 from pytest_libero_max.report.report_document import (
@@ -184,7 +185,7 @@ def build_report(
         shrunken=_shrunken(measured, columns),
         success_curves=success_curves(in_order),
         study=study,
-        sections=sections | safety_section(in_order) | probe_means(in_order),
+        sections=sections | safety_section(in_order) | monitor_sections(in_order) | probe_means(in_order),
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
         provenance=provenance,

@@ -84,7 +84,11 @@ class Breaking(Probe[Any]):
         return {"number": 1}
 
 
-ALL = Probes(STANDARD.standard, (Counting(), Queries(), PROBES["contact_timeline"], PROBES["safety"]))
+MONITORS = ("action_spread", "chunk_change", "image_change", "scene_distance")
+ALL = Probes(
+    STANDARD.standard,
+    (Counting(), Queries(), *(PROBES[name] for name in ("contact_timeline", "safety", *MONITORS))),
+)
 
 
 @pytest.fixture
@@ -170,7 +174,7 @@ def test_contacts_over_time_end_with_the_contacts_at_the_end(world: TinyWorld) -
 def test_a_record_keeps_the_columns_of_the_probes_that_were_asked_for(world: TinyWorld) -> None:
     record = played(world, ALL).record
     for name, arm in record.arms.items():
-        assert list(arm.probes) == ["stages", "counting", "queries", "contact_timeline", "safety"]
+        assert list(arm.probes) == ["stages", "counting", "queries", "contact_timeline", "safety", *MONITORS]
         assert arm.probes["counting"]["number"] == arm.steps, name
     assert PairRecord.from_dict(json.loads(json.dumps(record.to_dict()))) == record
     assert list(played(world, STANDARD).record.to_dict()["arms"]["base"]["probes"]) == ["stages"]
@@ -284,7 +288,7 @@ def test_an_error_of_the_policy_stays_its_own(world: TinyWorld) -> None:
 
 
 def test_probes_are_found_by_name() -> None:
-    assert list(PROBES) == ["contact_timeline", "first_goal", "motion", "safety"]
+    assert sorted(PROBES) == sorted(["contact_timeline", "first_goal", "motion", "safety", *MONITORS])
     assert probes_called(()) == STANDARD
     assert probes_called(["contact_timeline", "contact_timeline"]).names == ("contact_timeline",)
     with pytest.raises(OptionError, match=r"probe='contact_time' is not a probe\. Did you mean 'contact_tim"):

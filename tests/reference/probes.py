@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from pytest_libero_max.pairing import probes
+from pytest_libero_max.pairing.probes.monitor import Monitor
 from pytest_libero_max.pairing.probes.probe import Probe
 from pytest_libero_max.pairing.probes.registry import ENTRY_POINT_GROUP, PROBES
 from pytest_libero_max.pairing.probes.safety import Safety
 from pytest_libero_max.pairing.probes.standard import STANDARD
+from pytest_libero_max.report import monitors
 from pytest_libero_max.report.safety import LIMITS
 from tests.reference.docstrings import description
 from tests.reference.markdown import code, one_line, prose, table
@@ -66,6 +68,30 @@ the means of its numbers are in the reports, by arm.
 For each that is asked after every step the world's digest is compared, 0.02 ms on the embedded substrate.
 
 {_table(others)}
+
+## Monitors
+
+{prose(description(Monitor))}
+
+{prose(description(monitors))}
+
+Four baselines come with the package: `action_spread`, `chunk_change`, `image_change`, `scene_distance`
+([measured](../../../reports/monitors.md)). One of your own is a class under its name in the entry-point group
+`{ENTRY_POINT_GROUP}`:
+
+```python
+from pytest_libero_max.probes import Monitor
+
+
+class Stillness(Monitor[None]):
+    \"\"\"How little the policy moves.\"\"\"
+
+    name = "stillness"
+    cost = "nothing to speak of"
+
+    def observe(self, memory, observation, actions, step):
+        return None, -abs(actions[:, :6]).max()
+```
 
 ## Successful but unsafe
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 ENTRY_POINT_GROUP = "pytest_libero_max.probes"
 
 _MODULES = "pytest_libero_max.pairing.probes"
-_NOT_ASKED_FOR = ("probe", "registry", "standard", "stages")
+_NOT_ASKED_FOR = ("monitor", "probe", "registry", "standard", "stages")
 
 
 def _own() -> Mapping[str, Callable[[], Probe[Any]]]:

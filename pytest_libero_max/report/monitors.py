@@ -1,0 +1,159 @@
+"""Failure monitors: do they notice the event, how soon, and before the policy fails?
+
+A monitor is a probe that scores every query (:class:`.Monitor`). It raises an alarm at the first query whose
+score is above a threshold. The threshold of a case comes from the Bases of the other half of the cases: the
+smallest one above which the largest scores of at most a tenth of future Bases are expected to be (split
+conformal prediction, V. Vovk, A. Gammerman and G. Shafer (2005), Algorithmic Learning in a Random World).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from hashlib import sha256
+from statistics import median
+from typing import NamedTuple
+
+from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.report.formats import change_text, count_text, rate_text
+from pytest_libero_max.report.measured import mean_difference_of, rate_of
+from pytest_libero_max.stats.outcome_table import Ratio, tabulate
+from pytest_libero_max.stats.paired_difference import paired_difference
+
+COLUMNS = {"step", "score"}
+"""Those of a monitor."""
+
+FALSE_ALARMS = 0.1
+"""Share of the Bases that may raise an alarm."""
+
+LEAST = math.ceil(1 / FALSE_ALARMS) - 1
+"""Bases that a threshold needs."""
+
+
+class _Watched(NamedTuple):
+    """A pair that a monitor watched, and in which the event happened.
+
+    Attributes:
+        record: The pair.
+        step: Policy steps before the event.
+        alarms: For Base and Dynamic: the policy step of the first alarm after the event, None without one.
+        before: True if there was an alarm before the event.
+    """
+
+    record: PairRecord
+    step: int
+    alarms: tuple[int | None, int | None]
+    before: bool
+
+
+def monitor_sections(records: Iterable[PairRecord]) -> dict[str, dict[str, str | int | float | bool | None]]:
+    """Return a section of the report for each monitor that watched pairs; empty without any."""
+    watched: dict[str, list[PairRecord]] = {}
+    for record in records:
+        both = [record.arms[arm].probes for arm in (BASE, DYNAMIC)]
+        for name in sorted(set(both[0]) & set(both[1])):
+            if all(set(probes[name]) == COLUMNS for probes in both):
+                watched.setdefault(name, []).append(record)
+    return {f"Monitor {name}": _section(name, watched[name]) for name in sorted(watched)}
+
+
+def _section(name: str, records: Sequence[PairRecord]) -> dict[str, str | int | float | bool | None]:
+    halves = [[record for record in records if _half(record) == half] for half in (0, 1)]
+    rows: dict[str, str | int | float | bool | None] = {"Pairs watched": len(records)}
+    if min(map(len, halves)) < LEAST:
+        return rows | {
+            "Alarms": f"n/a: a threshold needs {LEAST} pairs in each half, but there are "
+            f"{' and '.join(str(len(half)) for half in halves)}"
+        }
+    thresholds = [_threshold(name, halves[1 - half]) for half in (0, 1)]
+    seen = [
+        _watch(name, record, step, thresholds[_half(record)])
+        for record in records
+        if (step := record.trigger_step) is not None
+    ]
+    raised = [
+        any(score > thresholds[_half(record)] for _, score in _scores(name, record.arms[BASE]))
+        for record in records
+    ]
+    rows[f"Base with an alarm ({FALSE_ALARMS:.0%} are allowed)"] = rate_text(rate_of(_ratio(raised)))
+    rows["Pairs in which the event happened"] = len(seen)
+    if not seen:
+        return rows
+    rows["Alarm before the event already"] = count_text(rate_of(_ratio([one.before for one in seen])))
+    rows |= _paired(seen)
+    rows["Steps from event to alarm, median"] = _median([_delay(one) for one in seen])
+    lost = [one for one in seen if one.record.base_success and not one.record.dynamic_success]
+    rows["Regressions with an alarm after the event"] = (
+        rate_text(rate_of(_ratio([one.alarms[1] is not None for one in lost]))) if lost else "n/a: none"
+    )
+    rows["Steps from alarm to the end of a regression, median"] = _median([_lead(one) for one in lost])
+    for event in (event for event in EVENTS if any(one.record.event == event for one in seen)):
+        some = [one for one in seen if one.record.event == event]
+        base, dynamic = (_ratio([one.alarms[arm] is not None for one in some]) for arm in (0, 1))
+        delay = _median([_delay(one) for one in some])
+        rows[f"... {event}"] = (
+            f"Base {count_text(rate_of(base))}, Dynamic {count_text(rate_of(dynamic))}, steps {delay}"
+        )
+    return rows
+
+
+def _half(record: PairRecord) -> int:
+    """Return the half of a case, 0 or 1, by the digest of its name."""
+    return sha256(record.case_id.encode()).digest()[0] % 2
+
+
+def _scores(name: str, arm: ArmRecord) -> list[tuple[int, float]]:
+    columns: Mapping[str, object] = arm.probes[name]
+    steps, scores = columns["step"], columns["score"]
+    assert isinstance(steps, list)
+    assert isinstance(scores, list)
+    return list(zip(steps, scores, strict=True))
+
+
+def _threshold(name: str, records: Sequence[PairRecord]) -> float:
+    """Return the conformal quantile of the largest scores of some Bases."""
+    largest = sorted(
+        max((score for _, score in _scores(name, record.arms[BASE])), default=-math.inf) for record in records
+    )
+    return largest[math.ceil((1 - FALSE_ALARMS) * (len(largest) + 1)) - 1]
+
+
+def _watch(name: str, record: PairRecord, step: int, threshold: float) -> _Watched:
+    alarms = [
+        [at for at, score in _scores(name, record.arms[arm]) if score > threshold] for arm in (BASE, DYNAMIC)
+    ]
+    base, dynamic = (next((at for at in arm if at >= step), None) for arm in alarms)
+    before = any(at < step for at in alarms[1])
+    return _Watched(record, step, (base, dynamic), before)
+
+
+def _paired(seen: Sequence[_Watched]) -> dict[str, str]:
+    """Return alarms after the step of the event, in both arms."""
+    base, dynamic = ([one.alarms[arm] is not None for one in seen] for arm in (0, 1))
+    table = tabulate(base, dynamic)
+    exact = paired_difference(table.regression, table.change_associated_success, table.total)
+    return {
+        "Alarm after the event, Base at the same step": rate_text(rate_of(table.base)),
+        "Alarm after the event, Dynamic": rate_text(rate_of(table.dynamic)),
+        "Alarm after the event, paired change": change_text(mean_difference_of(table.change, exact)),
+    }
+
+
+def _ratio(values: Sequence[bool]) -> Ratio:
+    return Ratio(sum(values), len(values))
+
+
+def _delay(one: _Watched) -> int | None:
+    return None if one.alarms[1] is None else one.alarms[1] - one.step
+
+
+def _lead(one: _Watched) -> int | None:
+    steps = one.record.arms[DYNAMIC].steps
+    return None if one.alarms[1] is None or steps is None else steps - one.alarms[1]
+
+
+def _median(values: Iterable[int | None]) -> str:
+    there = [value for value in values if value is not None]
+    return f"{median(there):g}" if there else "n/a"
