@@ -93,8 +93,9 @@ def _section(name: str, records: Sequence[PairRecord]) -> dict[str, str | int | 
         some = [one for one in seen if one.record.event == event]
         base, dynamic = (_ratio([one.alarms[arm] is not None for one in some]) for arm in (0, 1))
         delay = _median([_delay(one) for one in some])
+        when = f", {delay} steps after it" if dynamic.count else ""
         rows[f"... {event}"] = (
-            f"Base {count_text(rate_of(base))}, Dynamic {count_text(rate_of(dynamic))}, steps {delay}"
+            f"Base {count_text(rate_of(base))}, Dynamic {count_text(rate_of(dynamic))}{when}"
         )
     return rows
 

@@ -126,7 +126,6 @@ def _floor_texts(chance: report_document.Chance) -> list[str]:
         f"{percent(flips.value)}, and two plays of the same arm in {percent(chance.floor)}."
     )
     reading = "read the paired change with its interval, and no single pair."
-    reading = "read the paired change with its interval, and no single pair."
     if chance.floor >= (flips.value or 0.0):
         return [
             f"THE FLOOR IS AS LARGE AS THE EFFECT ON SINGLE PAIRS: {seen} This policy's own chance alone "

@@ -50,7 +50,7 @@ def test_alarms_after_the_event_are_counted_in_both_arms() -> None:
     assert table["Steps from event to alarm, median"] == "7"
     assert str(table["Regressions with an alarm after the event"]).startswith("100.0%")
     assert table["Steps from alarm to the end of a regression, median"] == "65"
-    assert table["... camera_shift"] == "Base 0/8, Dynamic 8/8, steps 7"
+    assert table["... camera_shift"] == "Base 0/8, Dynamic 8/8, 7 steps after it"
 
 
 def test_the_threshold_of_a_half_is_that_of_the_other_half() -> None:
@@ -67,6 +67,7 @@ def test_without_a_regression_or_an_event_it_says_so() -> None:
     (table,) = monitor_sections(records).values()
     assert table["Regressions with an alarm after the event"] == "n/a: none"
     assert table["Steps from event to alarm, median"] == "n/a"
+    assert table["... camera_shift"] == "Base 0/8, Dynamic 0/8"
     unfired = []
     for number, pair in enumerate(PLANNED):
         arms = scored(number, CALM, CALM).arms
