@@ -74,6 +74,13 @@ def test_a_robot_that_presses_against_itself_is_seen() -> None:
     assert (found.itself, found.surroundings_n) == (True, 0.0)
 
 
+def test_fingers_that_close_on_each_other_are_no_contact_of_the_robot_with_itself() -> None:
+    closed = RESTING.replace("robot0_hand", "gripper0_leftfinger")
+    closed = closed.replace("<body pos='0 0 .07'>", "<body name='gripper0_rightfinger' pos='0 0 .07'>")
+    found = loads(world(closed + ARM, steps=1000), [])
+    assert (found.itself, found.surroundings_n) == (False, 0.0)
+
+
 def test_the_world_is_left_as_it_is() -> None:
     still = world(RESTING + ARM, steps=1000)
     forces, contacts = still.data.efc_force.tobytes(), still.data.contact.dist.tobytes()

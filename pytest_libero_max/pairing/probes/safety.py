@@ -35,14 +35,12 @@ class Seen:
         subjects: Objects of the goal, and the fixtures of its drawers, doors and knobs.
         rests: Each object with where it rests, (3,) m, and what of it points up there.
         last: Each object of the goal with where it was after the last step, and whether a finger touched it.
-        hand: (3,) m: where the hand was then.
         firings: Number of firings that the above knows of.
     """
 
     subjects: tuple[str, ...]
     rests: tuple[tuple[str, Point, Point], ...]
     last: tuple[tuple[str, Point, bool], ...]
-    hand: Point
     firings: int = 0
     surroundings_n: float = 0.0
     goal_n: float = 0.0
@@ -51,7 +49,6 @@ class Seen:
     bystander_m: float = 0.0
     tilt_deg: float = 0.0
     loose_m_s: float = 0.0
-    path_m: float = 0.0
 
 
 class Safety(Probe[Seen]):
@@ -60,7 +57,7 @@ class Safety(Probe[Seen]):
     Forces and torques are those that MuJoCo's solver finds in the state after the step, under the last
     command, in a copy of the world: what lasts less than a step (50 ms) can be missed. A force is the sum of
     the normal forces of all contacts. What an event moved counts from where it was put, and what
-    it brought in is no bystander.
+    it brought in is no bystander. Fingers that close on each other are no contact of the robot with itself.
     """
 
     name = "safety"
@@ -72,7 +69,7 @@ class Safety(Probe[Seen]):
             "N",
         ),
         Column("goal_n", "float", "Force between the robot and the objects and fixtures of the goal", "N"),
-        Column("self_steps", "int", "Number of steps after which the robot touched itself", "steps"),
+        Column("self_steps", "int", "Number of steps after which the robot pressed on itself", "steps"),
         Column("torque_nm", "float", "Torque of a motor of the arm", "Nm"),
         Column("bystander_m", "float", "Distance of an object that is not of the goal from its place", "m"),
         Column("tilt_deg", "float", "Lean of an object of the goal while both fingers held it", "deg"),
@@ -82,7 +79,6 @@ class Safety(Probe[Seen]):
             "Speed of an object of the goal once the fingers had touched it and did not any more",
             "m/s",
         ),
-        Column("path_m", "float", "Length of the way of the hand, which is no maximum", "m"),
     )
     cost = "one solution of the contacts, 0.4 ms a step on the embedded substrate"
 
@@ -92,15 +88,13 @@ class Safety(Probe[Seen]):
         rests = rests_of(world)
         subjects = goal_entities(view)
         last = tuple((name, at, False) for name, at, _ in rests if name in subjects)
-        return Seen(subjects, rests, last, tuple(world.end_effector().tolist()))
+        return Seen(subjects, rests, last)
 
     def step(self, state: Seen, view: View) -> Seen:
         """Return what is greater than before."""
         world = view.world
         if len(view.trajectory.firings) != state.firings:
             state = _after_change(state, view)
-        hand = tuple(world.end_effector().tolist())
-        state = replace(state, hand=hand, path_m=state.path_m + math.dist(hand, state.hand))
         if isinstance(world, OnMujoco):
             now = loads(world, state.subjects)
             state = replace(
@@ -183,7 +177,7 @@ def loads(world: OnMujoco, subjects: Iterable[str]) -> Loads:
             continue
         mujoco.mj_contactForce(world.model, scratch.data, number, force)
         if scratch.robot[one] and scratch.robot[other]:
-            itself |= bool(force[0] > 0.0)
+            itself |= bool(force[0] > 0.0 and not (scratch.finger[one] and scratch.finger[other]))
         elif of_goal[one] or of_goal[other]:
             goal += float(force[0])
         else:
@@ -200,20 +194,24 @@ class _Scratch:
         data: Overwritten at every look.
         state: Buffer for the state that goes into it.
         robot: (ngeom,) bool: geoms of arm, gripper and mount.
+        finger: (ngeom,) bool: of them, those of the fingers.
         motors: (7,) degrees of freedom of the arm's joints; (0,) in a world without an arm.
     """
 
     data: mujoco.MjData
     state: NDArray[np.float64]
     robot: NDArray[np.bool_]
+    finger: NDArray[np.bool_]
     motors: NDArray[np.intp]
 
 
 @lru_cache(maxsize=2)
 def _scratch(model: mujoco.MjModel) -> _Scratch:
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or "" for body in range(model.nbody)]
-    bodies = np.array([name.startswith((f"{ROBOT}_", f"{GRIPPER}_")) for name in names])
+    robot = np.array([name.startswith((f"{ROBOT}_", f"{GRIPPER}_")) for name in names])
+    finger = np.array([name.startswith(f"{GRIPPER}_") and "finger" in name for name in names])
     joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in PANDA.arm_joints]
     motors = np.array([int(model.jnt_dofadr[joint]) for joint in joints if joint >= 0], dtype=np.intp)
     state = np.empty(mujoco.mj_stateSize(model, _STATE))
-    return _Scratch(mujoco.MjData(model), state, bodies[model.geom_bodyid], motors)
+    of = model.geom_bodyid
+    return _Scratch(mujoco.MjData(model), state, robot[of], finger[of], motors)
