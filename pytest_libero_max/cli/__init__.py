@@ -39,6 +39,7 @@ GROUPS = {
         "watch",
         "merge",
         "report",
+        "export",
         "publish",
         "recovery",
         "rerun",

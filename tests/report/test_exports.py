@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+from msgspec import structs
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.cli import main
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PairStore
+from tests.report.made_up import PROVENANCE, error_of, plan, record_of
+
+STARTED = "2026-01-02T03:04:05+00:00"
+
+TEXT, NUMBER = {"type": "string", "minLength": 1}, {"type": "integer", "minimum": 0}
+
+
+def closed(required: Json, optional: Json | None = None) -> Json:
+    """The schema of an object with these fields and no others."""
+    return {
+        "type": "object",
+        "required": [*required],
+        "properties": required | (optional or {}),
+        "additionalProperties": False,
+    }
+
+
+STATUSES = ("passed", "failed", "skipped", "pending", "other")
+CTRF = closed(
+    {
+        "reportFormat": {"const": "CTRF"},
+        "specVersion": {"type": "string", "pattern": r"^[0-9]+\.[0-9]+\.[0-9]+$"},
+        "results": closed(
+            {
+                "tool": closed({"name": TEXT}, {"version": TEXT}),
+                "summary": closed(dict.fromkeys(("tests", *STATUSES, "start", "stop"), NUMBER)),
+                "tests": {
+                    "type": "array",
+                    "items": closed(
+                        {"name": TEXT, "status": {"enum": [*STATUSES]}, "duration": NUMBER},
+                        {
+                            "suite": {"type": "array", "minItems": 1, "items": TEXT},
+                            "message": TEXT,
+                            "rawStatus": TEXT,
+                            "extra": {"type": "object"},
+                        },
+                    ),
+                },
+            },
+            {
+                "environment": closed(
+                    {}, {"appName": TEXT, "testEnvironment": TEXT, "extra": {"type": "object"}}
+                )
+            },
+        ),
+    },
+    {"generatedBy": TEXT},
+)
+INSTANCE = closed(
+    {
+        **dict.fromkeys(
+            ("schema_version", "evaluation_id", "model_id", "evaluation_name", "sample_id"), TEXT
+        ),
+        "interaction_type": {"const": "agentic"},
+        "input": closed({"raw": TEXT, "reference": {"type": "array", "items": TEXT}}),
+        "answer_attribution": {"type": "array"},
+        "evaluation": closed(
+            {
+                "score": {"type": "number"},
+                "is_correct": {"type": "boolean"},
+                "num_turns": {"type": "integer", "minimum": 1},
+            }
+        ),
+        "messages": {
+            "type": "array",
+            "minItems": 1,
+            "items": closed({"turn_idx": NUMBER, "role": TEXT}, {"content": TEXT}),
+        },
+    },
+    {"output": {"type": "null"}, "metadata": {"type": "object", "additionalProperties": TEXT}},
+)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run with a regression, a pair kept, an error, and a pair that was not played."""
+    pairs = [structs.replace(pair, task="libero_spatial/0") for pair in plan()[:4]]
+    store = PairStore(tmp_path / "run", Run(tuple(pairs), PROVENANCE | {"started": STARTED}))
+    store.append(record_of(pairs[0], True, False))
+    store.append(record_of(pairs[1], True, True))
+    store.append(error_of(pairs[2]))
+    store.close()
+    return tmp_path / "run"
+
+
+def _written(run: Path, name: str, *words: str) -> str:
+    file = run.parent / name
+    assert main(["export", str(run), str(file), f"--format={name}", *words]) == 0
+    return file.read_text()
+
+
+def test_ctrf_has_a_test_for_each_planned_pair_and_each_gate(run: Path) -> None:
+    document = json.loads(_written(run, "ctrf", "--gate=planned > 3", "--gate=planned > 100"))
+    jsonschema.validate(document, CTRF)
+    results = document["results"]
+    tests = {test["name"]: test for test in results["tests"]}
+    first, second, third, fourth = (pair.item_id for pair in plan()[:4])
+    assert [tests[name]["status"] for name in (first, second, third, fourth)] == [
+        "passed",
+        "passed",
+        "failed",
+        "pending",
+    ]
+    assert tests[first]["rawStatus"] == tests[first]["extra"]["outcome"] == "regression"
+    assert tests[first]["extra"]["cause"] == "not_recorded"
+    assert tests[first]["extra"]["replay"].endswith(f"-k {first}")
+    assert tests[first]["duration"] == 1250
+    assert tests[third]["message"] == "SimulatorError: qpos is not finite"
+    assert tests["gate[planned > 3]"]["status"] == "passed"
+    assert tests["gate[planned > 100]"]["status"] == "failed"
+    assert "planned > 100: failed" in tests["gate[planned > 100]"]["message"]
+    summary = results["summary"]
+    assert summary["tests"] == len(tests) == 6
+    assert sum(summary[status] for status in STATUSES) == 6
+    assert summary["failed"] == 2
+    assert (summary["start"], summary["stop"]) == (1767323045000, 1767323047500)
+
+
+def test_every_eval_ever_has_an_instance_for_each_arm_of_a_measured_pair(run: Path) -> None:
+    lines = [json.loads(line) for line in _written(run, "every-eval-ever").splitlines()]
+    for line in lines:
+        jsonschema.validate(line, INSTANCE)
+    found = {(line["sample_id"], line["metadata"]["arm"]): line["evaluation"] for line in lines}
+    first, second = (pair.item_id for pair in plan()[:2])
+    assert {key: one["is_correct"] for key, one in found.items()} == {
+        (first, "base"): True,
+        (first, "dynamic"): False,
+        (second, "base"): True,
+        (second, "dynamic"): True,
+    }
+    assert found[first, "base"]["num_turns"] == 18
+    assert len({line["evaluation_id"] for line in lines}) == 1
+
+
+def test_robostats_joins_the_arms_of_a_case(run: Path) -> None:
+    lines = [json.loads(line) for line in _written(run, "robostats").splitlines()]
+    of_arm = {
+        arm: {
+            line["scenario_id"]: line["success"] for line in lines if line["policy_id"] == f"scripted/{arm}"
+        }
+        for arm in ("base", "dynamic")
+    }
+    assert len(lines) == 4
+    assert [*of_arm["base"]] == [*of_arm["dynamic"]]
+    assert [*of_arm["base"].values()] == [True, True]
+    assert sorted(of_arm["dynamic"].values()) == [False, True]
+    for line in lines:  # every field of the reader's schema, null where there is none
+        assert {"task_id", "episode_idx", "seed", "success_detail", "run_id"} <= line.keys()
+        assert line["schema_version"] == 2
+
+
+def test_another_format_is_refused_with_the_closest_one(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(run), str(run / "x"), "--format=ctfr"]) == 1
+    assert "'ctrf'" in capsys.readouterr().err
+    assert not (run / "x").exists()
