@@ -61,9 +61,8 @@ CTRF = closed(
 )
 INSTANCE = closed(
     {
-        **dict.fromkeys(
-            ("schema_version", "evaluation_id", "model_id", "evaluation_name", "sample_id"), TEXT
-        ),
+        "schema_version": {"const": "0.3.0"},
+        **dict.fromkeys(("evaluation_id", "model_id", "evaluation_name", "sample_id"), TEXT),
         "interaction_type": {"const": "agentic"},
         "input": closed({"raw": TEXT, "reference": {"type": "array", "items": TEXT}}),
         "answer_attribution": {"type": "array"},

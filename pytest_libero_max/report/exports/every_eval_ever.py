@@ -10,7 +10,7 @@ from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.gates import GateResult
 from pytest_libero_max.runs.store import StoredRun
 
-_SCHEMA = "instance_level_eval_0.2.2"
+_SCHEMA = "0.3.0"
 
 
 def text(run: StoredRun, gates: Sequence[GateResult]) -> str:
