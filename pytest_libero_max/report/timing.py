@@ -20,7 +20,7 @@ NOTE = (
     "An episode without success counts with the steps that it may take. Base is measured from the step of "
     "the event in Dynamic. Medians are over the pairs that have the quantity. Stages are the first touch, "
     "grasp, lift, arrival above the destination and satisfaction of a fact of the goal, and success; one "
-    "that was reached before the event does not count again. Intervals are 95%."
+    "that was reached before the event does not count again. A range in brackets is a 95% interval."
 )
 
 _ARMS = ((BASE, "Base"), (DYNAMIC, "Dynamic"))

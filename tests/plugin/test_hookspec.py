@@ -25,7 +25,7 @@ def test_a_section_of_the_users_own_is_in_every_report(
         """
     )
     assert run("-k", "camera_shift", *workers, subprocess=True).ret == 0
-    assert results()[1]["sections"] == {"Checkpoint": {"step": 30000, "trained on": "a | b"}}
+    assert results()[1]["sections"]["Checkpoint"] == {"step": 30000, "trained on": "a | b"}
     folder = pytester.path / "libero-max-results"
     assert (
         "## Checkpoint\n\n| Name | Value |\n| --- | --- |\n| step | 30000 |"
@@ -50,7 +50,7 @@ def test_a_report_keeps_its_numbers(
     done = run("-k", "camera_shift")
     assert done.ret == 0
     done.stdout.fnmatch_lines([f"The report has no sections of your own: *{message}*"])
-    assert results()[1]["sections"] == {}
+    assert "Mine" not in results()[1]["sections"]
     assert results()[1]["overall"]["played"] == 2
 
 

@@ -50,7 +50,7 @@ policy = Slow
 
 @pytest.fixture
 def enough(pytester: pytest.Pytester) -> None:
-    """A package with a stopping rule is installed: ``enough:N`` stops after N pairs."""
+    """A package with a stopping rule, ``enough:N`` stops after N pairs: one that only a new process finds."""
     pytester.makepyfile(enough=RULE)
     info = pytester.mkdir("enough-1.0.dist-info")
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: enough\nVersion: 1.0\n")
@@ -80,7 +80,7 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
 ) -> None:
     policy = slow(pytester, sleep_s=0.05)
     rule = "--libero-max-stop=enough:3"
-    result = run(rule, "--junitxml=junit.xml", *workers, policy=policy, subprocess=bool(workers))
+    result = run(rule, "--junitxml=junit.xml", *workers, policy=policy, subprocess=True)
     lines, report = results()
     name = "libero-spatial-t00-i00-distractor_burst-v0"
     stopped = {"reason": f"{name} was the last", "of": 16, "rule": "enough:3", "at": 3}
@@ -107,14 +107,14 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
 def test_a_stopped_run_goes_on_only_without_its_rule(
     run: Run, results: Results, enough: None, workers: tuple[str, ...]
 ) -> None:
-    run("--libero-max-stop=enough:3", *workers, subprocess=bool(workers))
+    run("--libero-max-stop=enough:3", *workers, subprocess=True)
     before = len(results()[0]) - 1
-    again = run("--libero-max-stop=enough:3", "--libero-max-resume", *workers, subprocess=bool(workers))
+    again = run("--libero-max-stop=enough:3", "--libero-max-resume", *workers, subprocess=True)
     lines, report = results()
     assert sum(line["line"] == "pair" for line in lines) == before
     assert report["pairs"]["stopped"]["at"] == 3
     assert again.ret == 0
-    on = run("--libero-max-resume", *workers, subprocess=bool(workers))
+    on = run("--libero-max-resume", *workers, subprocess=True)
     assert on.ret == 0
     assert results()[1]["pairs"]["complete"]
     assert results()[1]["pairs"]["stopped"] is None
@@ -215,7 +215,7 @@ def test_other_tests_are_played_after_a_rule_has_stopped_the_pairs(
     run: Run, pytester: pytest.Pytester, enough: None
 ) -> None:
     pytester.makepyfile(test_other="def test_other(): pass")
-    result = run("libero-max", "test_other.py", "--libero-max-stop=enough:2")
+    result = run("libero-max", "test_other.py", "--libero-max-stop=enough:2", subprocess=True)
     result.assert_outcomes(passed=3)
 
 
