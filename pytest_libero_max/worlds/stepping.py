@@ -41,7 +41,7 @@ from pytest_libero_max.worlds.robot import PANDA
 gl.import_robosuite()
 
 import mujoco  # noqa: E402
-from robosuite.utils.transform_utils import axisangle2quat, quat2mat  # noqa: E402
+from robosuite.utils.transform_utils import EPS, axisangle2quat  # noqa: E402
 
 
 _TASK_DIM = 6
@@ -196,7 +196,7 @@ class Stepper:
         controller and the remaining ones with :meth:`play`.
         """
         if control == "absolute":
-            self._goal_ori[:] = quat2mat(axisangle2quat(action[3 : ACTION_DIM - 1]))
+            self._goal_ori[:] = _matrix(np.roll(axisangle2quat(action[3 : ACTION_DIM - 1]), 1))
             return action[:3].copy()
         delta = self._scaled(action)
         if any(delta[3:]):
@@ -299,7 +299,7 @@ def _rotation(vector: list[float]) -> Array:
     angle = math.sqrt(np.dot(array, array))
     half = angle / 2.0
     sine = float(np.sin(half))
-    matrix: Array = quat2mat(np.array([*(part / angle * sine for part in vector), np.cos(half)]))
+    matrix: Array = _matrix(np.array([np.cos(half), *(part / angle * sine for part in vector)]))
     return matrix
 
 
@@ -369,6 +369,31 @@ def _call(typing_context: Any, address: Any, arguments: Any) -> Any:
         return context.get_dummy_value()
 
     return signature, generate
+
+
+@compiled
+def _matrix(quaternion: Any) -> Any:
+    """Return the matrix of a quaternion w, x, y, z, as robosuite's ``quat2mat``, which has single precision."""
+    q = quaternion.astype(np.float32)
+    length = np.dot(q, q)
+    matrix = np.zeros((3, 3))
+    if length < EPS:
+        matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = 1.0
+        return matrix
+    scale = math.sqrt(2.0 / length)
+    for k in range(4):
+        q[k] = q[k] * scale
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    matrix[0, 0] = 1.0 - y * y - z * z
+    matrix[0, 1] = x * y - z * w
+    matrix[0, 2] = x * z + y * w
+    matrix[1, 0] = x * y + z * w
+    matrix[1, 1] = 1.0 - x * x - z * z
+    matrix[1, 2] = y * z - x * w
+    matrix[2, 0] = x * z - y * w
+    matrix[2, 1] = y * z + x * w
+    matrix[2, 2] = 1.0 - x * x - y * y
+    return matrix
 
 
 @compiled

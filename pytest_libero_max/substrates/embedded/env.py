@@ -24,6 +24,7 @@ gl.import_robosuite()
 import mujoco  # noqa: E402
 from robosuite.controllers import load_controller_config  # noqa: E402
 from robosuite.environments.manipulation.single_arm_env import SingleArmEnv  # noqa: E402
+from robosuite.utils import transform_utils  # noqa: E402
 
 _MOUNTS = {"rethink": "RethinkMount", "ground": None}
 
@@ -66,6 +67,15 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
         document = ET.fromstring(self._scene.mjcf)
         add_robot(document, robot.root)
         self.model = _SceneModel(ET.tostring(document, encoding="unicode"))
+
+    def _reset_internal(self) -> None:
+        # Robosuite keeps the turn of the hand as a quaternion that nobody reads: not worth its compilation.
+        turn_of = transform_utils.mat2quat
+        transform_utils.mat2quat = getattr(turn_of, "py_func", turn_of)
+        try:
+            super()._reset_internal()
+        finally:
+            transform_utils.mat2quat = turn_of
 
     def _initialize_sim(self, xml_string: str | None = None) -> None:
         super()._initialize_sim(xml_string)
