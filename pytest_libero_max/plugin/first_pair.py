@@ -1,4 +1,7 @@
-"""The first pair of a process, played again after others: it is another one if the policy remembers them."""
+"""The first pair of a process, played again after others: it is another one if the policy remembers them.
+
+Base alone is played again. That is half of the time, and the other arms share its beginning and its policy.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ def require_first_pair_again(
         config: Of the process.
         case: The case that was played.
         record: Its record.
-        play: Plays a case in this process.
+        play: Plays a case in this process, at least one of its arms.
 
     Raises:
         AdapterError: The first pair is another one than before.
@@ -44,7 +47,7 @@ def require_first_pair_again(
     if first.pairs != AGAIN_AFTER:
         return
     again = play(first.case).arms
-    different = [name for name, arm in first.record.arms.items() if again[name].proof != arm.proof]
+    different = [name for name, arm in again.items() if first.record.arms[name].proof != arm.proof]
     if different:
         raise AdapterError(
             f"the policy remembers something from pair to pair: {first.case.item_id} was played again after "

@@ -122,13 +122,14 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
 def _require_first_pair_again(
     request: pytest.FixtureRequest, case: Case, record: PairRecord, policy: Policy, process: PairProcess
 ) -> None:
-    """Play the first pair of this process again, once it has played some; see :mod:`.first_pair`."""
+    """Play the first pair of this process again, as far as Base; see :mod:`.first_pair`."""
     substrate = request.getfixturevalue("libero_max_substrate")
 
     def play_again(first: Case) -> PairRecord:
         world = substrate.world(first)
+        arms = _arms(first, policy, request.config)[:1]
         return _on_servers(
-            policy, first, lambda: _measure_arms(first, world, policy, request.config, process, {})
+            policy, first, lambda: _measure_arms(first, world, policy, request.config, process, {}, arms)
         ).record
 
     if policy.spec.repeatable:
@@ -194,7 +195,9 @@ def _measure_arms(
     config: pytest.Config,
     process: PairProcess,
     fingerprints: Mapping[str, str],
+    arms: tuple[Arm, ...] | None = None,
 ) -> Pair:
+    """Measure some arms of a case; None: all of them."""
     from pytest_libero_max.pairing.probes.registry import probes_called
     from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 
@@ -211,7 +214,7 @@ def _measure_arms(
             films=settings.film != "none",
         ),
         process.enter,
-        _arms(case, policy, config),
+        _arms(case, policy, config) if arms is None else arms,
     )
 
 
