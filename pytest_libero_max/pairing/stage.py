@@ -211,9 +211,9 @@ class Stage:
             yield
         self.watch.step()
         require_spec(self.policy, self.spec, where)
-        self._require_unaltered(before, where)
-        if self.world.digest() != digest:  # a policy that is given no world may have found it
-            raise AdapterError(
+        if self.world.digest() != digest:
+            self._require_unaltered(before, where)
+            raise AdapterError(  # a policy that is given no world may have found it
                 f"the world was altered while policy {self.spec.name!r} was called ({where}). {_CURE}"
             )
 

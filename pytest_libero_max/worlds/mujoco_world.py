@@ -132,7 +132,10 @@ class MujocoWorld(ABC):
         self._control: Control = "delta"
         self._renderer: Renderer | None = None
         self._guard: ModelGuard | None = None
-        self._compiled = {field: getattr(model, field).copy() for field in ALTERABLE}
+        # Made once: MuJoCo makes a new array of the same memory whenever it is asked for one.
+        self._alterable: dict[str, NDArray[Any]] = {field: getattr(model, field) for field in ALTERABLE}
+        self._hashed = [array.reshape(-1) for array in self._alterable.values()]
+        self._compiled = {field: array.copy() for field, array in self._alterable.items()}
         self._scene_fields: dict[str, str] = {}  # filled when they are asked for
         self._body = {name: self._body_id(entity) for name, entity in self._entities.items()}
         self._joint = {
@@ -304,7 +307,7 @@ class MujocoWorld(ABC):
         return WorldState(
             scene=self._scene,
             physics=_frozen(self._physics()),
-            model={field: _frozen(getattr(self._model, field).copy()) for field in ALTERABLE},
+            model={field: _frozen(array.copy()) for field, array in self._alterable.items()},
             controller=_frozen(self._controller_state()),
             steps=self._steps,
             filters=self._filters,
@@ -329,10 +332,10 @@ class MujocoWorld(ABC):
 
     def digest(self) -> bytes:
         fingerprint = blake2b(digest_size=32)
-        fingerprint.update(self._physics().tobytes())
-        for field in ALTERABLE:
-            fingerprint.update(getattr(self._model, field).tobytes())
-        fingerprint.update(self._controller_state().tobytes())
+        fingerprint.update(self._physics())
+        for values in self._hashed:
+            fingerprint.update(values)
+        fingerprint.update(self._controller_state())
         rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
         fingerprint.update(repr(rest).encode())
         if self._control != "delta":
@@ -388,7 +391,7 @@ class MujocoWorld(ABC):
                 f"field={field!r} is not a model field that a reset restores, so it must not be altered. "
                 f"{did_you_mean(field, ALTERABLE)}"
             )
-        getattr(self._model, field)[index] = value
+        self._alterable[field][index] = value
         self._settle()
         self._after_alteration()
 
@@ -447,7 +450,7 @@ class MujocoWorld(ABC):
         del self._parked[name]
         geoms = self.geoms(name)
         for field in ("geom_contype", "geom_conaffinity", "geom_group"):
-            getattr(self._model, field)[geoms] = self._compiled[field][geoms]
+            self._alterable[field][geoms] = self._compiled[field][geoms]
         self._data.qfrc_applied[self._dofs(name)] = 0.0
         self._write_pose(name, where, orientation)
         self._settle()
@@ -519,8 +522,8 @@ class MujocoWorld(ABC):
         return state
 
     def _write_model(self, fields: Mapping[str, NDArray[Any]]) -> None:
-        for field in ALTERABLE:
-            getattr(self._model, field)[:] = fields[field]
+        for field, array in self._alterable.items():
+            array[:] = fields[field]
 
     def _write_pose(self, name: str, position: Array, quaternion: Array | None) -> None:
         if name not in self._joint:

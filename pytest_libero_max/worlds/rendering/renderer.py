@@ -138,9 +138,11 @@ class Renderer:
         """Return what has to be drawn: an image, and then perhaps the part of it that shows a mirror."""
         model, data = self._model, self._data
         all_of_it = [_Pass(_NOTHING, self._reflections)]
-        camera = Camera.of(mujoco.mjv_averageCamera(*self._scene.camera), height, width)
-        if camera is None or not self._thrifty or self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]:
+        if not self._thrifty or self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]:
             return all_of_it  # shadows of what is out of view may be in view
+        camera = Camera.of(mujoco.mjv_averageCamera(*self._scene.camera), height, width)
+        if camera is None:
+            return all_of_it
         geoms = np.flatnonzero(np.isin(model.geom_group, DRAWN_GROUPS))
         reflectors = self._reflectors(geoms) if self._reflections else _NOTHING
         if reflectors.size and (reflectors.size > 1 or model.geom_type[reflectors] != _BOX):
