@@ -19,6 +19,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from pytest_libero_max.experts.scene_view import Hand
+from pytest_libero_max.worlds.rotations import Quaternion, composed, inverse, of_vector, vector_of
 
 Array = NDArray[np.float64]
 
@@ -88,12 +89,14 @@ def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
     move_d, speed_d, move_v, speed_v = _response(hand.coupling)
     reply = _WEIGHT[:, None] * speed_d * _LIMIT
     answer = np.linalg.solve(reply.T @ reply + _DAMPING_OF_INVERSE * np.eye(6), reply.T) * _WEIGHT
-    position, turn, velocity = hand.position, hand.turn, np.concatenate([hand.velocity, hand.spin])
+    position, velocity = hand.position, np.concatenate([hand.velocity, hand.spin])
+    turn, turns = _quaternion(hand.turn), [_quaternion(waypoint.turn) for waypoint in route]
     actions, left = [], []
     for _ in range(steps):
         while True:
             waypoint = route[0]
-            error = np.concatenate([waypoint.position - position, (waypoint.turn * turn.inv()).as_rotvec()])
+            rest = vector_of(composed(turns[-len(route)], inverse(turn)))
+            error = np.array([*(waypoint.position - position).tolist(), *rest])
             far = max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:]) / 10)
             if far >= waypoint.tolerance_m or waypoint.wait or len(route) == 1:
                 break
@@ -106,8 +109,13 @@ def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
         left.append(route)
         moved = move_d @ (action * _LIMIT) + move_v @ velocity
         velocity = speed_d @ (action * _LIMIT) + speed_v @ velocity
-        position, turn = position + moved[:3], Rotation.from_rotvec(moved[3:]) * turn
+        position, turn = position + moved[:3], composed(of_vector(moved[3:].tolist()), turn)
     return np.array(actions), left
+
+
+def _quaternion(turn: Rotation) -> Quaternion:
+    x, y, z, w = turn.as_quat().tolist()
+    return w, x, y, z
 
 
 def _response(coupling: Array) -> tuple[Array, Array, Array, Array]:

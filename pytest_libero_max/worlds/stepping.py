@@ -43,7 +43,6 @@ gl.import_robosuite()
 import mujoco  # noqa: E402
 from robosuite.utils.transform_utils import EPS, axisangle2quat  # noqa: E402
 
-
 _TASK_DIM = 6
 """Coordinates of the hand that the controller moves: three of place, three of rotation."""
 
@@ -249,8 +248,8 @@ class _Memory:
     Attributes:
         arrays: What the compiled code takes, in its order. Matrices are stored as Fortran does, column by
             column, except for what MuJoCo writes.
-        addresses: Those of the functions of :func:`_addresses`, then of three tables that are handed to Fortran,
-            which takes addresses only: whole numbers from 0 on, the letters of :data:`_LETTERS`, 1 and 0.
+        addresses: Those of the functions of :func:`_addresses`, then of three tables for Fortran, which
+            takes addresses only: whole numbers from 0 on, the letters of :data:`_LETTERS`, 1 and 0.
 
     Args:
         dofs: Joints of the arm.
@@ -373,7 +372,7 @@ def _call(typing_context: Any, address: Any, arguments: Any) -> Any:
 
 @compiled
 def _matrix(quaternion: Any) -> Any:
-    """Return the matrix of a quaternion w, x, y, z, as robosuite's ``quat2mat``, which has single precision."""
+    """Return the matrix of a quaternion w, x, y, z as robosuite's ``quat2mat``, in single precision."""
     q = quaternion.astype(np.float32)
     length = np.dot(q, q)
     matrix = np.zeros((3, 3))
@@ -398,7 +397,17 @@ def _matrix(quaternion: Any) -> Any:
 
 @compiled
 def _product(
-    functions: Any, first: Any, second: Any, m: Any, n: Any, k: Any, a: Any, lda: Any, b: Any, ldb: Any, c: Any
+    functions: Any,
+    first: Any,
+    second: Any,
+    m: Any,
+    n: Any,
+    k: Any,
+    a: Any,
+    lda: Any,
+    b: Any,
+    ldb: Any,
+    c: Any,
 ) -> None:
     """Write the (m, n) product of an (m, k) and a (k, n) matrix, each transposed before or not, to ``c``."""
     numbers, letters, one = functions[_NUMBERS], functions[_TABLE], functions[_SCALES]
@@ -488,7 +497,7 @@ def _feel(
             if not math.isfinite(value):
                 return False
             felt[j, i] = value
-    numbers, count = functions[_NUMBERS], functions[_NUMBERS] + 8 * rows
+    count = functions[_NUMBERS] + 8 * rows
     info[0] = 0
     _call(
         functions[_GESDD],

@@ -73,6 +73,15 @@ def test_a_run_ends_without_hypothesis_and_with_few_modules(
     assert len(modules) < 1400, len(modules)
 
 
+def test_playing_in_a_clone_loads_no_hypothesis() -> None:
+    """pytest loads the file of the tests of the folder that it is called in, also where it only plays pairs."""
+    script = "import sys, tests.conftest; print([m for m in sys.modules if m.split('.')[0] == 'hypothesis'])"
+    command = [sys.executable, "-c", script]
+    root = Path(pytest_libero_max.__file__).parents[1]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=root)
+    assert done.stdout == "[]\n"
+
+
 def test_a_session_that_uses_hypothesis_keeps_its_summary(
     pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]
 ) -> None:

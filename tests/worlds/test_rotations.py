@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.rotations import Quaternion
@@ -80,3 +81,27 @@ def test_the_bits_of_the_three_lengths_are_frozen() -> None:
         -0.5895531937791343,
         0.44530081657785675,
     )
+
+
+@given(
+    quaternions(), quaternions(), st.tuples(*[st.floats(-3.0, 3.0)] * 3), st.sampled_from([1.0, 1e-3, 1e-5])
+)
+def test_products_and_vectors_have_the_bits_of_scipys(
+    a: Quaternion, b: Quaternion, vector: tuple[float, float, float], scale: float
+) -> None:
+    small = (vector[0] * scale, vector[1] * scale, vector[2] * scale)
+    (one, other), turn = (scipys(a), scipys(b)), Rotation.from_rotvec(small)
+    assert rotations.of_vector(small) == ours(turn)
+    assert rotations.composed(ours(one), ours(other)) == ours(one * other)
+    back = rotations.composed(ours(one), rotations.inverse(ours(other)))
+    assert rotations.vector_of(back) == tuple((one * other.inv()).as_rotvec().tolist())
+    assert rotations.composed(rotations.of_vector(small), ours(one)) == ours(turn * one)
+
+
+def scipys(q: Quaternion) -> Rotation:
+    return Rotation.from_quat([*q[1:], q[0]])
+
+
+def ours(turn: Rotation) -> Quaternion:
+    x, y, z, w = turn.as_quat().tolist()
+    return w, x, y, z

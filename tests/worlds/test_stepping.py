@@ -126,6 +126,18 @@ def test_numerical_trouble_is_seen_in_the_step_in_which_it_comes(value: float, m
         world.step(NOOP_ACTION)
 
 
+def test_matrices_of_the_arm_that_are_not_finite_end_the_episode() -> None:
+    world = EmbeddedWorld(build_scene("libero_object", 1))
+    world.reset(0)
+    for field in ("qM", "qvel"):
+        state = world.snapshot()
+        getattr(world.data, field)[:] = np.nan
+        with pytest.raises(SimulatorError, match="cannot invert|no longer finite"):
+            world.step(NOOP_ACTION)
+        world.restore(state)
+    world.step(NOOP_ACTION)
+
+
 def test_derived_data_belong_to_the_end_of_the_step() -> None:
     world = EmbeddedWorld(build_scene("libero_object", 1))
     for action in random_actions(0, 5):
