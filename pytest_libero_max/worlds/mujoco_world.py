@@ -134,7 +134,7 @@ class MujocoWorld(ABC):
         self._guard: ModelGuard | None = None
         # Made once: MuJoCo makes a new array of the same memory whenever it is asked for one.
         self._alterable: dict[str, NDArray[Any]] = {field: getattr(model, field) for field in ALTERABLE}
-        self._hashed = [memoryview(array.reshape(-1)) for array in self._alterable.values()]
+        self._hashed = [array.reshape(-1).data for array in self._alterable.values()]
         self._compiled = {field: array.copy() for field, array in self._alterable.items()}
         self._scene_fields: dict[str, str] = {}  # filled when they are asked for
         self._body = {name: self._body_id(entity) for name, entity in self._entities.items()}
@@ -332,10 +332,10 @@ class MujocoWorld(ABC):
 
     def digest(self) -> bytes:
         fingerprint = blake2b(digest_size=32)
-        fingerprint.update(memoryview(self._physics()))
+        fingerprint.update(self._physics().data)
         for values in self._hashed:
             fingerprint.update(values)
-        fingerprint.update(memoryview(self._controller_state()))
+        fingerprint.update(self._controller_state().data)
         rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
         fingerprint.update(repr(rest).encode())
         if self._control != "delta":

@@ -74,7 +74,7 @@ def test_a_run_ends_without_hypothesis_and_with_few_modules(
 
 
 def test_playing_in_a_clone_loads_no_hypothesis() -> None:
-    """pytest loads the file of the tests of the folder that it is called in, also where it only plays pairs."""
+    """pytest loads the ``conftest.py`` of the folder ``tests`` where it is called, also to play pairs."""
     script = "import sys, tests.conftest; print([m for m in sys.modules if m.split('.')[0] == 'hypothesis'])"
     command = [sys.executable, "-c", script]
     root = Path(pytest_libero_max.__file__).parents[1]
