@@ -26,6 +26,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from numba.core import cgutils, types
 from numba.core.cgutils import ir
@@ -131,13 +132,13 @@ class Stepper:
             "finger_dofs": self.finger_dofs,
             "finger_ctrl": finger_ctrl,
         }
+        self._goal_pos = np.zeros(3)
         self._memory = _Memory(len(self.arm_dofs), model.nv)
-        self._fixed = (
-            self._memory.addresses,
+        self._kept = (
             *self._memory.arrays,
-            model._address,
-            data._address,
-            self._site,
+            self._goal_pos,
+            self._goal_ori,
+            self._grip,
             data.qpos,
             data.qvel,
             self._site_pos,
@@ -155,8 +156,12 @@ class Stepper:
             *limits.values(),
             grip_middle,
             grip_half,
-            data.warning.number,
         )
+        # Addresses, because Numba takes 1.5 microseconds for each array that it is given.
+        places = (array.ctypes.data for array in self._kept)
+        numbers = (len(self.arm_dofs), model.nv, model._address, data._address, self._site)
+        self._fixed = np.array([*self._memory.addresses, *numbers, *places])
+        self._warned = data.warning.number
 
     def start(self) -> None:
         """Forget the last episode: hold the present orientation, fingers half open.
@@ -231,9 +236,8 @@ class Stepper:
         """
         closing = float(action[ACTION_DIM - 1])
         push = self._speed * ((closing > 0.0) - (closing < 0.0))
-        fastest: float = _control_step(
-            goal_pos, self._goal_ori, self._grip, push, substeps, settle, *self._fixed
-        )
+        self._goal_pos[:] = goal_pos
+        fastest: float = _control_step(self._fixed, push, substeps, settle, self._warned)
         if fastest == _BROKEN:
             raise SimulatorError(
                 "The arm's controller cannot invert its matrices, which are no longer finite. The episode is "
@@ -246,7 +250,7 @@ class _Memory:
     """Memory that the controller's linear algebra works on, reserved once.
 
     Attributes:
-        arrays: What the compiled code takes, in its order. Matrices are stored as Fortran does, column by
+        arrays: What the compiled code works on, in its order. Matrices are stored as Fortran does, column by
             column, except for what MuJoCo writes.
         addresses: Those of the functions of :func:`_addresses`, then of three tables for Fortran, which
             takes addresses only: whole numbers from 0 on, the letters of :data:`_LETTERS`, 1 and 0.
@@ -261,7 +265,7 @@ class _Memory:
         numbers = np.arange(max(nv, dofs, _TASK_DIM) + 1)
         letters, scales = np.frombuffer(_LETTERS, dtype=np.uint8), np.array([1.0, 0.0])
         self._tables = (numbers, letters, scales)
-        self.addresses = np.array([*_addresses(), *(table.ctypes.data for table in self._tables)])
+        self.addresses = (*_addresses(), *(table.ctypes.data for table in self._tables))
         # As much as LAPACK asks for, since its way through a matrix depends on it.
         works = [int(lapack.dgetri_lwork(dofs)[0])]
         for size in (_TASK_DIM, 3):
@@ -368,6 +372,28 @@ def _call(typing_context: Any, address: Any, arguments: Any) -> Any:
         return context.get_dummy_value()
 
     return signature, generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _pointer(typing_context: Any, address: Any) -> Any:
+    """Return a pointer to an address, given as an int64."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.inttoptr(values[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(types.int64), generate
+
+
+@compiled
+def _floats(address: Any, shape: Any) -> Any:
+    """Return the float64 array at an address."""
+    return numba.carray(_pointer(address), shape, np.float64)
+
+
+@compiled
+def _integers(address: Any, shape: Any) -> Any:
+    """Return the int64 array at an address."""
+    return numba.carray(_pointer(address), shape, np.int64)
 
 
 @compiled
@@ -535,67 +561,66 @@ def _feel(
 
 
 @compiled
-def _control_step(
-    goal_pos: Any,
-    goal_ori: Any,
-    grip: Any,
-    push: Any,
-    substeps: Any,
-    settle: Any,
-    functions: Any,
-    jac_pos: Any,
-    jac_ori: Any,
-    j_full: Any,
-    j_pos: Any,
-    j_ori: Any,
-    mass: Any,
-    inverse: Any,
-    free: Any,
-    felt_full: Any,
-    felt_pos: Any,
-    felt_ori: Any,
-    products: Any,
-    values: Any,
-    vectors: Any,
-    lines: Any,
-    work: Any,
-    sizes: Any,
-    integers: Any,
-    info: Any,
-    model: Any,
-    data: Any,
-    site: Any,
-    qpos: Any,
-    qvel: Any,
-    site_pos: Any,
-    site_mat: Any,
-    qM: Any,
-    qfrc_bias: Any,
-    ctrl: Any,
-    arm_qpos: Any,
-    arm_dofs: Any,
-    arm_ctrl: Any,
-    finger_ctrl: Any,
-    mass_at: Any,
-    kp: Any,
-    kd: Any,
-    initial_joint: Any,
-    low: Any,
-    high: Any,
-    grip_middle: Any,
-    grip_half: Any,
-    warned: Any,
-) -> Any:
+def _control_step(fixed: Any, push: Any, substeps: Any, settle: Any, warned: Any) -> Any:
     """Play the substeps of a control step: torques, ``mj_step2``, ``mj_step1``; return what ``play`` does.
 
     Where the controller cannot go on, return :data:`_BROKEN`.
+
+    Args:
+        fixed: Numbers and addresses, as :class:`Stepper` puts them together. Of arrays whose size is not
+            needed the shape is given as (1,).
+        push: Change of the gripper's command in a substep.
+        substeps: Number of substeps.
+        settle: True to bring derived data up to date at the end.
+        warned: MuJoCo's counts of its warnings.
     """
-    dofs, nv = arm_dofs.size, qvel.size
+    functions = fixed
+    dofs, nv, model, data, site = fixed[11], fixed[12], fixed[13], fixed[14], fixed[15]
+    jac_pos = _floats(fixed[16], (3, nv))
+    jac_ori = _floats(fixed[17], (3, nv))
+    j_full = _floats(fixed[18], (dofs, 6))
+    j_pos = _floats(fixed[19], (dofs, 3))
+    j_ori = _floats(fixed[20], (dofs, 3))
+    mass = _floats(fixed[21], (dofs, dofs))
+    inverse = _floats(fixed[22], (dofs, dofs))
+    free = _floats(fixed[23], (dofs, dofs))
+    felt_full = _floats(fixed[24], (6, 6))
+    felt_pos = _floats(fixed[25], (3, 3))
+    felt_ori = _floats(fixed[26], (3, 3))
+    products = _floats(fixed[27], (2, dofs * dofs))
+    values = _floats(fixed[28], (6,))
+    vectors = _floats(fixed[29], (2, 36))
+    lines = _floats(fixed[30], (5, max(dofs, 6)))
+    room = fixed[31]
+    whole_room = fixed[32]
+    buffer = fixed[33]
+    info = _integers(fixed[34], (1,))
+    goal_pos = _floats(fixed[35], (3,))
+    goal_ori = _floats(fixed[36], (3, 3))
+    grip = _floats(fixed[37], (2,))
+    qpos = _floats(fixed[38], (1,))
+    qvel = _floats(fixed[39], (nv,))
+    site_pos = _floats(fixed[40], (3,))
+    site_mat = _floats(fixed[41], (3, 3))
+    qM = _floats(fixed[42], (1,))
+    qfrc_bias = _floats(fixed[43], (nv,))
+    ctrl = _floats(fixed[44], (1,))
+    arm_qpos = _integers(fixed[45], (dofs,))
+    arm_dofs = _integers(fixed[46], (dofs,))
+    arm_ctrl = _integers(fixed[47], (dofs,))
+    finger_ctrl = _integers(fixed[48], (2,))
+    mass_at = _integers(fixed[49], (dofs, dofs))
+    kp = _floats(fixed[50], (6,))
+    kd = _floats(fixed[51], (6,))
+    initial_joint = _floats(fixed[52], (dofs,))
+    low = _floats(fixed[53], (dofs,))
+    high = _floats(fixed[54], (dofs,))
+    grip_middle = _floats(fixed[55], (2,))
+    grip_half = _floats(fixed[56], (2,))
     vector, velocity, arm = lines[0], lines[2], lines[4]
     given, taken = vector.ctypes.data, lines[1].ctypes.data
     moving, force, torques = velocity.ctypes.data, lines[3].ctypes.data, arm.ctypes.data
     between, whole = products[0].ctypes.data, products[1].ctypes.data
-    room, whole_room, buffer = work.ctypes.data, sizes.ctypes.data, integers.ctypes.data
     hand, place, turn = j_full.ctypes.data, j_pos.ctypes.data, j_ori.ctypes.data
     inverted, speeds = inverse.ctypes.data, qvel.ctypes.data
     for substep in range(substeps):
