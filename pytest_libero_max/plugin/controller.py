@@ -100,6 +100,7 @@ class RunController:
         self._remark: str | None = None  # of the stopping rule
         self._changed: list[ChangedPair] = []
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
+        self._collected: list[str] = []  # node ids, by the first worker of xdist
         self._hook_raised = False
         self._adapter_errors: Counter[str] = Counter()  # pairs by message
         try:
@@ -259,7 +260,12 @@ class RunController:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_node_collection_finished(self, node: Any, ids: list[str]) -> None:
+        """Plan what the first worker has collected, and keep the ids of all that collect the same once."""
+        if ids == self._collected:
+            ids[:] = self._collected  # xdist keeps the ids of each worker, here in the same memory
+            return
         self._plan(ids)
+        self._collected = self._collected or list(ids)
 
     def _plan(self, node_ids: Iterable[str]) -> None:
         tests = Counter(name for name in map(case_of, node_ids) if name is not None)
