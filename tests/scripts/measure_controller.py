@@ -1,13 +1,13 @@
 """Processor time of the process that owns a run, for each pair that its workers send.
 
     python -m tests.scripts.measure_controller --engine xdist --workers 2 8 32 64 --pairs 8000
-    python -m tests.scripts.measure_controller --page > reports/controller.md
+    python -m tests.scripts.measure_controller --page
 
 Each number of workers is a run of its own, on the ``tiny`` substrate with ``noop``. Two pairs are played
 first, one of each variant; the workers then answer with the reports of these under the names of others: at
 once, or after ``--pause`` seconds, as a worker that takes so long for a pair. All else is as in any run:
 pytest, xdist or Ray, the store, the reports. What was measured is added to a file (``--output``), a line a
-run. ``--page`` writes the page of that file.
+run. ``--page`` writes the page of that file, and its figure, beside it.
 
 The module is also the plugin of pytest that measures, in the process that owns the run, or answers, in
 those that play.
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import pty
 import resource
@@ -39,6 +40,8 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.plugin.collection import ITEM_PREFIX, PairItem
+from pytest_libero_max.report.palette import GAIN, INK, LOSS, MUTED
+from pytest_libero_max.report.writers import svg
 from tests.scripts import answering_worker
 from tests.scripts.answering_worker import FOLDER_VARIABLE, PAIRS_NAME, PAUSE_VARIABLE, REPORTS_NAME, Known
 
@@ -287,6 +290,127 @@ def cluster(engine: str, workers: int) -> Iterator[list[str]]:
         ray.shutdown()
 
 
+PAIRS_S = (1, 3, 10)
+"""Times of a pair for which the page says how many workers are fed, s."""
+
+AIM_WORKERS = 256
+"""Workers with a pair a second that one controller is to feed."""
+
+_HEAD = """\
+# How many workers one controller feeds
+
+    python -m tests.scripts.measure_controller --workers 2 8 32 64 256 --pairs 8000
+    python -m tests.scripts.measure_controller --page
+
+The controller is the process that owns a run: it hands out the pairs, takes in, checks and stores each
+record, and writes the reports. Its processor time a pair bounds the workers that it can feed, whatever
+they play. Workers here answer with the reports of a pair that was played before, under another name: at
+once, or after a pause. Those of `xdist` are processes of their own on xdist's channels, but without pytest
+in them, so that two cores can hold hundreds. Those of `xdist-pytest` and Ray are real sessions of pytest
+in which only the play of a pair is left out.
+
+Processor times are those of the whole controller, its threads included, between the first report and the
+last. All was measured on two cores with 20 to 30 other busy processes: pairs a second and delays are what
+was seen there, and not what an idle machine gives. Reports of 80,000 pairs by 64 workers were not made up:
+two cores do not collect so many.
+"""
+
+_TAIL = """
+Start is the processor time until the first report: Python, the plan, and the ids that every worker sends.
+Workers that answer at once are faster than the controller: the delay is then that of a queue, which
+memory holds as well. With a pause, the delay is what a record waits until it is stored.
+
+The first bottleneck was the line that shows the progress on a terminal. It was composed anew five times a
+pair, and counted all pairs of the run each time: with 8,000 pairs it took twice as long as all else. It is
+composed ten times a second now. The second was what every worker collects: the controller counted the names
+of all pairs for each worker again, and kept them. Then it read each record three times: to store it, to
+show its letter, and as a copy for hooks, also where no conftest.py has such a hook.
+"""
+
+
+def page(rows: Sequence[Json]) -> str:
+    """Return the page of what was measured, in Markdown."""
+    dearest = max(row["pair_cpu_ms"] for row in rows if not row["before"])
+    lines = [
+        _HEAD,
+        "![Processor time a pair by number of workers](controller.svg)",
+        "",
+        "| Code | Workers | | A pair takes them | Pairs | Written to | Start, s | A pair, ms "
+        "| Memory: start, played, end, MiB | Pairs/s | Delay, median, s |",
+        "| --- | ---: | --- | ---: | ---: | --- | ---: | ---: | ---: | ---: | ---: |",
+        *map(_line, sorted(rows, key=_place)),
+        "",
+        _TAIL,
+        f"The dearest run of the code as it is now took {dearest:.2f} ms a pair. On a core of its own:",
+        "",
+        "| A pair takes | Workers that one controller feeds |",
+        "| ---: | ---: |",
+        *(f"| {seconds} s | {int(1000 * seconds / dearest):,} |" for seconds in PAIRS_S),
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _place(row: Json) -> tuple[Any, ...]:
+    return ENGINES.index(row["engine"]), row["pairs"], row["terminal"], row["workers"], row["before"]
+
+
+def _line(row: Json) -> str:
+    memory = ", ".join(f"{row[name]:,.0f}" for name in ("start_mib", "played_mib", "end_mib"))
+    cells = (
+        "before" if row["before"] else "now",
+        row["workers"],
+        row["engine"],
+        f"{row['pause_s']:g} s" if row["pause_s"] else "nothing",
+        f"{row['pairs']:,}",
+        "a terminal" if row["terminal"] else "a file",
+        f"{row['start_cpu_s']:.1f}",
+        f"{row['pair_cpu_ms']:.2f}",
+        memory,
+        f"{row['pairs_per_s']:.0f}",
+        f"{row['delay_median_ms'] / 1e3:.2f}",
+    )
+    return f"| {' | '.join(map(str, cells))} |"
+
+
+def curve(rows: Sequence[Json]) -> str:
+    """Return the processor time a pair by workers of xdist, with 8,000 pairs, as an SVG document."""
+    chosen = [row for row in rows if (row["engine"], row["pairs"]) == ("xdist", 8000)]
+    width, height, most = 560.0, 260.0, 5.0
+
+    def place(workers: float, ms: float) -> tuple[float, float]:
+        return 60 + 50 * math.log2(workers), height - 40 - (height - 70) * ms / most
+
+    left, right = place(1, 0)[0], width - 20
+    shapes = []
+    for ms in range(int(most) + 1):
+        y = place(1, ms)[1]
+        shapes += [svg.line(left, y, right, y), svg.text(left - 8, y + 4, f"{ms} ms", "end")]
+    for workers in sorted({row["workers"] for row in chosen}):
+        shapes.append(svg.text(place(workers, 0)[0], height - 20, str(workers), "middle"))
+    aim = 1000 / AIM_WORKERS
+    y = place(1, aim)[1]
+    shapes += [
+        svg.line(left, y, right, y, LOSS),
+        svg.text(right, y - 6, f"{AIM_WORKERS} workers, 1 s", "end"),
+    ]
+    for row in sorted(chosen, key=_place):
+        x, y = place(row["workers"], row["pair_cpu_ms"])
+        color = MUTED if row["before"] else GAIN
+        shapes.append(svg.circle(x, y, 5, color if not row["terminal"] else "none", color))
+    for number, (words, color, ring) in enumerate(
+        (("now", GAIN, False), ("before", MUTED, False), ("on a terminal", INK, True))
+    ):
+        x = left + 20 + 110 * number
+        shapes += [svg.circle(x, 14, 5, "none" if ring else color, color), svg.text(x + 10, 18, words)]
+    return svg.document(width, height, "Processor time of the controller for a pair, by workers", shapes)
+
+
+def read(path: Path) -> list[Json]:
+    """Return what was measured, a run each."""
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure each number of workers, or write the page."""
     parser = argparse.ArgumentParser(
@@ -298,10 +422,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--pause", type=float, default=0.0, metavar="S", help="Seconds of a pair")
     parser.add_argument("--terminal", action="store_true", help="Let the controller write to a terminal")
     parser.add_argument("--output", type=Path, default=MEASURED, metavar="PATH")
+    parser.add_argument("--before", action="store_true", help="Call what is measured the code before")
+    parser.add_argument("--page", action="store_true", help="Write the page and its figure instead")
     options = parser.parse_args(arguments)
+    if options.page:
+        rows = read(options.output)
+        options.output.with_suffix(".md").write_text(page(rows))
+        options.output.with_suffix(".svg").write_text(curve(rows))
+        return
     for workers in options.workers:
         numbers = measure(options.engine, workers, options.pairs, options.pause, terminal=options.terminal)
-        line = json.dumps(numbers)
+        line = json.dumps({"before": options.before, **numbers})
         with options.output.open("a") as file:
             file.write(f"{line}\n")
         print(line, flush=True)
