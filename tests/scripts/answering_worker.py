@@ -30,18 +30,20 @@ class Known:
 
     def __init__(self, folder: Path) -> None:
         self._reports = json.loads((folder / REPORTS_NAME).read_text())
-        self._pairs = (folder / PAIRS_NAME).open("rb")
-        self._width = len(self._pairs.readline())
+        self._pairs = folder / PAIRS_NAME
+        with self._pairs.open("rb") as file:
+            self._width = len(file.readline())
 
     def ids(self) -> list[str]:
         """Return the node ids of all pairs, in the order of play."""
-        self._pairs.seek(0)
-        return [json.loads(line)["nodeid"] for line in self._pairs]
+        with self._pairs.open("rb") as file:
+            return [json.loads(line)["nodeid"] for line in file]
 
     def reports(self, number: int) -> list[dict[str, Any]]:
         """Return the reports of the pair of this number, as they are sent."""
-        self._pairs.seek(number * self._width)
-        pair = json.loads(self._pairs.readline())
+        with self._pairs.open("rb") as file:
+            file.seek(number * self._width)
+            pair = json.loads(file.readline())
         return [_renamed(data, pair) for data in self._reports[pair["nodeid"][-2]]]
 
 

@@ -102,8 +102,8 @@ def _too_many(costs: Sequence[Cost], played: Played, fleet: Fleet) -> list[str]:
     if played.bottleneck != "controller" or most is None or fleet.workers <= most:
         return []
     return [
-        f"  one controller feeds {_count(most, 'worker')} with such pairs, and the others would wait: play at "
-        f"least {-(-fleet.workers // most)} shards at once (--libero-max-shard), each with its own controller"
+        f"  one controller feeds {_count(most, 'worker')} with such pairs, and the others would wait: play "
+        f"at least {-(-fleet.workers // most)} shards at once (--libero-max-shard), a controller each"
     ]
 
 
