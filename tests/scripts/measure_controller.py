@@ -27,7 +27,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from cProfile import Profile
 from pathlib import Path
 from statistics import quantiles
@@ -195,7 +195,7 @@ def pytest_configure(config: pytest.Config) -> None:
             config.pluginmanager.register(LightWorkers())
 
 
-def run(folder: Path, environment: dict[str, str], *arguments: str, terminal: bool = False) -> None:
+def run(folder: Path, *arguments: str, terminal: bool = False) -> None:
     """Run pytest with this module as its plugin, in a folder of its own.
 
     Raises:
@@ -206,11 +206,9 @@ def run(folder: Path, environment: dict[str, str], *arguments: str, terminal: bo
         *("--libero-max-policy=noop", "--libero-max-substrate=tiny", "--libero-max-output=run"),
         *arguments,
     ]
-    own = {PAUSE_VARIABLE: "0", FOLDER_VARIABLE: str(folder), "PYTHONPATH": str(ROOT), "TERM": "xterm"}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm"}
     with on_terminal() if terminal else nullcontext(sys.stderr.fileno()) as output:
-        subprocess.run(
-            command, cwd=folder, env={**os.environ, **own, **environment}, check=True, stdout=output
-        )
+        subprocess.run(command, cwd=folder, env=environment, check=True, stdout=output)
 
 
 @contextmanager
@@ -234,17 +232,19 @@ def measure(engine: str, workers: int, pairs: int, pause_s: float, *, terminal: 
     """Return what one run measured."""
     from tests.plugin.conftest import tiny_manifest
 
-    with tempfile.TemporaryDirectory() as name, cluster(engine, workers) as distribution:
+    with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         folder = Path(name)
+        # Actors of Ray have the environment in which their cluster was started.
+        os.environ |= {FOLDER_VARIABLE: name, PAUSE_VARIABLE: str(pause_s), ENGINE_VARIABLE: engine}
+        distribution = stack.enter_context(cluster(engine, workers))
         (folder / "pytest.ini").write_text("[pytest]\n")
         for count, path in ((2, "two.json"), (pairs, "pairs.json")):
             cases = tiny_manifest(tuple(range(count // 2)), ("illumination_switch",))
             (folder / path).write_text(json.dumps(cases))
-        run(folder, {}, "--libero-max-manifest=two.json")
+        run(folder, "--libero-max-manifest=two.json")
         write_pairs(folder)
-        played = {PAUSE_VARIABLE: str(pause_s), ENGINE_VARIABLE: engine}
         arguments = ("--libero-max-manifest=pairs.json", *distribution, "--libero-max-output=all")
-        run(folder, played, *arguments, terminal=terminal)
+        run(folder, *arguments, terminal=terminal)
         numbers: Json = json.loads((folder / NUMBERS_NAME).read_text())
         numbers["record_bytes"] = (folder / "all/pairs.jsonl").stat().st_size / pairs
     load = os.getloadavg()[0]
@@ -310,9 +310,11 @@ in them, so that two cores can hold hundreds. Those of `xdist-pytest` and Ray ar
 in which only the play of a pair is left out.
 
 Processor times are those of the whole controller, its threads included, between the first report and the
-last. All was measured on two cores with 20 to 30 other busy processes: pairs a second and delays are what
-was seen there, and not what an idle machine gives. Reports of 80,000 pairs by 64 workers were not made up:
-two cores do not collect so many.
+last. All was measured on two cores with 20 to 50 other busy processes: pairs a second and delays are what
+was seen there, and not what an idle machine gives. 256 workers that take a second for a pair were not fed
+there, as the controller, its workers and the others had two cores; how many are fed is derived from
+processor time. A run of 80,000 pairs by 8 workers had played all of them after 25 minutes there, and was
+ended before its reports were written: it is not in the table. With Ray nothing was measured to its end.
 """
 
 _TAIL = """
@@ -322,9 +324,11 @@ memory holds as well. With a pause, the delay is what a record waits until it is
 
 The first bottleneck was the line that shows the progress on a terminal. It was composed anew five times a
 pair, and counted all pairs of the run each time: with 8,000 pairs it took twice as long as all else. It is
-composed ten times a second now. The second was what every worker collects: the controller counted the names
-of all pairs for each worker again, and kept them. Then it read each record three times: to store it, to
-show its letter, and as a copy for hooks, also where no conftest.py has such a hook.
+composed ten times a second now. The second was what every worker collects: the controller counted the
+names of all pairs for each worker again, and kept them; with 256 workers that was half of the start, and
+260 MiB. Then each record was read three times, where once is enough without a hook of a conftest.py: with
+8 workers, in turn, 3 % of a pair. The same code takes up to half more from run to run, as caches and cores
+are shared with other processes: compare runs that were made in turn.
 """
 
 
