@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 import time
 from collections.abc import Iterator, Sequence
@@ -9,13 +10,19 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from threading import Barrier
 
+import numpy as np
+
 from pytest_libero_max.bench.scenes import scenes_of
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import open_substrate
-from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS
+from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, Image, World
 from pytest_libero_max.worlds.rendering import egl, gl
+from pytest_libero_max.worlds.rendering.renderer import Renderer
 
 _WARM_UP = 6
+_LOOKS, _STEPS = 6, 5
+"""Times that a scene is looked at to compare its images, and control steps before each."""
+
 _WAIT_S = 600.0
 """The longest that a process waits for the others, which build their scenes at the same time."""
 
@@ -124,6 +131,85 @@ def _draw(
     except BaseException:
         barrier.abort()  # the others would wait for this one
         raise
+
+
+@dataclass(frozen=True)
+class SameImages:
+    """What of the images of one scene is the same bit for bit.
+
+    Attributes:
+        scene: For example ``libero_spatial/0``.
+        images: Number of images, from both cameras.
+        unequal: Number of them that differ where everything is drawn, also what no pixel shows.
+        repeated: True if another process draws all of them alike.
+    """
+
+    scene: str
+    images: int
+    unequal: int
+    repeated: bool
+
+
+def compare_images(
+    name: str, options: SubstrateOptions, scenes: Sequence[tuple[str, int]], *, size: int = 256
+) -> Iterator[SameImages]:
+    """Compare images with those where everything is drawn, and with those of another process.
+
+    Args:
+        name: Of the substrate.
+        options: Of the substrate.
+        scenes: Suites and numbers of tasks.
+        size: Side of an image in pixels.
+
+    Raises:
+        SimulatorError: No OpenGL backend is available.
+    """
+    context = multiprocessing.get_context("spawn")
+    for suite, index in scenes:
+        found = []
+        for _ in range(2):
+            with ProcessPoolExecutor(1, context) as pool:
+                found.append(pool.submit(_compare, name, options, suite, index, size).result())
+        (unequal, digests), (_, again) = found
+        yield SameImages(f"{suite}/{index}", len(digests), unequal, digests == again)
+
+
+def _compare(
+    name: str, options: SubstrateOptions, suite: str, index: int, size: int
+) -> tuple[int, list[str]]:
+    """Return the number of images that differ where everything is drawn, and the digests of all images."""
+    random = np.random.default_rng(0)
+    unequal, digests = 0, []
+    with scenes_of(open_substrate(name, options))(suite, index) as world:
+        for _ in range(_LOOKS):
+            for _ in range(_STEPS):
+                world.step(random.uniform(-1, 1, ACTION_DIM).tolist())
+            images = _images(world, size)
+            renderer = getattr(world, "_renderer", None)
+            if isinstance(renderer, Renderer):
+                thrifty, renderer.thrifty = renderer.thrifty, False
+                full = _images(world, size)
+                renderer.thrifty = thrifty
+                unequal += sum(a.tobytes() != b.tobytes() for a, b in zip(images, full, strict=True))
+            digests += [hashlib.sha256(image.tobytes()).hexdigest() for image in images]
+    return unequal, digests
+
+
+def _images(world: World, size: int) -> list[Image]:
+    seen = world.observe(CAMERAS, size)
+    return [seen[f"{camera}_image"] for camera in CAMERAS]
+
+
+def same_lines(found: Sequence[SameImages]) -> list[str]:
+    """Return a table in Markdown."""
+    return [
+        "| scene | images | unequal to those with everything drawn | the same in another process |",
+        "| --- | ---: | ---: | --- |",
+        *(
+            f"| {one.scene} | {one.images} | {one.unequal} | {'yes' if one.repeated else 'no'} |"
+            for one in found
+        ),
+    ]
 
 
 def rate_lines(rates: Sequence[ImageRate]) -> list[str]:

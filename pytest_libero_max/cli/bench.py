@@ -1,9 +1,10 @@
-"""``libero-max bench``: speed of steps, images and pairs on this machine, in four commands."""
+"""``libero-max bench``: speed of steps, images and pairs on this machine, in five commands."""
 
 from __future__ import annotations
 
 import argparse
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
@@ -51,31 +52,34 @@ def add_command(commands: Commands) -> None:
         "images of 256 pixels it draws a second, by scene and number of processes, in wall-clock time. "
         "Run it where nothing else runs.",
     )
-    images.add_argument(
-        "--scenes",
-        nargs="+",
-        type=_scene,
-        default=[(suite, 0) for suite in ("libero_spatial", "libero_object", "libero_goal", "libero_10")],
-        metavar="SUITE/TASK",
-        help="Default: task 0 of each suite",
-    )
-    images.add_argument(
-        "--workers",
-        nargs="+",
-        type=whole_number(1),
-        default=[1, 2, 4],
-        metavar="N",
-        help="Numbers of processes that draw at once (default: 1 2 4)",
-    )
-    images.add_argument(
-        "--seconds",
-        type=float,
-        default=5.0,
-        metavar="S",
-        help="Time for each measurement (default: %(default)s)",
-    )
+    _add_rates(images)
     add_substrate(images)
     images.set_defaults(run=_bench_images)
+
+    all_of_it = commands.add_parser(
+        "bench-device",
+        help="Measure what this machine's GPU draws and serves beside its processor, as one file to send",
+        description="Measures images a second of embedded scenes, and of genuine ones where LIBERO is "
+        "installed: by the device that draws here, and by the processor where that is another one. Says "
+        "whether images are the same bit for bit where everything is drawn, and in another process. Then "
+        "one policy server is asked by several clients at once. Run it where nothing else runs; with the "
+        "defaults and a GPU it takes about ten minutes.",
+    )
+    _add_rates(all_of_it)
+    all_of_it.add_argument(
+        "--policy",
+        metavar="POLICY",
+        help="Policy to serve, as for pytest --libero-max-policy (default: one that answers at once)",
+    )
+    all_of_it.add_argument(
+        "--output",
+        type=Path,
+        default=Path("device.md"),
+        metavar="FILE",
+        help="The file to send; it names neither the machine nor its user (default: %(default)s)",
+    )
+    add_libero(all_of_it)
+    all_of_it.set_defaults(run=_bench_device)
 
     genuine = commands.add_parser(
         "bench-genuine", help="Measure steps and a pair side by side with an installed LIBERO's environment"
@@ -95,6 +99,33 @@ def add_command(commands: Commands) -> None:
     )
     add_libero(genuine)
     genuine.set_defaults(run=_bench_genuine)
+
+
+def _add_rates(command: argparse.ArgumentParser) -> None:
+    """Add the options for what is measured in images, or queries, a second."""
+    command.add_argument(
+        "--scenes",
+        nargs="+",
+        type=_scene,
+        default=[(suite, 0) for suite in ("libero_spatial", "libero_object", "libero_goal", "libero_10")],
+        metavar="SUITE/TASK",
+        help="Default: task 0 of each suite",
+    )
+    command.add_argument(
+        "--workers",
+        nargs="+",
+        type=whole_number(1),
+        default=[1, 2, 4],
+        metavar="N",
+        help="Numbers of processes at once (default: 1 2 4)",
+    )
+    command.add_argument(
+        "--seconds",
+        type=float,
+        default=5.0,
+        metavar="S",
+        help="Time for each measurement (default: %(default)s)",
+    )
 
 
 def _scene(text: str) -> tuple[str, int]:
@@ -124,6 +155,18 @@ def _bench_images(options: argparse.Namespace) -> None:
             rates.append(rate)
             work.show(f"{len(rates)} of {total} measured{work.left(len(rates), total)}")
     print("\n".join(rate_lines(rates)))
+
+
+def _bench_device(options: argparse.Namespace) -> None:
+    from pytest_libero_max.bench.device_report import Plan, device_report
+
+    plan = Plan(substrate_options(options), options.scenes, options.workers, options.seconds, options.policy)
+    with options.output.open("w") as file, Work() as work:
+        for line in device_report(plan, lambda what: work.show(f"Measuring {what}")):
+            file.write(f"{line}\n")
+            file.flush()
+    print(options.output.read_text(), end="")
+    print(f"\nWritten: {options.output}")
 
 
 def _bench(options: argparse.Namespace) -> None:

@@ -73,7 +73,7 @@ def play(costs: Sequence[Cost], fleet: Fleet) -> Played:
         fleet: The fleet.
     """
     calls = sum(cost.calls for cost in costs)
-    policy_s = [cost.policy_s if fleet.query_s is None else cost.calls * fleet.query_s for cost in costs]
+    policy_s = [_policy_s(cost, fleet) for cost in costs]
     pairs_s = [cost.worker_s + seconds for cost, seconds in zip(costs, policy_s, strict=True)]
     computing_s = sum(cost.worker_s for cost in costs) + (0.0 if fleet.servers else sum(policy_s))
     serving_s = 0.0
@@ -95,6 +95,27 @@ def play(costs: Sequence[Cost], fleet: Fleet) -> Played:
         serving=serving_s / seconds,
         writing=len(costs) * fleet.record_s / seconds,
     )
+
+
+def workers_fed(costs: Sequence[Cost], fleet: Fleet) -> int | None:
+    """Return the largest number of workers whose records one controller takes in as they come.
+
+    Args:
+        costs: Expected cost of each pair; at least one.
+        fleet: The fleet; its own workers do not matter.
+
+    Returns:
+        At least 1; None where a record takes no time.
+    """
+    if not fleet.record_s:
+        return None
+    seconds = sum(cost.worker_s + _policy_s(cost, fleet) for cost in costs)
+    return max(int(seconds / (len(costs) * fleet.record_s)), 1)
+
+
+def _policy_s(cost: Cost, fleet: Fleet) -> float:
+    """Seconds that a worker waits for the policy in a pair."""
+    return cost.policy_s if fleet.query_s is None else cost.calls * fleet.query_s
 
 
 def _batch(think_s: float, fleet: Fleet) -> float:

@@ -37,7 +37,7 @@ from pytest_libero_max.plugin.collection import (
 )
 from pytest_libero_max.plugin.junit_file import tell_junit
 from pytest_libero_max.plugin.options import gates_from
-from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, result_of
+from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, keep_status, result_of
 from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_space
 from pytest_libero_max.plugin.run_end import RunEnd
@@ -100,6 +100,7 @@ class RunController:
         self._remark: str | None = None  # of the stopping rule
         self._changed: list[ChangedPair] = []
         self._measured_now: dict[str, bool] = {}  # by item id; False for an error
+        self._collected: list[str] = []  # node ids, by the first worker of xdist
         self._hook_raised = False
         self._adapter_errors: Counter[str] = Counter()  # pairs by message
         try:
@@ -259,7 +260,12 @@ class RunController:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_node_collection_finished(self, node: Any, ids: list[str]) -> None:
+        """Plan what the first worker has collected, and keep the ids of all that collect the same once."""
+        if ids == self._collected:
+            ids[:] = self._collected  # xdist keeps the ids of each worker, here in the same memory
+            return
         self._plan(ids)
+        self._collected = self._collected or list(ids)
 
     def _plan(self, node_ids: Iterable[str]) -> None:
         tests = Counter(name for name in map(case_of, node_ids) if name is not None)
@@ -371,7 +377,9 @@ class RunController:
             self._count_adapter_error(pair.message, report)
         pair = self._stored(pair, self.cases[name])
         self._measured_now[name] = isinstance(pair, PairRecord)
-        self._changed += changed_pairs([pair] if isinstance(pair, PairRecord) else [])
+        if isinstance(pair, PairRecord):
+            self._changed += changed_pairs([pair])
+            keep_status(report, pair)
         note = getattr(report, NOTE_ATTRIBUTE, None)
         if note is not None:
             self.end.notes.append(note)
@@ -411,9 +419,10 @@ class RunController:
         """Pass a stored pair to conftest files; the first exception of one is reported at the end."""
         hook = self.config.hook.pytest_libero_max_pair_stored
         stops = (pytest.exit.Exception,)
-        # A copy, since they may write to it: as if read from the disk, in a fifth of the time of a deep copy.
-        copied = result_from_dict(pair.to_dict())
-        raised = call_user_hook(hook, may_raise=stops, pair=copied, config=self.config)
+        if any(one.plugin is not self.progress for one in hook.get_hookimpls()):
+            # A copy, since they may write to it: as if read from the disk, faster than a deep copy.
+            pair = result_from_dict(pair.to_dict())
+        raised = call_user_hook(hook, may_raise=stops, pair=pair, config=self.config)
         if raised is not None and not self._hook_raised:
             self.end.lines.append(f"pytest_libero_max_pair_stored raised {raised}")
             self._hook_raised = True

@@ -101,13 +101,20 @@ def status_of(report: Any) -> tuple[str, str, str] | None:
     if known is not None:
         return known
     result = getattr(report, RESULT_ATTRIBUTE, None)
-    if result is None or is_error(result) or report.when != "call" or not report.passed:
+    if result is None or is_error(result):
+        return None
+    try:
+        return keep_status(report, PairRecord.from_dict(result))
+    except ReportError:
+        return None  # the controller stores why
+
+
+def keep_status(report: Any, pair: PairRecord) -> tuple[str, str, str] | None:
+    """Keep what the terminal shows of a pair on its report, and return it; None for a test that failed."""
+    if report.when != "call" or not report.passed:
         return None
     from pytest_libero_max.runs.progress import status
 
-    try:
-        known = status(PairRecord.from_dict(result))
-    except ReportError:
-        return None  # the controller stores why
+    known = status(pair)
     setattr(report, STATUS_ATTRIBUTE, known)
     return known

@@ -32,6 +32,9 @@ _WAIT_LOOK_S = 1.0
 _WAIT_LINE_S = 60.0
 """Time between two lines on waits, where these scroll."""
 
+_COMPOSED_S = 0.1
+"""Time for which a terminal shows the same line again, s: to compose it counts all pairs of the run."""
+
 _Wrapper = Generator[None, Any, Any]
 
 
@@ -59,6 +62,9 @@ class RunProgress:
         self._over = threading.Event()
         self._idle = False  # pytest waits, and writes nothing
         self._waited = False  # a wait is shown
+        self._lines: list[str] = []  # below pytest's output
+        self._composed_at = -math.inf
+        self._stale = False  # something has happened since they were composed
 
     def begin(self, store: PairStore, planned: Sequence[PlannedPair], measured: Sequence[PairRecord]) -> None:
         """Begin to show and note a run.
@@ -82,14 +88,15 @@ class RunProgress:
             threading.Thread(target=self._tell_waits, name="libero-max-progress", daemon=True).start()
 
     def _tell_waits(self) -> None:
-        """Show waits for servers while pytest itself waits."""
+        """Show waits for servers, and what happened last, while pytest itself waits."""
         last = -math.inf
         while not self._over.wait(_WAIT_LOOK_S):
             with self._lock:
                 if not self._idle or self._store is None:
                     continue
                 if self._live is not None:
-                    if self._waits() or self._waited:
+                    if self._stale or self._waited or self._waits():
+                        self._composed_at = -math.inf
                         self._draw_now()
                 elif time.monotonic() - last >= _WAIT_LINE_S and (lines := self._waits()):
                     last = time.monotonic()
@@ -155,7 +162,7 @@ class RunProgress:
 
     def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
         self._counts.add(pair)
-        self._playing.pop(pair.item_id, None)
+        self._forget(pair.item_id)
         self._note()
 
     @pytest.hookimpl(wrapper=True)
@@ -163,7 +170,7 @@ class RunProgress:
         self._erase()
         result = yield
         if report.when not in ("setup", "call"):  # it has ended, or its worker has died
-            self._playing.pop(case_of(report.nodeid) or "", None)
+            self._forget(case_of(report.nodeid) or "")
         if self._pace is not None and self._playing_pairs() and self._pace.due(time.monotonic()):
             self._write_line(f"libero-max: {self._text()}")
         self._draw()
@@ -199,6 +206,10 @@ class RunProgress:
     def pytest_exception_interact(self) -> None:
         self._erase()  # a debugger may begin
 
+    def _forget(self, item_id: str) -> None:
+        self._playing.pop(item_id, None)
+        self._workers.pop(item_id, None)
+
     def _playing_pairs(self) -> bool:
         return self._store is not None and len(self._counts.letters) < self._counts.to_play
 
@@ -231,13 +242,20 @@ class RunProgress:
     def _draw_now(self) -> None:
         if self._live is None or self._store is None or not self._playing_pairs():
             return
-        playing = sorted(self._playing, key=lambda name: self._playing[name])
-        line = f"libero-max: {self._text()}" + (f", playing {', '.join(playing)}" if playing else "")
+        self._stale = time.monotonic() - self._composed_at < _COMPOSED_S
+        if not self._stale:
+            self._compose()
         with suppress(OSError, ValueError):  # the terminal may be gone
             self._reporter.flush()
-            waits = self._waits()
-            self._waited = bool(waits)
-            self._live.draw([line, *waits], self._config.get_terminal_writer().width_of_current_line)
+            self._live.draw(self._lines, self._config.get_terminal_writer().width_of_current_line)
+
+    def _compose(self) -> None:
+        self._composed_at = time.monotonic()
+        playing = sorted(self._playing, key=lambda name: self._playing[name])
+        line = f"libero-max: {self._text()}" + (f", playing {', '.join(playing)}" if playing else "")
+        waits = self._waits()
+        self._waited = bool(waits)
+        self._lines = [line, *waits]
 
     def _erase(self) -> None:
         with self._lock:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_libero_max.costs.fleet import Fleet, play
+from pytest_libero_max.costs.fleet import Fleet, play, workers_fed
 from pytest_libero_max.costs.model import Cost
 
 PAIR = Cost(worker_s=2.0, calls=10, policy_s=1.0)
@@ -74,3 +74,10 @@ def test_the_same_fleet_plays_the_same_way_again() -> None:
     costs = [Cost(1.0 + 0.37 * (number % 7), number % 11, 0.0) for number in range(100)]
     fleet = Fleet(workers=7, servers=2, query_s=0.05, batch=2)
     assert play(costs, fleet) == play(costs, fleet)
+
+
+def test_one_controller_feeds_as_many_workers_as_records_fit_into_a_pair() -> None:
+    assert workers_fed([PAIR] * 3, Fleet(workers=1, record_s=0.01)) == 300
+    assert workers_fed([PAIR], Fleet(workers=1, query_s=0.8, record_s=0.01)) == 1000
+    assert workers_fed([PAIR], Fleet(workers=1, record_s=100.0)) == 1
+    assert workers_fed([PAIR], Fleet(workers=1)) is None

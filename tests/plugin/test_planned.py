@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import pytest
 
+from pytest_libero_max.plugin.controller import RunController
 from tests.plugin.test_run import Results, Run
 
 RENAMING = """
@@ -119,3 +123,13 @@ def test_gates_without_a_policy_are_refused(pytester: pytest.Pytester) -> None:
     result = pytester.runpytest("--libero-max-gate=missing == 0")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["*--libero-max-gate is given, but no pair is played*"])
+
+
+def test_ids_that_all_workers_collect_are_planned_and_kept_once() -> None:
+    planned = list[list[str]]()
+    controller = SimpleNamespace(_collected=[], _plan=lambda ids: planned.append(list(ids)))
+    lists = [["".join(["pair ", name]) for name in "ab"] for _ in range(3)]  # each with strings of its own
+    for ids in (*lists, ["pair a"]):
+        RunController.pytest_xdist_node_collection_finished(cast("Any", controller), None, ids)
+    assert planned == [["pair a", "pair b"], ["pair a"]]
+    assert all(ours is first for ids in lists for ours, first in zip(ids, lists[0], strict=True))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.sharding import shard
-from pytest_libero_max.costs.fleet import Fleet, Played, play
+from pytest_libero_max.costs.fleet import Fleet, Played, play, workers_fed
 from pytest_libero_max.costs.model import Cost, CostModel
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
@@ -61,6 +61,7 @@ def plan_lines(stored: StoredRun, pairs: Iterable[PlannedPair], what: str, fleet
         f"{what}, {len(chosen)} pairs with {_fleet_words(fleet)}:",
         f"  {duration(played.seconds)}, {60.0 * len(chosen) / played.seconds:.4g} pairs/min",
         *_shares(played, fleet),
+        *_too_many(costs, played, fleet),
         _larger(costs, fleet),
     ]
 
@@ -93,6 +94,17 @@ def _shares(played: Played, fleet: Fleet) -> list[str]:
         lines.append(("policy servers", f"answer {played.serving:.0%} of the time"))
     lines.append(("controller", f"takes in records {played.writing:.1%} of the time"))
     return [f"  {name:<15} {text}{_mark(name, played)}" for name, text in lines]
+
+
+def _too_many(costs: Sequence[Cost], played: Played, fleet: Fleet) -> list[str]:
+    """Return a line where there are more workers than one controller can feed."""
+    most = workers_fed(costs, fleet)
+    if played.bottleneck != "controller" or most is None or fleet.workers <= most:
+        return []
+    return [
+        f"  one controller feeds {_count(most, 'worker')} with such pairs, and the others would wait: play "
+        f"at least {-(-fleet.workers // most)} shards at once (--libero-max-shard), a controller each"
+    ]
 
 
 def _mark(name: str, played: Played) -> str:

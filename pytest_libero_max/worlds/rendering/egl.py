@@ -89,6 +89,12 @@ def chosen() -> tuple[Device, int]:
     return _choose()
 
 
+def listed() -> list[Device]:
+    """Return all devices of EGL, whatever the environment asks for; none without EGL."""
+    egl = _loaded()
+    return [] if egl is None else egl.devices(numbered=True)
+
+
 def check() -> None:
     """Check that the device that ``MUJOCO_EGL_DEVICE_ID`` names answers, where EGL has any.
 

@@ -64,6 +64,9 @@ class Renderer:
         reflections: True to let a reflective surface reflect, the first of them, as MuJoCo does.
         thrifty: True to leave out geoms that are out of view, and to draw reflections only around the mirror.
             No pixel depends on it. To find those geoms takes longer than to draw a small scene.
+
+    Attributes:
+        thrifty: The same, for the next image.
     """
 
     def __init__(
@@ -77,7 +80,7 @@ class Renderer:
         self._model = model
         self._data = data
         self._reflections = reflections
-        self._thrifty = thrifty
+        self.thrifty = thrifty
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
         self._hulls: NDArray[np.object_] | None = None  # found when they are needed
@@ -138,7 +141,7 @@ class Renderer:
         """Return what has to be drawn: an image, and then perhaps the part of it that shows a mirror."""
         model, data = self._model, self._data
         all_of_it = [_Pass(_NOTHING, self._reflections)]
-        if not self._thrifty or self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]:
+        if not self.thrifty or self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW]:
             return all_of_it  # shadows of what is out of view may be in view
         camera = Camera.of(mujoco.mjv_averageCamera(*self._scene.camera), height, width)
         if camera is None:

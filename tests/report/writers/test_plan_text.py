@@ -83,3 +83,14 @@ def test_a_run_without_a_pair_teaches_nothing(tmp_path: Path, capsys: pytest.Cap
     PairStore(tmp_path, Run(tuple(PLAN), PROVENANCE)).close()
     assert main(["plan", str(tmp_path)]) == 1
     assert "no measured pair" in capsys.readouterr().err
+
+
+def test_more_workers_than_one_controller_feeds_are_told_to_play_shards(
+    run: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plan", run, "--workers=17", "--record-ms=1000"]) == 0
+    text = capsys.readouterr().out
+    assert re.search("controller .*<- the bottleneck\n  one controller feeds 8 workers with such pairs", text)
+    assert "play at least 3 shards at once" in text
+    assert main(["plan", run, "--workers=8", "--record-ms=100"]) == 0
+    assert "one controller feeds" not in capsys.readouterr().out
