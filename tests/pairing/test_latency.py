@@ -76,18 +76,9 @@ def test_a_latency_is_read_and_rounded_up(text: str, hz: int | None, latency: La
 @pytest.mark.parametrize(
     "text",
     [
-        *(
-            "4",
-            "4 steps",
-            "-1steps",
-            "1.5steps",
-            "4steps,late",
-            "50000ms",
-            "1000steps",
-            "4ms",
-            "0:1+1:1steps",
-        ),
-        *("2:1+1:1steps", "1:1+1:1steps", "1:0steps", "1:1+steps", "1:1+2:1steps,late", "40:1+80:1ms"),
+        *("4", "4 steps", "-1steps", "1.5steps", "4steps,late", "50000ms", "1000steps", "4ms"),
+        *("0:1+1:1steps", "2:1+1:1steps", "1:1+1:1steps", "1:0steps"),
+        *("1:1+steps", "1:1+2:1steps,late", "40:1+80:1ms"),
     ],
 )
 def test_other_texts_are_refused(text: str) -> None:
