@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import accumulate
 from typing import Literal, get_args
 
 Runner = Literal["async", "sync"]
@@ -14,7 +18,10 @@ when Q actions are executed, and the robot waits, and executes the new chunk fro
 
 MOST_STEPS = 999
 
-PATTERN = r"^[1-9][0-9]{0,2}steps(,sync)?$(?!\n)"
+_STEPS = "[1-9][0-9]{0,2}"
+_DRAWN = rf"{_STEPS}:[1-9][0-9]{{0,8}}"
+
+PATTERN = rf"^({_STEPS}|{_DRAWN}(\+{_DRAWN})*)steps(,sync)?$(?!\n)"
 """Text of a latency in headers, records and programs."""
 
 
@@ -23,21 +30,45 @@ class Latency:
     """Time that a query takes.
 
     Attributes:
-        steps: d, the control steps from an observation to the first action that may follow from it. At 0 the
-            world waits for the policy.
+        steps: d, the control steps from an observation to the first action that may follow from it; the most
+            where they are drawn. At 0 the world waits for the policy.
         runner: Behaviour of the robot until the answer is there. Of no meaning at 0 steps.
+        drawn: Where the delay of each query is drawn: values of d and their weights. Empty: it is ``steps``.
+        key: Text that the draws follow from, set by :meth:`drawn_for`.
     """
 
     steps: int = 0
     runner: Runner = "async"
+    drawn: tuple[tuple[int, int], ...] = ()
+    key: str = ""
 
     def __str__(self) -> str:
-        """Return ``4steps`` or ``4steps,sync``; :meth:`parse` reads it."""
-        return f"{self.steps}steps" + (",sync" if self.runner == "sync" else "")
+        """Return ``4steps``, ``4steps,sync`` or ``1:80+2:20steps``; :meth:`parse` reads it."""
+        amount = "+".join(f"{steps}:{weight}" for steps, weight in self.drawn) or self.steps
+        return f"{amount}steps" + (",sync" if self.runner == "sync" else "")
+
+    @classmethod
+    def of_times(cls, times_ms: Mapping[float, int], hz: int, runner: Runner = "async") -> Latency:
+        """Return the latency of a server whose queries took so long.
+
+        Args:
+            times_ms: Numbers of queries by their time, ms. At least one.
+            hz: Control steps a second. Times are rounded up to whole steps, of which there are at most 999.
+            runner: Behaviour of the robot.
+        """
+        weights: dict[int, int] = {}
+        for time_ms, number in sorted(times_ms.items()):
+            steps = min(max(math.ceil(time_ms * hz / 1000), 1), MOST_STEPS)
+            weights[steps] = weights.get(steps, 0) + number
+        return cls._of_weights(tuple(weights.items()), runner)
+
+    @classmethod
+    def _of_weights(cls, weights: tuple[tuple[int, int], ...], runner: Runner) -> Latency:
+        return cls(weights[-1][0], runner, weights if len(weights) > 1 else ())
 
     @classmethod
     def parse(cls, text: str, hz: int | None = None) -> Latency:
-        """Read ``4steps``, with ``,sync`` behind it for the blocking runner.
+        """Read ``4steps`` or ``1:80+2:20steps``, with ``,sync`` behind it for the blocking runner.
 
         Args:
             text: The text.
@@ -50,6 +81,8 @@ class Latency:
         amount, _, runner = text.partition(",")
         units = "steps" if hz is None else "steps|ms"
         match = re.fullmatch(rf"([0-9]{{1,9}})({units})", amount)
+        if runner in ("", *get_args(Runner)) and re.fullmatch(rf"{_DRAWN}(\+{_DRAWN})*steps", amount):
+            return cls._parse_drawn(amount.removesuffix("steps"), "sync" if runner == "sync" else "async")
         if match is None or runner not in ("", *get_args(Runner)):
             example = "4steps" if hz is None else "200ms or 4steps"
             raise ValueError(f"expected a whole number with its unit, for example {example}, or 4steps,sync")
@@ -59,14 +92,47 @@ class Latency:
             raise ValueError(f"{steps} steps, but expected at most {MOST_STEPS}")
         return cls(steps, "sync" if runner == "sync" else "async") if steps else NO_LATENCY
 
-    def interval(self, query_interval: int) -> int:
-        """Return the steps from one query to the next.
+    @classmethod
+    def _parse_drawn(cls, amount: str, runner: Runner) -> Latency:
+        parts = (part.partition(":") for part in amount.split("+"))
+        weights = tuple((int(steps), int(weight)) for steps, _, weight in parts)
+        values = [steps for steps, _ in weights]
+        if values != sorted(set(values)):
+            raise ValueError(f"{amount}steps, but expected each number of steps once, in ascending order")
+        return cls._of_weights(weights, runner)
+
+    @property
+    def delays(self) -> tuple[int, ...]:
+        """The values of d that a query may have, steps."""
+        return tuple(steps for steps, _ in self.drawn) or (self.steps,)
+
+    def drawn_for(self, case_id: str) -> Latency:
+        """Return the latency with its draws for a case, the same in all of its arms."""
+        return replace(self, key=case_id) if self.drawn else self
+
+    def delay(self, index: int) -> int:
+        """Return d of a query, steps: drawn from the case and the number of the query alone.
+
+        Args:
+            index: Number of the query in its episode, from 0.
+        """
+        if not self.drawn:
+            return self.steps
+        digest = hashlib.sha256(f"libero-max-latency|{self.key}|{index}".encode()).digest()
+        number = int.from_bytes(digest[:8], "big") % sum(weight for _, weight in self.drawn)
+        sums = accumulate(weight for _, weight in self.drawn)
+        return next(steps for (steps, _), below in zip(self.drawn, sums, strict=True) if number < below)
+
+    def interval(self, query_interval: int, index: int) -> int:
+        """Return the steps from a query to the next one.
 
         Args:
             query_interval: Q. An asynchronous runner asks every Q steps, but not before it has the answer to
                 the query before.
+            index: Number of the query, from 0.
         """
-        return query_interval + self.steps if self.runner == "sync" else max(query_interval, self.steps)
+        delay = self.delay(index)
+        return query_interval + delay if self.runner == "sync" else max(query_interval, delay)
 
 
 NO_LATENCY = Latency()

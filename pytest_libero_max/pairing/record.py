@@ -677,14 +677,20 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
             f"response_step={arm.response_step}, but the event was at step {event} and the arm took {steps} "
             "steps: a response comes after the event."
         )
-    delay = 0 if arm.latency is None else Latency.parse(arm.latency).steps
-    stale = (steps if arm.response_step is None else min(steps, arm.response_step + delay)) - event
-    if arm.stale_actions != stale:
-        late = f" of which the answer takes {delay} steps" if delay else ""
+    delays = (0,) if arm.latency is None else Latency.parse(arm.latency).delays
+    ends = {steps if arm.response_step is None else min(steps, arm.response_step + delay) for delay in delays}
+    stale = sorted(end - event for end in ends)
+    if arm.stale_actions not in stale:
+        late = f" of which the answer takes {_either(delays)} steps" if any(delays) else ""
         raise ReportError(
-            f"stale_actions={arm.stale_actions}, but {stale} actions were executed between the event (step "
-            f"{event}) and the next query{late} (response_step={arm.response_step}, steps={steps})."
+            f"stale_actions={arm.stale_actions}, but {_either(stale)} actions were executed between the "
+            f"event (step {event}) and the next query{late} (response_step={arm.response_step}, "
+            f"steps={steps})."
         )
+
+
+def _either(values: Sequence[int]) -> str:
+    return " or ".join(map(str, values))
 
 
 def _require_consistent_pair(record: PairRecord) -> None:

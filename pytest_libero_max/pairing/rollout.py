@@ -140,7 +140,8 @@ class Rollout:
         stage.begin_world()
         world = stage.world
         distance = distance_m(world.end_effector(), world.position(stage.entity))
-        begun = Trajectory.begin(stage.spec.query_interval, world.digest(), distance, arms[0].latency)
+        latency = arms[0].latency.drawn_for(stage.case.case_id)
+        begun = Trajectory.begin(stage.spec.query_interval, world.digest(), distance, latency)
         rollout = cls(stage, begun, arms)
         rollout.trajectory = rollout.trajectory.watched(stage.probes.start(rollout._view()))
         return rollout

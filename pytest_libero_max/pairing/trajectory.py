@@ -185,15 +185,17 @@ class Trajectory:
         """Number of actions that will be executed before the next query, held ones included."""
         if not self.queries:
             return 0
-        return self.queries[-1].step + self.latency.interval(self.query_interval) - len(self.executed)
+        last = len(self.queries) - 1
+        return self.queries[last].step + self.latency.interval(self.query_interval, last) - self.step
 
     @property
     def pending(self) -> Actions:
         """(k, 7) the queued actions up to the next chunk, which an event does not cancel."""
         if not self.queries:
             return np.empty((0, 0))
-        left = self.queries[-1].step + self.latency.steps - self.step
-        return self._queue()[: left if left > 0 else self.queued + self.latency.steps]
+        number = len(self.queries)
+        left = self.queries[-1].step + self.latency.delay(number - 1) - self.step
+        return self._queue()[: left if left > 0 else self.queued + self.latency.delay(number)]
 
     @property
     def next_action(self) -> NDArray[np.float64] | None:
@@ -203,12 +205,12 @@ class Trajectory:
 
     def _queue(self) -> Actions:
         """Return the (k, 7) actions that are left of the last chunk whose answer is there."""
-        done, delay = len(self.executed), self.latency.steps
-        chunk = self.queries[-1]
+        done, number = len(self.executed), len(self.queries) - 1
+        chunk, delay = self.queries[number], self.latency.delay(number)
         if done < chunk.step + delay:  # its answer is under way
-            if len(self.queries) == 1:
+            if number == 0:
                 return chunk.actions[:0]
-            chunk = self.queries[-2]
+            chunk, delay = self.queries[number - 1], self.latency.delay(number - 1)
         there = chunk.step + delay
         # Actions executed since the observation were in the place of the chunk's first ones; waiting is not.
         dropped = delay - sum(step.held for step in self.executed[chunk.step : there])

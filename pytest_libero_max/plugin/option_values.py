@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import OptionError, ReportError, did_you_mean
 from pytest_libero_max.plugin.array_jobs import shard_of_job
 
 if TYPE_CHECKING:
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from pytest_libero_max.events.schedules import Cadence
     from pytest_libero_max.report.gates import Gate
     from pytest_libero_max.report.stopping_rule import NamedRule
+
+RECORDED = "recorded:"
+"""Begins the value of an option that is read from a run."""
 
 LONGEST_S = 10_000_000
 MOST_GIB = 1_000_000
@@ -97,11 +101,20 @@ def fraction(text: str) -> float:
 
 
 def latency(text: str) -> Latency:
-    """Parse the time that a query takes."""
+    """Parse the time that a query takes; ``recorded:RUN`` reads it from the records of a run."""
     from pytest_libero_max.benchmark.latency import Latency
     from pytest_libero_max.worlds.contract import CONTROL_HZ
 
-    return Latency.parse(text, CONTROL_HZ)
+    if not text.startswith(RECORDED):
+        return Latency.parse(text, CONTROL_HZ)
+    from pytest_libero_max.runs.query_times import recorded_latency
+
+    folder = text.removeprefix(RECORDED)
+    waits = folder.endswith(",sync")
+    try:
+        return recorded_latency(Path(folder.removesuffix(",sync")).expanduser(), "sync" if waits else "async")
+    except ReportError as error:
+        raise ValueError(f"expected the folder of a run behind {RECORDED!r}; {error}") from None
 
 
 def delays(text: str) -> tuple[Latency, ...]:

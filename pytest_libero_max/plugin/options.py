@@ -243,7 +243,8 @@ OPTIONS = (
         "TIME",
         "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms, rounded up). The robot "
         "goes on with the chunk before, and drops the actions of the new one that are late (asynchronous "
-        "inference); with ,sync behind it, it waits for the answer",
+        "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
+        "query from the query times of a run",
         read.latency,
     ),
     Option("horizon", "ACTIONS", "Override H (chunk size), the most actions a query returns", read.positive),
@@ -591,6 +592,8 @@ def resolve(config: pytest.Config) -> Settings:
     _check_ray(config, values)
     values["study"] = _study(config, values)
     values["latency"] = values["latency"] or NO_LATENCY
+    if values["latency"].drawn:  # the folder of a recorded run may be missing where a worker is
+        config.option.libero_max_latency = str(values["latency"])
     if values["latency"] != NO_LATENCY and values["adaptive"] is not None:
         raise pytest.UsageError(
             f"--libero-max-latency={values['latency']} is of a policy that is asked every Q steps, but "

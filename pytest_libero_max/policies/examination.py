@@ -61,7 +61,7 @@ def examine(policy: Policy, shown: Shown) -> list[Finding]:
             Finding(
                 "wrong",
                 "query",
-                str(error),
+                str(error).rstrip("."),
                 "an answer to every query",
                 "Repair this first, and check again.",
             )

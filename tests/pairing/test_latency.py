@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -61,6 +62,9 @@ def play(world: TinyWorld, policy: Approaching, latency: Latency, prefix: str = 
         ("50ms", 20, Latency(1)),
         ("51ms", 20, Latency(2)),
         ("200ms,sync", 20, Latency(4, "sync")),
+        ("1:80+12:20steps", 20, Latency(12, "async", ((1, 80), (12, 20)))),
+        ("1:80+12:20steps,sync", None, Latency(12, "sync", ((1, 80), (12, 20)))),
+        ("3:80steps", None, Latency(3)),
     ],
 )
 def test_a_latency_is_read_and_rounded_up(text: str, hz: int | None, latency: Latency) -> None:
@@ -70,17 +74,36 @@ def test_a_latency_is_read_and_rounded_up(text: str, hz: int | None, latency: La
 
 
 @pytest.mark.parametrize(
-    "text", ["4", "4 steps", "-1steps", "1.5steps", "4steps,late", "50000ms", "1000steps", "4ms"]
+    "text",
+    [
+        *("4", "4 steps", "-1steps", "1.5steps", "4steps,late", "50000ms", "1000steps", "4ms"),
+        *("0:1+1:1steps", "2:1+1:1steps", "1:1+1:1steps", "1:0steps"),
+        *("1:1+steps", "1:1+2:1steps,late", "40:1+80:1ms"),
+    ],
 )
 def test_other_texts_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="expected"):
         Latency.parse(text, None if text == "4ms" else 20)
 
 
+def test_the_delays_of_a_latency_of_recorded_times_are_drawn_in_their_proportions() -> None:
+    assert Latency.of_times({40.0: 3, 0.0: 1, 50.0: 1}, 20) == Latency(1)
+    latency = Latency.of_times({40.0: 700, 51.0: 200, 1e6: 99, 99.0: 1}, 20, "sync")
+    assert str(latency) == "1:700+2:201+999:99steps,sync"
+    drawn = [latency.drawn_for("case a").delay(index) for index in range(5000)]
+    assert drawn == [latency.drawn_for("case a").delay(index) for index in range(5000)]
+    assert drawn[:50] != [latency.drawn_for("case b").delay(index) for index in range(50)]
+    assert [drawn.count(steps) / 5000 for steps in (1, 2, 999)] == pytest.approx([0.7, 0.2, 0.1], abs=0.02)
+
+
+DRAWN = Latency.parse("1:2+4:1+7:2steps")
+
+
 @QUIET
 @given(
     policy=st.builds(Approaching, wait=st.integers(0, 4), horizon=st.just(8), interval=st.integers(1, 8)),
-    latency=st.builds(Latency, st.integers(1, 10), st.sampled_from(["async", "sync"])),
+    latency=st.builds(Latency, st.integers(1, 10), st.sampled_from(["async", "sync"]))
+    | st.sampled_from([DRAWN, replace(DRAWN, runner="sync")]),
 )
 def test_arms_share_their_prefix_by_fork_and_by_replay(
     world: TinyWorld, policy: Approaching, latency: Latency
@@ -96,8 +119,14 @@ def test_arms_share_their_prefix_by_fork_and_by_replay(
         return
     event = dynamic.firings[0]
     assert pair.base.trajectory.executed[event.step - 1].link.hex() == event.prefix_proof
+    trajectory = pair.rollouts["dynamic"].trajectory
+    bound = latency.drawn_for(make_case("target_relocation", distance_m=0.25).case_id)
+    for before, query in pairwise(trajectory.queries):
+        assert query.step - before.step == bound.interval(policy.spec.query_interval, before.index)
     if dynamic.response_step is not None:
-        assert dynamic.stale_actions == min(dynamic.response_step + latency.steps, BUDGET) - event.step
+        asked = next(query for query in trajectory.queries if query.step == dynamic.response_step)
+        there = dynamic.response_step + bound.delay(asked.index)
+        assert dynamic.stale_actions == min(there, BUDGET) - event.step
 
 
 def test_no_delay_leaves_every_byte_as_it_is(world: TinyWorld) -> None:
@@ -128,6 +157,22 @@ class Closing(Approaching):
     ) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         actions = super().predict(observation, query)  # type: ignore[arg-type]
         return np.column_stack([actions[:, :6], np.ones(len(actions))])
+
+
+def test_late_actions_of_each_chunk_are_dropped_by_its_own_delay(world: TinyWorld) -> None:
+    latency = Latency.parse("1:1+3:1+6:1steps")
+    pair = play(world, Approaching(horizon=20, interval=4), latency)
+    base, bound = pair.base.trajectory, latency.drawn_for(pair.record.case_id)
+    delays = {bound.delay(query.index) for query in base.queries}
+    assert delays == {1, 3, 6}
+    first = bound.delay(0)
+    assert [step.held for step in base.executed[: first + 1]] == [True] * first + [False]
+    for before, query in pairwise(base.queries):
+        there = query.step + bound.delay(query.index)
+        for step in range(query.step, min(there + 1, base.step)):
+            chunk, waited = (query, 0) if step >= there else (before, first if before.index == 0 else 0)
+            expected = chunk.actions[step - chunk.step - waited]
+            assert base.executed[step].action.tolist() == expected.tolist(), step
 
 
 def test_a_blocking_runner_keeps_the_gripper_while_it_waits(world: TinyWorld) -> None:

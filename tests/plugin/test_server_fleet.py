@@ -60,7 +60,7 @@ def killed_after(pairs: int, path: Path, server: ExitStack) -> Iterator[None]:
 @pytest.mark.parametrize(
     ("module", "script", "scheme"),
     [
-        ("openpi_client", ("openpi_server.py",), "openpi"),
+        ("openpi.serving", ("openpi_server.py",), "openpi"),
         ("vla_eval", ("vla_eval_server.py", "reach", "10"), "vla-eval"),
     ],
 )

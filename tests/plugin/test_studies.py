@@ -159,6 +159,32 @@ def test_a_latency_is_in_the_header_the_records_and_the_report_and_runs_must_agr
     assert [record["arms"] for record in results()[0]] == [record["arms"] for record in records]
 
 
+def test_recorded_delays_are_written_out_so_that_they_can_be_played_again(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    first, times = "--libero-max-limit=2", {"40": 30, "120": 10, "390": 2}
+    run(first).assert_outcomes(passed=2)
+    stored = pytester.path / "libero-max-results" / "pairs.jsonl"
+    lines = [json.loads(line) for line in stored.read_text().splitlines()]
+    for line in lines[1:]:
+        line["timings"]["query_ms"] = {"base": times}
+    lines[2]["timings"]["server_waited_s"] = 7.0
+    stored.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    stored.parent.rename("measured")
+    how = ("--libero-max-latency=recorded:measured,sync", "-n1")
+    run(first, *how, subprocess=True).assert_outcomes(passed=2)
+    written = "1:30+3:10+8:2steps,sync"
+    assert header(pytester)["latency"] == written
+    records, _ = results()
+    assert {arm["latency"] for record in records for arm in record["arms"].values()} == {written}
+    again = run(first, f"--libero-max-latency={written}", "--libero-max-output=again")
+    again.assert_outcomes(passed=2)
+    assert [record["arms"] for record in results("again")[0]] == [record["arms"] for record in records]
+    wrong = run(first, "--libero-max-latency=recorded:nowhere")
+    assert wrong.ret == pytest.ExitCode.USAGE_ERROR
+    wrong.stderr.fnmatch_lines(["*--libero-max-latency='recorded:nowhere': expected the folder of a run*"])
+
+
 def test_the_latency_study_plays_its_delays(run: Run, results: Results, pytester: pytest.Pytester) -> None:
     done = run("--libero-max-limit=2", "--libero-max-study=latency", "--libero-max-delays=8,2,2sync")
     done.assert_outcomes(passed=2)

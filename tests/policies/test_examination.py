@@ -7,6 +7,7 @@ import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -290,6 +291,26 @@ def test_a_broken_adapter_is_named(
     ]
     assert named, "\n".join(map(str, findings))
     assert all(finding.mistake for finding in named), "what to do about it"
+
+
+AGENTS = Path(__file__).parents[2] / "AGENTS.md"
+
+
+def test_the_page_for_coding_assistants_explains_what_is_said_of_each_broken_adapter(shown: Shown) -> None:
+    table = AGENTS.read_text().partition("| `check` says |")[2].partition("\n\n")[0]
+    phrases = [
+        phrase for row in table.splitlines()[2:] for phrase in re.findall("`([^`]+)`", row.split("|")[1])
+    ]
+    said = {
+        policy.__name__: [str(finding) for finding in bad(examine(policy(), shown))] for policy, *_ in GALLERY
+    }
+    for name, lines in said.items():
+        assert any(phrase in line for line in lines for phrase in phrases), f"{name}: {lines}"
+    for phrase in phrases:
+        assert any(phrase in line for lines in said.values() for line in lines), phrase
+    harmless = [name for name, lines in said.items() if not any(line.startswith("wrong") for line in lines)]
+    assert f"of the {len(said)} broken adapters" in AGENTS.read_text()
+    assert f"{len(harmless)} get a `note` and status 0" in AGENTS.read_text()
 
 
 class InCompany(Sound):

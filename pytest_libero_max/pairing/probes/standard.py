@@ -97,12 +97,12 @@ class Response(Probe[None]):
         if not trajectory.firings:
             return {"response_step": None, "stale_actions": None}
         event = trajectory.firings[0]
-        after = (query.step for query in trajectory.queries[event.queries :] if query.is_asked)
-        response_step = next(after, None)
-        last = trajectory.step
-        if response_step is not None:
-            last = min(last, response_step + trajectory.latency.steps)
-        return {"response_step": response_step, "stale_actions": last - event.step}
+        after = (query for query in trajectory.queries[event.queries :] if query.is_asked)
+        response, last = next(after, None), trajectory.step
+        if response is None:
+            return {"response_step": None, "stale_actions": last - event.step}
+        last = min(last, response.step + trajectory.latency.delay(response.index))
+        return {"response_step": response.step, "stale_actions": last - event.step}
 
 
 STANDARD = Probes((Approach(), Clipping(), Contacts(), Response(), Stages()))

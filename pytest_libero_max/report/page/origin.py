@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
-from pytest_libero_max.pairing.record import QUERY_MS, PairRecord
+from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.runs.query_times import query_times
 from pytest_libero_max.runs.store import StoredRun
 
 _NOT_RECORDED = "not recorded"
@@ -52,14 +53,10 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
 
 def query_times_text(records: Iterable[PairRecord]) -> str | None:
     """Return median and 95th percentile of the times of queries, by arm; None where no record has them."""
-    counts: dict[str, Counter[float]] = {}
-    for record in records:
-        for arm, times in record.timings.get(QUERY_MS, {}).items():
-            counts.setdefault(arm, Counter()).update({float(ms): int(number) for ms, number in times.items()})
     parts = [
         f"{arm.capitalize()} p50 {_percentile(times, 0.5):g} ms, p95 {_percentile(times, 0.95):g} ms "
         f"({times.total():,} queries)"
-        for arm, times in counts.items()
+        for arm, times in query_times(records).items()
     ]
     return "; ".join(parts) or None
 

@@ -2,26 +2,19 @@
 
     python openpi_server.py [FOLDER]
 
-Messages are packed by ``openpi-client``. Where openpi's ``serving/websocket_policy_server.py`` can be
-imported, it is the server; openpi is no package to install, so otherwise the loop around the messages is this
-file's. What the policy is shown lies in FOLDER afterwards, one file for each call.
+What the policy is shown lies in FOLDER afterwards, one file for each call.
 """
 
 from __future__ import annotations
 
-import asyncio
 import socket
 import sys
-import traceback
-from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from openpi_client import base_policy, msgpack_numpy
-from websockets.asyncio.server import ServerConnection, serve
-from websockets.exceptions import ConnectionClosed
+from openpi.serving.websocket_policy_server import WebsocketPolicyServer
+from openpi_client import base_policy
 
 GOAL = np.array([0.1, -0.1, 0.5])
 METADATA = {"reset_pose": [0, -1.5, 1.5, 0, 0, 0]}
@@ -48,26 +41,6 @@ class Reach(base_policy.BasePolicy):  # type: ignore[misc]  # untyped where open
         pass
 
 
-async def talk(connection: ServerConnection, policy: Reach) -> None:
-    """One client, as openpi's server treats it."""
-    await connection.send(msgpack_numpy.packb(METADATA))
-    while True:
-        try:
-            asked = msgpack_numpy.unpackb(await connection.recv())
-            await connection.send(msgpack_numpy.packb(policy.infer(asked)))
-        except ConnectionClosed:
-            return
-        except Exception:
-            await connection.send(traceback.format_exc())
-            await connection.close(1011)
-            return
-
-
-async def serve_here(policy: Reach, port: int) -> None:
-    async with serve(partial(talk, policy=policy), "127.0.0.1", port, compression=None, max_size=None):
-        await asyncio.get_running_loop().create_future()
-
-
 def free_port() -> int:
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
@@ -76,14 +49,8 @@ def free_port() -> int:
 
 def main(folder: str | None = None) -> None:
     policy, port = Reach(None if folder is None else Path(folder)), free_port()
-    try:
-        original = import_module("openpi.serving.websocket_policy_server")
-    except ImportError:
-        print("port", port, "here", flush=True)
-        asyncio.run(serve_here(policy, port))
-    else:
-        print("port", port, original.__file__, flush=True)
-        original.WebsocketPolicyServer(policy, "127.0.0.1", port, METADATA).serve_forever()
+    print("port", port, flush=True)
+    WebsocketPolicyServer(policy, "127.0.0.1", port, METADATA).serve_forever()
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""openpi's codec and client in another process; its server too where it can be imported."""
+"""openpi's server and its client, each in another process."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from tests.policies.test_examination import Sound
 
 
 @pytest.fixture(autouse=True)
-def _openpi_client() -> None:
-    require("openpi_client")
+def _openpi() -> None:
+    require("openpi.serving.websocket_policy_server")
 
 
 def test_a_server_of_openpi_is_shown_what_its_policy_expects(

@@ -45,7 +45,7 @@ def arms(record: PairRecord) -> Any:
     ("module", "script", "scheme", "profile", "dtype"),
     [
         ("vla_eval", ("vla_eval_server.py", "reach", "8"), "vla-eval", "vla_eval_pi05", np.float32),
-        ("openpi_client", ("openpi_server.py",), "openpi", "pi05_libero", np.float64),
+        ("openpi.serving", ("openpi_server.py",), "openpi", "pi05_libero", np.float64),
     ],
 )
 def test_a_pair_of_a_published_server_is_that_of_its_policy_in_process(
