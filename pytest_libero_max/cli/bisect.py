@@ -38,12 +38,12 @@ def add_command(commands: Commands) -> None:
     bisect = commands.add_parser(
         "bisect",
         help="Find the revision or checkpoint that lost cases, with as few pairs as a sequential test needs",
-        description="For example: libero-max bisect --good v1 --bad HEAD -- adapter.py --libero-max-track=lite. "
-        "Plays the good revision on all cases, the bad one until it is shown to lose more than it gains, and "
-        "then revisions between them on the lost cases alone, until it is shown whether they complete more "
-        "than half of them. Each revision is checked out beside the repository of the current folder. Each "
-        "run is an ordinary one, in a folder of its own; the same command goes on where it was. Exit status "
-        "10 where no loss is shown.",
+        description="For example: libero-max bisect --good v1 --bad HEAD -- adapter.py "
+        "--libero-max-track=lite. Plays the good revision on all cases, the bad one until it is shown to "
+        "lose more than it gains, and then revisions between them on the lost cases alone, until it is shown "
+        "whether they complete more than half of them. Each revision of the repository around the current "
+        "folder is checked out apart, along first parents. Each run is an ordinary one in a folder of its "
+        "own, and the same command goes on where it stopped. Exit status 10 where no loss is shown.",
     )
     bisect.add_argument("--good", metavar="REV", help="Revision, or checkpoint, that completes the cases")
     bisect.add_argument("--bad", metavar="REV", help="Later one that loses them")
@@ -62,7 +62,9 @@ def add_command(commands: Commands) -> None:
             help=f"Folder of an earlier run of the {end} one on the same cases, which is then not played",
         )
     bisect.add_argument(
-        "--before", metavar="COMMAND", help="A line of shell, run in each checked out revision before it plays"
+        "--before",
+        metavar="COMMAND",
+        help="A line of shell, run in each checked out revision before it plays",
     )
     bisect.add_argument(
         "--level", type=float, default=0.05, metavar="P", help="Of each test (default: %(default)s)"
@@ -78,7 +80,10 @@ def add_command(commands: Commands) -> None:
         help="For the runs, one folder each (default: %(default)s)",
     )
     bisect.add_argument(
-        "arguments", nargs="+", metavar="POLICY|ARGUMENT", help="The policy and other arguments of pytest, after --"
+        "arguments",
+        nargs="+",
+        metavar="POLICY|ARGUMENT",
+        help="The policy and other arguments of pytest, after --",
     )
     bisect.set_defaults(run=_bisect)
 
@@ -106,7 +111,7 @@ class Revision:
 
 
 def _bisect(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.bisection import GATE, Looked, Lost, first_bad, verdict_of
+    from pytest_libero_max.report.bisection import GATE, Lost, first_bad, verdict_of
     from pytest_libero_max.report.exit_status import GATE_FAILED
 
     if not 0 < options.level <= 0.5:
@@ -119,7 +124,9 @@ def _bisect(options: argparse.Namespace) -> int:
     rule = f"worse_than:{options.level:g},{Path(good_folder).absolute()}"
     bad = games.end(revisions[-1], options.bad_run, rule)
     lost = Lost.between(good, bad)
-    counts = f"{len(lost.case_ids)} lost and {lost.gains} gained of {lost.pairs} pairs, p = {lost.p_value:.2g}"
+    counts = (
+        f"{len(lost.case_ids)} lost and {lost.gains} gained of {lost.pairs} pairs, p = {lost.p_value:.2g}"
+    )
     if not lost.shown(options.level):
         say(
             [
@@ -222,12 +229,14 @@ def _commits(good: str | None, bad: str | None) -> list[Revision]:
     """Return the good commit and those after it up to the bad one, along first parents."""
     if not good or not bad:
         raise OptionError("bisect needs --good REV and --bad REV, or --checkpoints.")
-    first, last = (_git("rev-parse", "--verify", "--end-of-options", f"{name}^{{commit}}") for name in (good, bad))
+    first, last = (
+        _git("rev-parse", "--verify", "--end-of-options", f"{name}^{{commit}}") for name in (good, bad)
+    )
     listed = _git("log", "--reverse", "--first-parent", "--format=%H %s", f"{first}..{last}").splitlines()
     if not listed or _git("merge-base", first, last) != first:
         raise OptionError(
-            f"--good={good!r} is no ancestor of --bad={bad!r}. Name two revisions of one line of development, "
-            "the good one first."
+            f"--good={good!r} is no ancestor of --bad={bad!r}. Name two revisions of one line of "
+            "development, the good one first."
         )
     subject = _git("log", "-1", "--format=%s", first)
     rows = [(first, subject), *(tuple(line.split(" ", 1)) for line in listed)]
@@ -262,10 +271,11 @@ class Games:
         self._arguments, self._cases = _split(self.options.arguments)
         if self.revisions[0].commit:
             self._top = Path(_git("rev-parse", "--show-toplevel"))
-            policy = self._arguments[0].partition("=")[2]
-            if Path(policy).is_absolute():
+            policy = next(iter(self._arguments), "")
+            if Path(policy.removeprefix("--libero-max-policy=")).is_absolute():
                 raise OptionError(
-                    f"{policy!r} is the same file in every revision. Go to its repository, and name it from there."
+                    f"{policy} is the same file in every revision. Go to its repository, and name it from "
+                    "there."
                 )
 
     def begin(self) -> None:
@@ -288,13 +298,13 @@ class Games:
                 different = [name for name in wanted if there.get(name) != wanted[name]]
                 if different:
                     raise OptionError(
-                        f"{self._output} was begun with other {' and '.join(different)}: {path} has them. Give "
-                        "the same command again, or another --output."
+                        f"{self._output} was begun with other {' and '.join(different)}: {path} has them. "
+                        "Give the same command again, or another --output."
                     )
                 return
             self._output.mkdir(parents=True, exist_ok=True)
             path.write_text(json.dumps(wanted, indent=1) + "\n", encoding="utf-8")
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, AttributeError) as error:
             raise OptionError(f"{path}: {error}. Give another --output.") from error
 
     def folder(self, revision: Revision) -> Path:
@@ -359,7 +369,10 @@ class Games:
         print(f"playing {revision.short} {revision.note}".rstrip(), file=sys.stderr, flush=True)
         words = [
             *(sys.executable, "-m", "pytest"),
-            *(word.replace(PLACE, revision.name) if not revision.commit else word for word in self._arguments),
+            *(
+                word.replace(PLACE, revision.name) if not revision.commit else word
+                for word in self._arguments
+            ),
             *flags,
             f"--libero-max-order=shuffled:{self.options.seed}",
             f"--libero-max-output={self.folder(revision)}",
@@ -406,7 +419,9 @@ class Games:
         whole = load_cases(str(Path(name).expanduser()))
         cases = tuple(case for case in whole if case.case_id in set(lost.case_ids))
         path = self._output / "lost.json"
-        path.write_text(Manifest(f"lost-{whole.benchmark_id}", whole.version, whole.protocol, cases).to_json())
+        path.write_text(
+            Manifest(f"lost-{whole.benchmark_id}", whole.version, whole.protocol, cases).to_json()
+        )
         return [f"--libero-max-manifest={path}"]
 
 

@@ -1,8 +1,8 @@
 """Search for the first of several revisions that loses what an earlier one completes.
 
 The cases that the bad end loses are found first. Each revision between the ends then plays these cases alone,
-in a random order, until the rule ``anytime`` has decided :data:`GATE`. With the cases fixed, the number of them
-that a revision completes is fixed as well, so its level needs no assumption about the policy.
+in a random order, until the rule ``anytime`` has decided :data:`GATE`. The number of them that a revision
+completes is fixed, and the order alone is random: the level of the rule assumes nothing about the policy.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.runs.plan import unsupported_pairs
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.sequential import log_evidence_of_change
@@ -89,19 +89,19 @@ def has_ended(stored: StoredRun, *, by_rule: bool) -> bool:
         return not (({error.case_id for error in stored.errors}) - stored.measured)
     policy = stored.records[0].policy if stored.records else None
     left_out = {pair.case_id for pair in unsupported_pairs(stored.run.planned, policy)}
-    return bool(stored.records) and {pair.case_id for pair in stored.run.planned} - left_out == stored.measured
+    return (
+        bool(stored.records) and {pair.case_id for pair in stored.run.planned} - left_out == stored.measured
+    )
 
 
 def completed(stored: StoredRun, case_ids: Sequence[str]) -> dict[str, bool]:
     """Return Dynamic success of the cases, among some, that a run has measured."""
     wanted = set(case_ids)
-    return {
-        record.case_id: record.dynamic_success for record in stored.records if record.case_id in wanted
-    }
+    return {record.case_id: record.dynamic_success for record in stored.records if record.case_id in wanted}
 
 
 def verdict_of(stored: StoredRun) -> Verdict:
-    """Return the verdict on a revision that has played lost cases, to the end or until its rule stopped it."""
+    """Return the verdict on a revision that has played lost cases, all or until its rule stopped it."""
     if stored.stopped is not None:
         report = build_report(
             stored.records, stored.errors, stored.run.planned, stored.run.provenance, stored.stopped

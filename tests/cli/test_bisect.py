@@ -127,17 +127,48 @@ def test_the_revision_that_broke_cases_is_found_with_a_part_of_the_pairs(
 def test_a_loss_that_is_not_shown_is_not_looked_for(
     repository: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    names = [commit(repository, POLICY.format(stuck=()), f"Change {number}") for number in range(6)]
-    command = ["bisect", "--good", names[0], "--bad", names[-1], "--", *PLAYED, "-k", "camera_shift"]
+    names = [f"step-{number}" for number in range(6)]
+    seen = "import os\nassert os.environ['LIBERO_MAX_CHECKPOINT'] in __file__\n"
+    for name in names:
+        stuck = ("libero_object",) if name == "step-5" else ()
+        (repository / f"{name}.py").write_text(seen + POLICY.format(stuck=stuck))
+    command = ["bisect", "--checkpoints", *names, "--", "{}.py", *PLAYED[1:], "-k", "camera_shift"]
     assert main(command) == 10
     said = capsys.readouterr().out.splitlines()
     assert said[0] == (
-        f"Not shown at level 0.05 that {names[5][:12]} is worse than {names[0][:12]}: 0 lost and 0 gained of 4 "
-        "pairs, p = 1."
+        "Not shown at level 0.05 that step-5 is worse than step-0: 2 lost and 0 gained of 4 pairs, p = 0.75."
     )
-    assert sorted(path.parent.name for path in repository.rglob("pairs.jsonl")) == sorted(
-        name[:12] for name in (names[0], names[-1])
-    )
+    assert sorted(path.parent.name[:6] for path in repository.rglob("pairs.jsonl")) == ["step-0", "step-5"]
+
+
+def test_what_cannot_be_bisected_is_refused_before_anything_plays(
+    repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, last = (commit(repository, POLICY.format(stuck=()), name) for name in ("one", "two"))
+    wrong = {
+        ("--good", last, "--bad", first, "--", "adapter.py"): "is no ancestor of",
+        ("--good", first, "--", "adapter.py"): "needs --good REV and --bad REV, or --checkpoints",
+        ("--good", "nothing", "--bad", last, "--", "adapter.py"): "git rev-parse: fatal",
+        ("--good", first, "--bad", last, "--", "/adapter.py"): "is the same file in every revision",
+        ("--good", first, "--bad", last, "--", "adapter.py", "--libero-max-stop=errors"): "Take it away",
+        (
+            "--good",
+            first,
+            "--bad",
+            last,
+            "--level",
+            "1",
+            "--",
+            "adapter.py",
+        ): "must be above 0 and at most 0.5",
+        ("--checkpoints", "a", "b", "a", "--", "{}.py"): "'a' is named twice",
+        ("--checkpoints", "a", "b", "--good", "c", "--", "{}.py"): "'c' is none of the checkpoints a, b",
+        ("--checkpoints", "a", "b", "--good", "b", "--", "{}.py"): "must come before",
+    }
+    for words, message in wrong.items():
+        assert main(["bisect", *words]) == 1
+        assert message in capsys.readouterr().err
+    assert not (repository / "libero-max-bisect").exists()
 
 
 @pytest.mark.parametrize("count", [2, 3, 6, 7, 33])
