@@ -127,7 +127,8 @@ def _bisect(options: argparse.Namespace) -> int:
     counts = (
         f"{len(lost.case_ids)} lost and {lost.gains} gained of {lost.pairs} pairs, p = {lost.p_value:.2g}"
     )
-    if not lost.shown(options.level):
+    # Pairs that were in flight when the rule decided are counted here as well.
+    if bad.stopped is None and not lost.shown(options.level):
         say(
             [
                 f"Not shown at level {options.level:g} that {revisions[-1].short} is worse than "
@@ -149,7 +150,7 @@ def _bisect(options: argparse.Namespace) -> int:
 
     low, high = first_bad(len(revisions), judge)
     ends = {0: good, len(revisions) - 1: bad}
-    for number in {low, high} - ends.keys():
+    for number in sorted({low, high} - ends.keys()):
         # The rule knew the majority. Which cases a revision loses takes all of them.
         found = games.play(revisions[number], ["--override-ini=libero_max_gate=", *cases], by_rule=False)
         if found is None:
@@ -186,7 +187,11 @@ def _outcome(
 
     yield ""
     yield from table(looked)
-    yield f"{len(looked)} of {len(revisions)} revisions played, {sum(one.pairs for one in looked)} pairs."
+    whole = len(revisions) * len(ends[0].records)
+    yield (
+        f"{len(looked)} of {len(revisions)} revisions played, {sum(one.pairs for one in looked)} pairs; all "
+        f"of them on all cases are {whole}."
+    )
     yield ""
     before, after = (completed(ends[number], lost.case_ids) for number in (low, high))
     broken = [case_id for case_id in lost.case_ids if before[case_id] and not after[case_id]]
@@ -357,9 +362,6 @@ class Games:
 
         Returns:
             None where it cannot be played.
-
-        Raises:
-            KeyboardInterrupt: Its session was interrupted.
         """
         from pytest_libero_max.report.bisection import has_ended
 
@@ -387,8 +389,6 @@ class Games:
                     status = subprocess.run(
                         command, cwd=place, env=environment, stdout=log, stderr=log, shell=shell, check=False
                     ).returncode
-        if status in (2, -2, 130):
-            raise KeyboardInterrupt
         stored = self.stored(revision)
         return stored if stored is not None and has_ended(stored, by_rule=by_rule) else None
 
