@@ -73,7 +73,7 @@ def collect_run(
 
                 def write(case: Case, world: World, traces: Mapping[str, ArmTrace]) -> None:
                     for arm, demo in _arms(case, world, record, traces, image_size).items():  # noqa: B023
-                        save(files[arm], Planned(case, arm), demo)  # noqa: B023  # used at once
+                        save(files[arm], Planned(case, arm), demo, record.item_id)  # noqa: B023  # used at once
 
                 run.again(record, write)
             paths += files.values()

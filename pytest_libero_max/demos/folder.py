@@ -190,8 +190,8 @@ def _record_all(plans: Sequence[Planned], folder: Path, settings: Settings) -> i
     return len(plans)
 
 
-def save(path: Path, plan: Planned, demo: Demonstration) -> None:
-    """Write an episode, for :func:`load`."""
+def save(path: Path, plan: Planned, demo: Demonstration, pair: str | None = None) -> None:
+    """Write an episode, for :func:`load`; ``pair`` is the item id of the pair of a run that it is an arm of."""
     event = plan.case.event
     about = {
         "source": plan.case.source,
@@ -204,6 +204,7 @@ def save(path: Path, plan: Planned, demo: Demonstration) -> None:
         "variant": event.variant if demo.event_step is not None else None,
         "event_step": demo.event_step,
         "success": demo.success,
+        "pair": pair,
     }
     arrays = {**demo.observations, "actions": demo.actions, "about": np.array(json.dumps(about))}
     if demo.executed is not None:

@@ -197,6 +197,7 @@ class Writer:
                 "suite": about["suite"],
                 "libero_task_index": about["task_index"],
                 "init_state_index": about["init_state_index"],
+                "pair": about.get("pair"),
                 "arm": about["arm"],
                 "success": demo.success,
                 "event_name": about["event"],
@@ -217,7 +218,12 @@ class Writer:
         meta = self._folder / "meta"
         episodes = meta / "episodes" / CHUNK.format(0, 0)
         episodes.parent.mkdir(parents=True)
-        optional = {"event_name": pa.string(), "event_variant": pa.int64(), "event_step": pa.int64()}
+        optional = {
+            "pair": pa.string(),
+            "event_name": pa.string(),
+            "event_variant": pa.int64(),
+            "event_step": pa.int64(),
+        }
         parquet.write_table(
             pa.table(
                 {

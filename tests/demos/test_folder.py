@@ -279,6 +279,7 @@ def test_pairs_of_a_run_are_written_in_the_same_format(
     for arm, expected in zip(ARMS, shown[:2], strict=True):
         demo, about = load(tmp_path / "out" / "episodes" / f"{cases[0].item_id}-{arm}.npz")
         assert (about["arm"], about["success"], demo.success) == (arm, False, False)
+        assert about["pair"] == cases[0].item_id
         assert demo.event_step == expected.event_step
         assert demo.actions.tobytes() == expected.actions.tobytes()
         assert demo.observations.keys() == expected.observations.keys()
