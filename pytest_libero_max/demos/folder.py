@@ -191,7 +191,7 @@ def _record_all(plans: Sequence[Planned], folder: Path, settings: Settings) -> i
 
 
 def save(path: Path, plan: Planned, demo: Demonstration, pair: str | None = None) -> None:
-    """Write an episode, for :func:`load`; ``pair`` is the item id of the pair of a run that it is an arm of."""
+    """Write an episode, for :func:`load`; ``pair`` is the item id of the measured pair that it belongs to."""
     event = plan.case.event
     about = {
         "source": plan.case.source,
