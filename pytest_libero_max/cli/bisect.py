@@ -208,10 +208,11 @@ def _outcome(
     yield from (f"  {names[case_id]}" for case_id in broken)
     earlier = sum(not success for success in before.values())
     later = sum(after.values())
+    again = "with another --output, bisect with"
     if earlier:
-        yield f"{earlier} others were lost before it: bisect again with --bad {revisions[low].short}."
+        yield f"{earlier} others were lost before it: {again} --bad {revisions[low].short}."
     if later:
-        yield f"{later} others are lost after it: bisect again with --good {revisions[high].short}."
+        yield f"{later} others are lost after it: {again} --good {revisions[high].short}."
 
 
 def _checkpoints(options: argparse.Namespace) -> list[Revision]:
