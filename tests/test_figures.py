@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
 import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.store import read_pairs
+from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.substrates.libero.lacking import lacking_own
 
 ROOT = Path(__file__).parents[1]
@@ -84,3 +87,26 @@ def test_the_readme_shows_the_output_of_the_published_run() -> None:
     shown = [line for line in output.splitlines()[1:] if line not in ("", "...")]
     assert len(shown) > 20
     assert [line for line in shown if line not in said] == []
+
+
+def test_the_page_of_recoveries_says_what_its_outcomes_say() -> None:
+    page = (ROOT / "reports/learned/recoveries.md").read_text(encoding="utf-8")
+    with (ROOT / "reports/learned/recoveries.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    columns = [name for name in rows[0] if name != "pair"]
+    assert len(rows) == 80
+    for name in (name for name in columns if name.startswith("without")):
+        _, seed, arm = re.split("[- ]", name)
+        pairs = [(row[name] == "1", row[f"with-{seed} {arm}"] == "1") for row in rows]
+        before, after = (sum(column) for column in zip(*pairs, strict=True))
+        lost, gained = pairs.count((True, False)), pairs.count((False, True))
+        interval = paired_difference(lost, gained, len(pairs))
+        assert interval is not None
+        ends = f"[{100 * interval.lower:+.1f}, {100 * interval.upper:+.1f}]"
+        change = f"{100 * (after - before) / len(pairs):+.1f} pp {ends}"
+        cells = f"| {before} | {after} | {lost} | {gained} | {change} |"
+        assert re.search(rf"^\| {arm.title()}.* {re.escape(cells)}$", page, re.M), (name, cells)
+    for event in BENCHMARK_EVENTS:
+        own = [row for row in rows if row["pair"].split("-")[-2] == event]
+        counts = [sum(row[name] == "1" for row in own) for name in columns]
+        assert f"| {event} | {' | '.join(map(str, counts))} |" in page

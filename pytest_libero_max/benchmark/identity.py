@@ -19,6 +19,12 @@ DIRECTION_SAMPLER = SAMPLERS["plus"]
 
 POLICY_SEED = 195
 
+FROZEN_STATES = range(10)
+"""Initial states of each task that frozen cases begin from."""
+
+TRAINING_STATES = range(10, 50)
+"""Initial states of each task that no frozen case begins from, on the embedded scenes: for training data."""
+
 
 def seed_of(*parts: object) -> int:
     """Return the first 32 bits of SHA-256 of the parts joined by ``|``."""

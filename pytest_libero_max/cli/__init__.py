@@ -36,6 +36,7 @@ GROUPS = {
         "runs",
         "view",
         "trend",
+        "bisect",
         "watch",
         "merge",
         "report",

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
 
@@ -21,9 +22,9 @@ def add_command(commands: Commands) -> None:
         "demos",
         help="Record episodes of the scripted expert on the embedded scenes as training data",
         description="One .npz for each episode in which the expert completes the task, with both cameras and "
-        "the state before every action. Interrupted, it goes on where it stopped; the same command gives the "
-        "same bytes. The tracks play all ten initial states of a task, on varied scenes and with events: "
-        "record some of them with --inits, and evaluate on the others, for example with -k 'i08 or i09'.",
+        "the state before every action; with --events, also its recoveries from events. No frozen case "
+        "begins from the initial states that are recorded. Interrupted, it goes on where it stopped; the "
+        "same command gives the same bytes. With --run, the pairs of a run are written in the same format.",
     )
     demos.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the episodes")
     demos.add_argument(
@@ -34,16 +35,18 @@ def add_command(commands: Commands) -> None:
         "--inits",
         type=int,
         nargs="+",
-        default=list(range(10)),
+        default=list(TRAINING_STATES[:10]),
         metavar="INDEX",
-        help="Initial states of a task (default: 0 to 9, which is all)",
+        help=f"Initial states of a task, from {TRAINING_STATES[0]} to {TRAINING_STATES[-1]} (default: "
+        f"{TRAINING_STATES[0]} to {TRAINING_STATES[9]}). {FROZEN_STATES[0]} to {FROZEN_STATES[-1]} are those "
+        "of the frozen cases, and refused",
     )
     demos.add_argument(
         "--events",
         nargs="*",
         metavar="EVENT",
-        help="For each initial state, also one episode with each of these events; without names, with all "
-        "eight (default: none)",
+        help="For each initial state, also one episode with each of these events, in which the expert has to "
+        "recover; without names, with all eight (default: none)",
     )
     demos.add_argument(
         "--image-size", type=int, default=128, metavar="PX", help="Side of an image (default: %(default)s)"
@@ -59,6 +62,14 @@ def add_command(commands: Commands) -> None:
         help="Push the hand aside after this share of the queries, until the next one, so that the episodes "
         "show how to come back. The recorded action is the expert's, not the push (default: %(default)s)",
     )
+    demos.add_argument(
+        "--run",
+        type=Path,
+        dest="run_folder",
+        metavar="RUN",
+        help="Instead of playing the expert, write both arms of each pair of this run that has traces, "
+        "completed or not",
+    )
     demos.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
     demos.add_argument(
         "--lerobot",
@@ -70,10 +81,6 @@ def add_command(commands: Commands) -> None:
 
 
 def _demos(options: argparse.Namespace) -> None:
-    from pytest_libero_max.demos.episodes import planned
-    from pytest_libero_max.demos.folder import Settings, collect
-    from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-
     if options.lerobot is not None:
         from pytest_libero_max.demos.lerobot import require_pyarrow
 
@@ -85,6 +92,44 @@ def _demos(options: argparse.Namespace) -> None:
             )
     if not 0.0 <= options.disturb <= 1.0:
         raise OptionError(f"--disturb is {options.disturb}, but must be from 0 to 1.")
+    for init in options.inits:
+        if init in FROZEN_STATES:
+            raise OptionError(
+                f"--inits {init}: frozen cases begin from that state, and a policy that was trained on it is "
+                f"no longer tested by them. Give states from {TRAINING_STATES[0]} to {TRAINING_STATES[-1]}."
+            )
+    paths = _of_run(options) if options.run_folder else _of_expert(options)
+    if options.lerobot is not None:
+        from pytest_libero_max.demos.lerobot import write_dataset
+
+        write_dataset(paths, options.lerobot)
+        print(f"Dataset of LeRobot in {options.lerobot}.")
+
+
+def _of_run(options: argparse.Namespace) -> list[Path]:
+    from pytest_libero_max.worlds.threads import use_one_blas_thread
+
+    use_one_blas_thread()  # as in a run: the last bits depend on it
+    from pytest_libero_max.demos.evaluated import collect_run
+
+    with Work() as work:
+
+        def tell(done: int, total: int) -> None:
+            work.show(f"{done} of {total} pairs written{work.left(done, total)}", last=done == total)
+
+        paths, left_out = collect_run(options.run_folder, options.folder, options.image_size, tell)
+    print(
+        f"Episodes in {options.folder}: {len(paths)}. Pairs without traces: {left_out}. The run's own cases "
+        "no longer test a policy that is trained on them."
+    )
+    return paths
+
+
+def _of_expert(options: argparse.Namespace) -> list[Path]:
+    from pytest_libero_max.demos.episodes import planned
+    from pytest_libero_max.demos.folder import Settings, collect
+    from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+
     events = () if options.events is None else options.events or BENCHMARK_EVENTS
     plans = list(planned(options.suites, options.tasks, options.inits, events))
     settings = Settings(options.expert, options.image_size, disturbed=options.disturb)
@@ -101,8 +146,4 @@ def _demos(options: argparse.Namespace) -> None:
     print(
         f"Episodes in {options.folder}: {len(paths)}. The expert did not complete: {len(found) - len(paths)}."
     )
-    if options.lerobot is not None:
-        from pytest_libero_max.demos.lerobot import write_dataset
-
-        write_dataset(paths, options.lerobot)
-        print(f"Dataset of LeRobot in {options.lerobot}.")
+    return paths

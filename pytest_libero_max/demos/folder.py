@@ -97,7 +97,7 @@ def _collect(
     jobs: int,
     report: Callable[[int, int], None],
 ) -> list[Found]:
-    _begin(folder, settings)
+    begin_folder(folder, settings)
     todo = [plan for plan in plans if find(plan, folder) is None]
     batches = [
         list(group) for _, group in groupby(todo, lambda plan: (plan.case.suite, plan.case.task_index))
@@ -133,18 +133,30 @@ def find(plan: Planned, folder: Path) -> Found | None:
 
 
 def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
-    """Return the episode of a file, and its suite, task, initial state and event."""
+    """Return the episode of a file, and its source, suite, task, initial state, arm and event."""
     arrays = read_arrays(path)
     about = json.loads(str(arrays["about"]))
     observations = {key: value for key, value in arrays.items() if key not in _NOT_SHOWN}
     actions, executed = arrays["actions"], arrays.get("executed")
     return (
-        Demonstration(True, about["instruction"], about["event_step"], observations, actions, executed),
+        Demonstration(
+            about.get("success", True),  # earlier files are of completed episodes
+            about["instruction"],
+            about["event_step"],
+            observations,
+            actions,
+            executed,
+        ),
         about,
     )
 
 
-def _begin(folder: Path, settings: Settings) -> None:
+def begin_folder(folder: Path, settings: Settings) -> None:
+    """Make a folder for episodes, or check that it was begun with the same settings.
+
+    Raises:
+        OptionError: It was begun with others.
+    """
     path = folder / SETTINGS
     wanted = {"format": 1, **settings.to_dict()}
     if path.exists():
@@ -178,10 +190,11 @@ def _record_all(plans: Sequence[Planned], folder: Path, settings: Settings) -> i
     return len(plans)
 
 
-def save(path: Path, plan: Planned, demo: Demonstration) -> None:
-    """Write an episode, for :func:`load`."""
+def save(path: Path, plan: Planned, demo: Demonstration, pair: str | None = None) -> None:
+    """Write an episode, for :func:`load`; ``pair`` is the item id of the measured pair that it belongs to."""
     event = plan.case.event
     about = {
+        "source": plan.case.source,
         "suite": plan.case.suite,
         "task_index": plan.case.task_index,
         "init_state_index": plan.case.init_state_index,
@@ -190,6 +203,8 @@ def save(path: Path, plan: Planned, demo: Demonstration) -> None:
         "event": event.name if demo.event_step is not None else None,
         "variant": event.variant if demo.event_step is not None else None,
         "event_step": demo.event_step,
+        "success": demo.success,
+        "pair": pair,
     }
     arrays = {**demo.observations, "actions": demo.actions, "about": np.array(json.dumps(about))}
     if demo.executed is not None:

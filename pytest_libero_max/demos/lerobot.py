@@ -2,8 +2,9 @@
 
 The names are those of LeRobot's own LIBERO: ``observation.images.image`` and ``image2`` turned by 180
 degrees, ``observation.state`` of eight numbers (position, axis times angle, both fingers) and ``action``. A
-column ``event`` says whether the event has happened. The format was read in LeRobot 0.6.1
-(``lerobot/datasets``).
+column ``event`` says whether the event has happened, and the table of episodes which one it is
+(``event_name``), from which step on (``event_step``), and whether the task was completed (``success``). The
+format was read in LeRobot 0.6.1 (``lerobot/datasets``).
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ def write_dataset(paths: Sequence[Path], folder: Path) -> None:
     """
     require_pyarrow()
     if not paths:
-        raise OptionError("There is no episode to write: the expert completed none.")
+        raise OptionError("There is no episode to write.")
     if folder.exists() and not (folder / "meta" / "info.json").exists():
         raise OptionError(f"{folder} exists and holds no dataset of LeRobot. Name another folder.")
     partial = folder.with_name(f".{folder.name}.partial")
@@ -192,9 +193,13 @@ class Writer:
                 "dataset_to_index": self._frames + length,
                 "meta/episodes/chunk_index": 0,
                 "meta/episodes/file_index": 0,
+                "source": about.get("source", "libero"),
                 "suite": about["suite"],
                 "libero_task_index": about["task_index"],
                 "init_state_index": about["init_state_index"],
+                "pair": about.get("pair"),
+                "arm": about["arm"],
+                "success": demo.success,
                 "event_name": about["event"],
                 "event_variant": about["variant"],
                 "event_step": demo.event_step,
@@ -213,7 +218,12 @@ class Writer:
         meta = self._folder / "meta"
         episodes = meta / "episodes" / CHUNK.format(0, 0)
         episodes.parent.mkdir(parents=True)
-        optional = {"event_name": pa.string(), "event_variant": pa.int64(), "event_step": pa.int64()}
+        optional = {
+            "pair": pa.string(),
+            "event_name": pa.string(),
+            "event_variant": pa.int64(),
+            "event_step": pa.int64(),
+        }
         parquet.write_table(
             pa.table(
                 {

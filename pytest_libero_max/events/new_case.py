@@ -18,7 +18,7 @@ def make_case(
         event: Name of the event, for example ``camera_shift``.
         suite: For example ``libero_spatial``.
         task_index: Index of the task in its suite, from 0.
-        init_state_index: Index of the initial state, 0 to 9.
+        init_state_index: Index of the initial state: 0 to 9, or 10 to 49 for training data.
         variant: Parameter variant of the event, 0 or 1.
 
     Raises:

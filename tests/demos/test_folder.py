@@ -3,19 +3,33 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
+from pytest_libero_max.benchmark.manifests import load_manifest
+from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.cli import main
 from pytest_libero_max.demos import folder
-from pytest_libero_max.demos.episodes import Demonstration, Planned
+from pytest_libero_max.demos.episodes import Demonstration, Planned, record
 from pytest_libero_max.demos.folder import Settings, collect, load
 from pytest_libero_max.demos.lerobot import write_dataset
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.pairing.runner import measure_pair
+from pytest_libero_max.pairing.trace import write_trace
+from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.transforms.images import rotate_180
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import PairStore
+from pytest_libero_max.substrates.registry import open_substrate
 from tests.pairing.actors import make_case
+from tests.plugin.conftest import tiny_manifest
+from tests.report.made_up import PROVENANCE
+
+ARMS = ("base", "dynamic")
 
 PLANS = [
     Planned(make_case(event), arm)
@@ -154,6 +168,11 @@ def test_a_dataset_of_lerobot_holds_every_step(tmp_path: Path, played: list[str]
     assert np.shape(statistics["observation.images.image"]["mean"]) == (3, 1, 1)
     episodes = parquet.read_table(tmp_path / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pylist()
     assert [episode["event_step"] for episode in episodes] == [None, 2]
+    assert [episode["event_name"] for episode in episodes] == [None, "target_relocation"]
+    assert [(episode["arm"], episode["success"]) for episode in episodes] == [
+        ("base", True),
+        ("dynamic", True),
+    ]
     assert [episode["dataset_to_index"] for episode in episodes] == [5, 11]
 
 
@@ -175,17 +194,97 @@ def test_a_dataset_replaces_nothing_else(tmp_path: Path, played: list[str]) -> N
 def test_the_command_records_on_the_embedded_scenes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    command = ["demos", str(tmp_path), "--suites", "libero_object", "--tasks", "0", "--inits", "0"]
-    command += ["--image-size", "16", "--jobs", "1"]
+    command = ["demos", str(tmp_path), "--suites", "libero_object", "--tasks", "0", "--inits", "10"]
+    command += ["--events", "target_relocation", "--image-size", "16", "--jobs", "1"]
     assert main(command) == 0
     assert main(command) == 0
-    end = f"Episodes in {tmp_path}: 1. The expert did not complete: 0."
-    assert capsys.readouterr().out.splitlines() == ["1 of 1 episodes played", end] * 2
-    demo, about = load(tmp_path / "episodes" / "libero_object-t00-i00-base.npz")
+    end = f"Episodes in {tmp_path}: 2. The expert did not complete: 0."
+    assert capsys.readouterr().out.splitlines() == [
+        *("2 of 2 episodes played", end),
+        *("2 of 2 episodes played", end),
+    ]
+    demo, about = load(tmp_path / "episodes" / "libero_object-t00-i10-base.npz")
     assert demo.instruction.startswith("pick up the alphabet soup")
     assert demo.observations["agentview_image"].shape == (len(demo.actions), 16, 16, 3)
-    assert about["event"] is None
-    assert main([*command[:-4], "--inits", "10", "--image-size", "16"]) == 1
-    assert "not an initial state" in capsys.readouterr().err
+    assert (about["event"], about["arm"], about["success"]) == (None, "base", True)
+    recovery, about = load(tmp_path / "episodes" / "libero_object-t00-i10-target_relocation-v0.npz")
+    assert (about["event"], about["arm"], recovery.success) == ("target_relocation", "dynamic", True)
+    step = recovery.event_step
+    assert step is not None
+    shown = [one.observations["agentview_image"] for one in (demo, recovery)]
+    assert shown[0][:step].tobytes() == shown[1][:step].tobytes()
+    assert (shown[0][step] != shown[1][step]).any()
     assert main([*command, "--disturb", "2"]) == 1
     assert "--disturb is 2.0, but must be from 0 to 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("init", "message"),
+    [("9", "--inits 9: frozen cases begin from that state"), ("50", "init=50 is not an initial state")],
+)
+def test_initial_states_of_frozen_cases_are_not_recorded(
+    init: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["demos", str(tmp_path), "--suites", "libero_object", "--tasks", "0", "--jobs", "1"]
+    assert main([*command, "--inits", "10" if init == "9" else "50", init]) == 1
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.npz"))
+
+
+def test_no_frozen_case_begins_from_an_initial_state_for_training() -> None:
+    assert not set(FROZEN_STATES) & set(TRAINING_STATES)
+    for name in all_track_names():
+        assert {case.init_state_index for case in load_track(name)} <= set(FROZEN_STATES), name
+
+
+class Toy:
+    """Moves to where the box begins, and so meets the event."""
+
+    def __init__(self) -> None:
+        self.spec = PolicySpec("toy", 10, 5, cameras=(), image_size=64)
+
+    def reset(self, episode: Any) -> None:
+        pass
+
+    def predict(self, observation: Any, query: Any) -> Any:
+        move = np.clip((np.array([0.1, -0.1, 0.5]) - observation["robot0_eef_pos"]) / 0.05, -1, 1)
+        return np.tile([*move, 0, 0, 0, 1], (10, 1))
+
+
+def test_pairs_of_a_run_are_written_in_the_same_format(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(cast("dict[str, int]", SUITE_BUDGETS), "libero_spatial", 12)
+    manifest = tmp_path / "cases.json"
+    manifest.write_text(json.dumps(tiny_manifest(events=("target_relocation",))))
+    cases = load_manifest(manifest).cases
+    substrate = open_substrate("tiny")
+    pairs = [measure_pair(case, substrate.world(case), Toy()) for case in cases]
+    shown = [record(Planned(case, arm), substrate.world(case), Toy(), 16) for case in cases for arm in ARMS]
+    substrate.close()
+    provenance = {
+        **PROVENANCE,
+        "substrate": {"name": "tiny"},
+        "case_set": {"name": "manifest toy", "path": str(manifest), "digest": "0" * 64},
+    }
+    store = PairStore(tmp_path / "run", Run.of(cases, provenance))
+    for pair in pairs:
+        store.append(pair.record)
+    store.close()
+    write_trace(tmp_path / "run" / "traces", pairs[0])
+    command = ["demos", str(tmp_path / "out"), "--run", str(tmp_path / "run"), "--image-size", "16"]
+    assert main(command) == 0
+    assert "Episodes in" in (said := capsys.readouterr().out)
+    assert ": 2. Pairs without traces: 1." in said
+    for arm, expected in zip(ARMS, shown[:2], strict=True):
+        demo, about = load(tmp_path / "out" / "episodes" / f"{cases[0].item_id}-{arm}.npz")
+        assert (about["arm"], about["success"], demo.success) == (arm, False, False)
+        assert about["pair"] == cases[0].item_id
+        assert demo.event_step == expected.event_step
+        assert demo.actions.tobytes() == expected.actions.tobytes()
+        assert demo.observations.keys() == expected.observations.keys()
+        for key, values in expected.observations.items():
+            assert demo.observations[key].tobytes() == values.tobytes(), (arm, key)
+    times = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*.npz")}
+    assert main(command) == 0
+    assert times == {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*.npz")}

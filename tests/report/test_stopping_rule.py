@@ -1,18 +1,23 @@
 from __future__ import annotations
 
+import math
 import random
+from pathlib import Path
 
 import pytest
 
+from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.exit_status import ended_as_declared
-from pytest_libero_max.report.stopping_rule import STOPPING_RULES, CompletedPrefix, parse_rule
+from pytest_libero_max.report.stopping_rule import STOPPING_RULES, CompletedPrefix, Declared, parse_rule
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
-from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.store import PairStore
+from pytest_libero_max.stats.sequential import log_evidence_of_change
 from tests.report.made_up import PROVENANCE, error_of, plain, plan, record_of
 
 Pair = PairRecord | PairError
@@ -54,6 +59,42 @@ def test_a_rule_sees_the_longest_completed_prefix_alone() -> None:
     assert stopped == Stopped("1 pair could not be measured", len(planned), "errors", 3)
 
 
+@pytest.mark.parametrize("level", [0.05, 0.5])
+def test_a_run_stops_once_it_is_shown_to_be_worse_than_another(tmp_path: Path, level: float) -> None:
+    planned = plan()
+    store = PairStore(tmp_path / "before", Run(tuple(planned), PROVENANCE))
+    for place, pair in enumerate(planned):
+        store.append(record_of(pair, True, place not in (1, 2)))
+    store.close()
+    rule = (
+        f"worse_than:{level:g},{tmp_path / 'before'}"
+        if level != 0.05
+        else f"worse_than:{tmp_path / 'before'}"
+    )
+    worse: list[Pair] = [record_of(pair, True, place in (1, 3)) for place, pair in enumerate(planned)]
+    stopped = decision(rule, planned, worse)
+    assert stopped is not None
+    assert stopped.rule == rule
+    # Pairs 0, 4, 5 and so on are lost, 1 is gained, and 2 and 3 end as before.
+    lost = {0.05: 11, 0.5: 6}[level]
+    p = math.exp(-log_evidence_of_change(lost, 1))
+    assert p <= level < math.exp(-log_evidence_of_change(lost - 1, 1))
+    assert f"{lost} lost, 1 gained, p = {p:.2g} at any time" in stopped.reason
+    assert stopped.at == lost + 3
+    better: list[Pair] = [record_of(pair, True, True) for pair in planned]
+    assert decision(rule, planned, better) is None
+    missing: list[Pair] = [broken(pair) for pair in planned]
+    assert decision(rule, planned, missing) is None
+
+
+def test_a_run_that_another_one_is_worse_than_has_to_be_there_and_the_order_random(tmp_path: Path) -> None:
+    rule = parse_rule(f"worse_than:{tmp_path}").rule
+    with pytest.raises(OptionError, match="Add --libero-max-order=shuffled:SEED"):
+        rule.check(Declared(Order(), (), 1, None))
+    with pytest.raises(OptionError, match="cannot be read"):
+        rule.check(Declared(Order(1, False), (), 1, None))
+
+
 def test_a_decision_at_the_last_pair_stops_nothing() -> None:
     planned = plan()
     pairs: list[Pair] = [record_of(pair, True, pair != planned[-1]) for pair in planned]
@@ -66,6 +107,9 @@ def test_a_decision_at_the_last_pair_stops_nothing() -> None:
         ("errors:0", ValueError, "expected errors:N with an integer N of at least 1"),
         ("errors:many", ValueError, "expected errors:N"),
         ("first_regression:2", ValueError, "this rule takes no arguments"),
+        ("worse_than:", ValueError, "expected worse_than:RUN or worse_than:LEVEL,RUN"),
+        ("worse_than:2,before", ValueError, "a level above 0 and up to 0.5"),
+        ("worse_than:x,before", ValueError, "for example worse_than:0.01,reports/v1"),
         ("error:2", OptionError, "stopping rule='error' is not a stopping rule. Did you mean 'errors'?"),
     ],
 )
@@ -77,7 +121,7 @@ def test_a_rule_that_does_not_exist_or_takes_something_else(
 
 
 def test_the_shipped_rules_are_found_by_their_files() -> None:
-    assert list(STOPPING_RULES) == ["anytime", "certain", "errors", "first_regression"]
+    assert list(STOPPING_RULES) == ["anytime", "certain", "errors", "first_regression", "worse_than"]
 
 
 def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:

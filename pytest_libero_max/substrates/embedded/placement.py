@@ -1,4 +1,7 @@
-"""Ten initial states for every task: drawn in LIBERO's regions, settled by the simulator, rounded.
+"""Initial states of every task: drawn in LIBERO's regions, settled by the simulator, rounded.
+
+Ten are the benchmark's. The other forty are drawn in the same way, for training data, and no frozen case
+begins from one of them.
 
 The draws come straight from SHA-256 of (suite, task, initial state, attempt, quantity), so no generator's
 stream and no order of calls enters. What the simulator settles is rounded to a micrometre and microradian,
@@ -14,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
 from pytest_libero_max.errors import SimulatorError, SubstrateError
 from pytest_libero_max.substrates.embedded.arenas import ARENAS
 from pytest_libero_max.substrates.embedded.objects import category
@@ -27,9 +31,6 @@ from pytest_libero_max.worlds.robot import PANDA
 
 if TYPE_CHECKING:
     import mujoco
-
-INITIAL_STATES = 10
-"""Initial states of every task, numbered from 0."""
 
 # LIBERO's initial states scatter each arm joint with a deviation of 0.02 rad, never by more than 0.08.
 _ARM_SPREAD, _ARM_LIMIT = 0.02, 0.08
@@ -60,7 +61,7 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
         scene: The scene that ``model`` was compiled from.
         model: With or without the robot.
         data: Scratch space of that model; whatever it holds is overwritten.
-        init: 0 to 9.
+        init: Of :data:`.FROZEN_STATES` or :data:`.TRAINING_STATES`.
 
     Returns:
         (nq,) joint positions; every velocity is 0.
@@ -69,9 +70,12 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
         SubstrateError: There is no such initial state.
         SimulatorError: No draw came to rest as declared.
     """
-    if not 0 <= init < INITIAL_STATES:
+    if init not in FROZEN_STATES and init not in TRAINING_STATES:
         raise SubstrateError.seen(
-            "init", init, f" is not an initial state of {scene.key}: use 0 to {INITIAL_STATES - 1}."
+            "init",
+            init,
+            f" is not an initial state of {scene.key}: use 0 to {FROZEN_STATES[-1]}, or for training data "
+            f"{TRAINING_STATES[0]} to {TRAINING_STATES[-1]}.",
         )
     trouble = "nothing was drawn"
     for attempt in range(_ATTEMPTS):
