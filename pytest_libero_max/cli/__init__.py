@@ -43,6 +43,7 @@ GROUPS = {
         "publish",
         "recovery",
         "rerun",
+        "poses",
         "claim",
     ),
     "Training data": ("demos",),

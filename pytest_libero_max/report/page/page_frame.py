@@ -6,6 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
+_VIEWER = "viewer.js"
 
 DETAILS_IN_A_PART = 100
 """Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
@@ -34,7 +36,9 @@ class Viewed(NamedTuple):
     view: str
 
 
-def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
+def page(
+    template: str, title: str, cases: Json | None, scenes: Mapping[str, str] | None = None, **values: Any
+) -> str:
     """Render a page that needs no network.
 
     Args:
@@ -42,6 +46,7 @@ def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
         title: Title and first heading.
         cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
             page without it, which has no script.
+        scenes: ``contents`` of :class:`~pytest_libero_max.report.page.scenes.Scenes`.
         values: Values that the template asks for, by name. Text is escaped.
     """
     return (
@@ -53,9 +58,10 @@ def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
             if cases is None
             else compressed({**cases, "details": None, "part": DETAILS_IN_A_PART}),
             details=[] if cases is None else [*map(compressed, _parts(cases["details"]))],
-            security_policy=_security_policy(cases is not None),
+            scenes=scenes or {},
+            security_policy=_security_policy(cases is not None, bool(scenes)),
             style=Markup(palette.css() + _file("style.css")),
-            script=_script(),
+            script=_script(bool(scenes)),
             **values,
         )
     )
@@ -83,14 +89,19 @@ def _environment() -> Environment:
 
 
 @cache
-def _script() -> Markup:
-    """Return the files as one function, so that no name of theirs is a name of the page."""
-    return Markup('"use strict";(() => {\n' + "\n".join(map(_file, _SCRIPTS)) + "})();")
+def _script(posed: bool) -> Markup:
+    """Return the files as one function, so that no name of theirs is a name of the page.
+
+    Args:
+        posed: True for a page with poses, which needs their viewer.
+    """
+    files = [_VIEWER, *_SCRIPTS] if posed else _SCRIPTS
+    return Markup('"use strict";(() => {\n' + "\n".join(map(_file, files)) + "})();")
 
 
-def _security_policy(scripted: bool) -> Markup:
+def _security_policy(scripted: bool, posed: bool) -> Markup:
     """Return the content security policy: a page may show files beside it and run its own script alone."""
-    digest = base64.b64encode(hashlib.sha256(_script().encode()).digest()).decode()
+    digest = base64.b64encode(hashlib.sha256(_script(posed).encode()).digest()).decode()
     script = f"'sha256-{digest}'" if scripted else "'none'"
     return Markup(
         f"default-src 'none'; script-src {script}; style-src 'unsafe-inline'; "
