@@ -8,6 +8,7 @@ from __future__ import annotations
 import gzip
 from collections.abc import Iterator
 from itertools import zip_longest
+from os.path import commonprefix
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import read_content
@@ -87,6 +88,9 @@ def checked(folder: Path) -> Iterator[str]:
         yield f"not checked: {', '.join(other)}"
 
 
+_SHOWN = 120
+"""Characters of a line that a message shows."""
+
 _CURE = "Ask its author for the folder as libero-max publish writes it, or publish the run again."
 
 
@@ -145,7 +149,20 @@ def _require_text(path: Path, expected: str) -> None:
     lines = zip_longest(found.splitlines(), expected.splitlines(), fillvalue="(nothing)")
     different = [(number, *pair) for number, pair in enumerate(lines, start=1) if pair[0] != pair[1]]
     number, one, other = (*different, (1, "other line ends", "line feeds"))[0]
+    equal = len(commonprefix([one, other]))
+    one, other = (_near(line.strip(), equal) for line in (one, other))
     raise ReportError(
-        f"{path}, line {number}: {one.strip()!r}, but its pairs give {other.strip()!r}. A published report "
-        f"follows from the pairs beside it. {_CURE} Another version of the package may write other text."
+        f"{path}, line {number}: {one!r}, but its pairs give {other!r}. A published report follows from the "
+        f"pairs beside it. {_CURE} Another version of the package may write other text: libero-max publish "
+        f"{path.parent} {path.parent} writes that of this one."
+    )
+
+
+def _near(line: str, place: int) -> str:
+    """Return a line, or the part of a long one around a place."""
+    if len(line) <= _SHOWN:
+        return line
+    begin = max(0, place - _SHOWN // 2)
+    return (
+        f"{'… ' if begin else ''}{line[begin : begin + _SHOWN]}{' …' if begin + _SHOWN < len(line) else ''}"
     )
