@@ -11,11 +11,18 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.benchmark.tracks import load_cases
-from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
+from pytest_libero_max.errors import (
+    LiberoMaxError,
+    ManifestError,
+    OptionError,
+    ProtocolError,
+    ReportError,
+    did_you_mean,
+)
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look
-from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
@@ -211,6 +218,34 @@ class RecordedRun:
             use(case, self.substrate.world(case), traces)
         except ProtocolError as error:
             raise ProtocolError(f"{error} {self._differences(record, case)}") from error
+
+    def replayed(self, record: PairRecord) -> str:
+        """Execute the recorded actions of a pair, without its policy, and compare how its arms end.
+
+        Returns:
+            Empty if steps, success and proof of each arm come out as recorded; otherwise what differs, or why
+            the pair could not be replayed.
+        """
+        ends: dict[str, bool] = {}
+
+        def look(name: str, step: int, world: World, before: View | None) -> View:
+            if step == record.arms[name].steps:
+                ends[name] = world.succeeded()
+            return View({}, 0.0)
+
+        def play(case: Case, world: World, traces: Mapping[str, ArmTrace]) -> None:
+            for _ in play_again(case, world, record, traces, look):
+                pass
+
+        try:
+            self.again(record, play)
+        except LiberoMaxError as error:
+            return str(error)
+        return "; ".join(
+            f"{name}: success {record.arms[name].success}, then {success}"
+            for name, success in ends.items()
+            if success != record.arms[name].success
+        )
 
     def drawn_differently(self) -> str | None:
         """Return the renderers here and of the run, where they differ; None where they do not.

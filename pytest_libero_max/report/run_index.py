@@ -34,6 +34,7 @@ class PlayedAgain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         date: Day of the check, UTC.
         package: Version of this package that played them.
         mujoco: Version of MuJoCo.
+        actions: True if the recorded actions were executed, and no policy asked.
     """
 
     pairs: int
@@ -41,6 +42,7 @@ class PlayedAgain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     date: str
     package: str
     mujoco: str
+    actions: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +160,7 @@ def read_checks(path: Path) -> dict[str, PlayedAgain]:
         raise ReportError(f"{path} holds no checks of published runs: {error}. {cure}") from error
 
 
-def note_check(path: Path, folder: Path, pairs: int, seed: str) -> None:
+def note_check(path: Path, folder: Path, pairs: int, seed: str, actions: bool) -> None:
     """Note in a file that pairs of a published run were played again and ended alike.
 
     Args:
@@ -166,15 +168,19 @@ def note_check(path: Path, folder: Path, pairs: int, seed: str) -> None:
         folder: Of the run.
         pairs: Number of pairs that were played.
         seed: By which they were drawn.
+        actions: See :class:`PlayedAgain`.
 
     Raises:
         ReportError: The file cannot be read or written.
     """
     from importlib.metadata import version
 
-    check = PlayedAgain(
-        pairs, seed, datetime.now(UTC).date().isoformat(), version("pytest-libero-max"), version("mujoco")
+    today, package, mujoco = (
+        datetime.now(UTC).date().isoformat(),
+        version("pytest-libero-max"),
+        version("mujoco"),
     )
+    check = PlayedAgain(pairs, seed, today, package, mujoco, actions)
     checks = read_checks(path) | {pairs_digest(folder): check}
     text = json.dumps(msgspec.to_builtins(checks), indent=1, sort_keys=True)
     write_text(path, f"{text}\n")

@@ -54,9 +54,8 @@ def index_html(index: RunIndex, beside: Path) -> str:
         f"{len(runs)} published runs",
         None,
         scripts=("sorting.js",) if runs else (),
-        verified=f"{verified} of {len(runs)} verified: pairs drawn at random were played again by others "
-        "than their authors, and ended alike. Numbers and figures of every run here were computed again from "
-        "its pairs.",
+        verified=f"{verified} of {len(runs)} verified: those who keep this page played pairs drawn at random "
+        "again, and they ended alike. The numbers of every run here were computed again from its pairs.",
         head=HEAD,
         groups=[(title, [_row(run, beside) for run in group]) for title, group in index.groups.items()],
         refused=[(_way(folder, beside), reason) for folder, reason in index.refused],
@@ -88,12 +87,12 @@ def _verified(run: IndexedRun) -> Cell:
     again = run.again
     if again is None:
         return Cell(f"{cases}; no pair played again", 0)
-    return Cell(
-        f"{cases}; {again.pairs} pairs played again alike on {again.date} with MuJoCo {again.mujoco}, "
-        f"drawn by {again.seed!r}",
-        again.pairs,
-        kind="holds",
+    how = " from recorded actions" if again.actions else ""
+    words = (
+        f"{cases}; {again.pairs} {'pair' if again.pairs == 1 else 'pairs'} played again alike{how} on "
+        f"{again.date} with MuJoCo {again.mujoco}, drawn by {again.seed!r}"
     )
+    return Cell(words, again.pairs, kind="holds")
 
 
 def _way(folder: Path, beside: Path) -> str:
