@@ -52,7 +52,7 @@ function filmsOf(films, timeline, hz, scene) {
   const videos = [...place.querySelectorAll("video")];
   if (!timeline) videos.forEach((video) => (video.controls = true));
   const played = videos.length || scene;
-  const hint = films.length && !videos.length ? [pictured()] : [];
+  const hint = timeline && films.length && !videos.length ? [pictured()] : [];
   const parts = !timeline ? [] : played ? player(videos, timeline, hz, scene) : [drawn(timeline), legend(timeline)];
   return [films.length ? place : null, element("section", {}, ...(scene ? [scene.element] : []), ...parts, ...hint)];
 }

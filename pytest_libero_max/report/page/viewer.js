@@ -139,6 +139,7 @@ SHAPES.capsule = SHAPES.cylinder;
 // The poses and shapes of a pair, from what the page holds.
 class Scene {
   static async load(name) {
+    if (document.readyState === "loading") await new Promise((done) => document.addEventListener("DOMContentLoaded", done));
     const held = (key) => unpack(document.querySelector(`.scene-data[data-name="${CSS.escape(key)}"]`), "arrayBuffer");
     const bytes = await held(name);
     const length = new DataView(bytes).getUint32(0, true);
