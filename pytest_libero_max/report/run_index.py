@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from pytest_libero_max.benchmark.documents import canonical_digest
+from pytest_libero_max.benchmark.documents import canonical_digest, read_content
 from pytest_libero_max.benchmark.structs import decode_json
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.report.publication import checked
@@ -133,9 +133,9 @@ def run_index(folders: Sequence[Path], known: Mapping[str, PlayedAgain]) -> RunI
 
 
 def pairs_digest(folder: Path) -> str:
-    """Return the SHA-256 of the packed pairs of a published run: a check belongs to these bytes alone."""
+    """Return the SHA-256 of the pairs of a published run, unpacked: a check belongs to these bytes alone."""
     try:
-        return hashlib.sha256((folder / PACKED_PAIRS_NAME).read_bytes()).hexdigest()
+        return hashlib.sha256(read_content(folder / PACKED_PAIRS_NAME)).hexdigest()
     except OSError as error:
         raise ReportError(f"Cannot read {folder / PACKED_PAIRS_NAME}: {error}.") from error
 

@@ -18,6 +18,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
 from pytest_libero_max.report.publication import checked, publish
+from pytest_libero_max.report.run_index import pairs_digest, read_checks
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, page_cases, plan, records_of
@@ -32,6 +33,17 @@ COMPARISONS = sorted(path.parent for path in REPORTS.rglob(COMPARISON))
 def test_runs_are_published() -> None:
     assert RUNS
     assert [path.parent for path in sorted(REPORTS.rglob(PACKED_PAIRS_NAME))] == RUNS
+
+
+@pytest.mark.skipif(not REPORTS.is_dir(), reason="the source distribution has no reports")
+def test_the_index_has_a_row_for_each_published_run() -> None:
+    text = (REPORTS / "index.html").read_text(encoding="utf-8")
+    for folder in RUNS:
+        assert f"href='{folder.relative_to(REPORTS).as_posix()}/report.md'" in text
+        assert f"data-order='{pairs_digest(folder)}'" in text
+    assert f"{len(RUNS)} published runs" in text
+    assert "Refused: " not in text
+    assert {*read_checks(REPORTS / "verified.json")} <= {pairs_digest(folder) for folder in RUNS}
 
 
 @pytest.fixture
