@@ -44,6 +44,7 @@ GROUPS = {
         "publish",
         "recovery",
         "rerun",
+        "poses",
         "claim",
     ),
     "Training data": ("demos",),

@@ -16,11 +16,14 @@ def add_command(commands: Commands) -> None:
         "export",
         help="Write a run in the format of another tool: ctrf, every-eval-ever or robostats",
         description="ctrf: JSON, a test for each planned pair and each gate; a measured pair passes, as in "
-        "pytest. every-eval-ever: JSON Lines of instances, without the file of aggregate results. robostats: "
-        "JSON Lines as its recorder writes. The last two have a line for each arm of each measured pair.",
+        "pytest. every-eval-ever: a folder with two files, rates by arm and JSON Lines of instances, as its "
+        "validator takes them. robostats: JSON Lines as its recorder writes. The last two have a line for "
+        "each arm of each measured pair.",
     )
     export.add_argument("folder", type=Path, metavar="RUN", help="The output folder of the run")
-    export.add_argument("file", type=Path, metavar="FILE", help="Replaced where it exists")
+    export.add_argument(
+        "file", type=Path, metavar="FILE", help="Replaced where it exists; a folder for every-eval-ever"
+    )
     export.add_argument("--format", required=True, metavar="NAME", help="ctrf, every-eval-ever or robostats")
     export.add_argument(
         "--gate",
@@ -35,13 +38,18 @@ def add_command(commands: Commands) -> None:
 
 def _export(options: argparse.Namespace) -> None:
     from pytest_libero_max.cli.ini_file import gates_of
-    from pytest_libero_max.report.exports import export_text
+    from pytest_libero_max.report.exports import export_files
     from pytest_libero_max.report.gate_results import decide_on
-    from pytest_libero_max.report.writers.report_files import report_of, write_text
+    from pytest_libero_max.report.writers.report_files import make_folder, report_of, write_text
     from pytest_libero_max.runs.store import read_pairs
 
     stored = read_pairs(options.folder)
     gates, start = gates_of(options.gate, Path.cwd())
     verdicts = decide_on(gates, stored, report_of(stored), start) if gates else ()
-    write_text(options.file, export_text(options.format, stored, verdicts))
-    print(f"Written: {options.file}")
+    files = export_files(options.format, stored, verdicts)
+    for name, text in files.items():
+        path = options.file / name
+        if name:
+            make_folder(path.parent)
+        write_text(path, text)
+    print(f"Written: {', '.join(str(options.file / name) for name in files)}")

@@ -59,7 +59,27 @@ def add_command(commands: Commands) -> None:
 
 
 def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
-    """Add the arguments for the pairs to play again, and for the way to play them.
+    """Add the arguments of :func:`add_choice`, and those for pictures.
+
+    Args:
+        command: The command.
+        folder: As there.
+    """
+    add_choice(command, folder)
+    command.add_argument(
+        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
+    )
+    command.add_argument(
+        "--every",
+        type=int,
+        default=2,
+        metavar="STEPS",
+        help="Show every so many steps (default: %(default)s)",
+    )
+
+
+def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
+    """Add the arguments for the pairs to play again, and for the place of the files.
 
     Args:
         command: The command.
@@ -76,16 +96,6 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
     )
     command.add_argument(
         "--output", type=Path, metavar="FOLDER", help=f"Folder for the files (default: {folder} in RUN)"
-    )
-    command.add_argument(
-        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
-    )
-    command.add_argument(
-        "--every",
-        type=int,
-        default=2,
-        metavar="STEPS",
-        help="Show every so many steps (default: %(default)s)",
     )
     command.add_argument("--overwrite", action="store_true", help="Replace files that are there already")
     command.add_argument(
@@ -109,7 +119,7 @@ def _film(options: argparse.Namespace) -> int:
         "films",
         lambda folder, record: film_path(folder, record, options.format, options.view),
         lambda ran: partial(
-            film_pair, shown=shown_by(ran, options.adapter, options.profile) if of_policy else None
+            film_pair, shown=shown_by(ran["policy"], options.adapter, options.profile) if of_policy else None
         ),
     )
     if made.files and options.output is None and not of_policy:
@@ -145,7 +155,7 @@ def write_each(
         options: See :func:`add_pairs`.
         name: Of the folder for the files, in that of the run.
         path_of: Path of the file of a pair, in a folder.
-        how: Writer of the film for a run of this policy (``policy`` of its provenance).
+        how: Writer of the file for a run with this provenance.
     """
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
@@ -162,7 +172,7 @@ def write_each(
     refused = 0
     with open_recorded(*where) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
-        write = how(run.stored.run.provenance["policy"])
+        write = how(run.stored.run.provenance)
         if (renderer := run.drawn_differently()) is not None:
             work.say(renderer)
         for number, record in enumerate(records, start=1):

@@ -11,15 +11,23 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.benchmark.tracks import load_cases
-from pytest_libero_max.errors import ManifestError, OptionError, ProtocolError, ReportError, did_you_mean
+from pytest_libero_max.errors import (
+    LiberoMaxError,
+    ManifestError,
+    OptionError,
+    ProtocolError,
+    ReportError,
+    did_you_mean,
+)
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look
-from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
+from pytest_libero_max.runs.recorded_poses import write_poses
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
@@ -122,6 +130,35 @@ def record_pair(
     write_recording(path, record, traces, ticks, overwrite)
 
 
+def pose_pair(
+    path: Path,
+    case: Case,
+    world: World,
+    record: PairRecord,
+    traces: Mapping[str, ArmTrace],
+    *,
+    overwrite: bool = False,
+    on_step: Callable[[int], None] | None = None,
+) -> None:
+    """Write the poses of a recorded pair after every step, for the page of its run, or nothing at all.
+
+    Args:
+        path: Ends in ``.npz``; otherwise as for :func:`film_pair`, which raises the same errors.
+        case: As there.
+        world: As there.
+        record: As there.
+        traces: As there.
+        overwrite: As there.
+        on_step: As there.
+    """
+    from pytest_libero_max.films.scene_poses import look_at_poses, poses_of
+
+    ticks = play_again(case, world, record, traces, look_at_poses(), simulate=False)
+    if on_step is not None:
+        ticks = _told(ticks, on_step)
+    write_poses(path, poses_of(world, record, ticks), overwrite)
+
+
 def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
     for tick in ticks:
         on_step(tick.step)
@@ -181,6 +218,34 @@ class RecordedRun:
             use(case, self.substrate.world(case), traces)
         except ProtocolError as error:
             raise ProtocolError(f"{error} {self._differences(record, case)}") from error
+
+    def replayed(self, record: PairRecord) -> str:
+        """Execute the recorded actions of a pair, without its policy, and compare how its arms end.
+
+        Returns:
+            Empty if steps, success and proof of each arm come out as recorded; otherwise what differs, or why
+            the pair could not be replayed.
+        """
+        ends: dict[str, bool] = {}
+
+        def look(name: str, step: int, world: World, before: View | None) -> View:
+            if step == record.arms[name].steps:
+                ends[name] = world.succeeded()
+            return View({}, 0.0)
+
+        def play(case: Case, world: World, traces: Mapping[str, ArmTrace]) -> None:
+            for _ in play_again(case, world, record, traces, look):
+                pass
+
+        try:
+            self.again(record, play)
+        except LiberoMaxError as error:
+            return str(error)
+        return "; ".join(
+            f"{name}: success {record.arms[name].success}, then {success}"
+            for name, success in ends.items()
+            if success != record.arms[name].success
+        )
 
     def drawn_differently(self) -> str | None:
         """Return the renderers here and of the run, where they differ; None where they do not.

@@ -5,31 +5,43 @@ It is written, and checked by those who did not write it.
 
 from __future__ import annotations
 
+import base64
 import gzip
+import io
+import re
+import zlib
 from collections.abc import Iterator
 from itertools import zip_longest
 from pathlib import Path
 
-from pytest_libero_max.benchmark.documents import read_content
+import numpy as np
+
+from pytest_libero_max.benchmark.array_files import read_arrays
+from pytest_libero_max.benchmark.documents import MOST_BYTES, read_content
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import LiberoMaxError, ReportError
+from pytest_libero_max.pairing.trace import trace_name
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import (
+    HTML_NAME,
     MARKDOWN_NAME,
     REPORT_NAME,
     all_figures,
     make_folder,
     report_json,
     report_of,
+    run_page,
     write_bytes,
 )
+from pytest_libero_max.runs.media import TRACES_NAME
 from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_file, read_pairs
 
 
-def publish(run: Path, folder: Path) -> list[Path]:
+def publish(run: Path, folder: Path, actions: bool = False) -> list[Path]:
     """Write the packed pairs of a finished run and its report in Markdown.
 
     The same pairs give the same files.
@@ -37,9 +49,12 @@ def publish(run: Path, folder: Path) -> list[Path]:
     Args:
         run: The output folder of the run.
         folder: Made where it is missing. Files of these names are replaced.
+        actions: True to write the recorded actions as well, with which others replay the pairs without the
+            policy.
 
     Raises:
-        ReportError: The run cannot be read or is not complete, or the files cannot be written.
+        ReportError: The run cannot be read or is not complete, keeps no actions of a pair, or the files
+            cannot be written.
     """
     stored = read_pairs(run)
     report = report_of(stored)
@@ -52,10 +67,31 @@ def publish(run: Path, folder: Path) -> list[Path]:
         files[PACKED_PAIRS_NAME] = gzip.compress(read_content(pairs_file(run)), mtime=0)
     except OSError as error:
         raise ReportError(f"Cannot read the pairs of {run}: {error}.") from error
+    written = [folder / name for name in files]
     make_folder(folder)
+    if actions:
+        names = [trace_name(record.item_id) for record in stored.records]
+        files |= {f"{TRACES_NAME}/{name}": _actions(run / TRACES_NAME / name, stored) for name in names}
+        written.append(folder / TRACES_NAME)
+        make_folder(folder / TRACES_NAME)
     for name, content in files.items():
         write_bytes(folder / name, content)
-    return [folder / name for name in files]
+    return written
+
+
+def _actions(trace: Path, stored: StoredRun) -> bytes:
+    """Return a trace without what films are drawn from, which the actions give again."""
+    try:
+        arrays = read_arrays(trace)
+    except (OSError, ValueError) as error:
+        setting = traces_setting(stored.run.provenance)
+        raise ReportError(
+            f"Cannot read the actions in {trace}: {error}. Play the run again with {setting}."
+        ) from error
+    file = io.BytesIO()
+    kept = {name: values for name, values in arrays.items() if not name.endswith("_joints")}
+    np.savez_compressed(file, allow_pickle=False, **kept)
+    return file.getvalue()
 
 
 def checked(folder: Path) -> Iterator[str]:
@@ -81,11 +117,20 @@ def checked(folder: Path) -> Iterator[str]:
     texts = _texts(report, folder)
     for name, text in texts.items():
         _require_text(folder / name, text)
+    if (folder / HTML_NAME).is_file():
+        _require_page(folder / HTML_NAME, run_page(report, stored, folder))
+        texts[HTML_NAME] = ""
     yield f"numbers: as the pairs give them in {', '.join(texts)}"
     other = sorted({path.name for path in folder.iterdir()} - {PACKED_PAIRS_NAME, *texts})
     if other:
         yield f"not checked: {', '.join(other)}"
 
+
+_SHOWN = 120
+"""Characters of a line that a message shows."""
+
+_PACKED = re.compile(r"(?<='>)[^<]*(?=</script>)")
+"""What a page holds as gzip in base64."""
 
 _CURE = "Ask its author for the folder as libero-max publish writes it, or publish the run again."
 
@@ -145,7 +190,46 @@ def _require_text(path: Path, expected: str) -> None:
     lines = zip_longest(found.splitlines(), expected.splitlines(), fillvalue="(nothing)")
     different = [(number, *pair) for number, pair in enumerate(lines, start=1) if pair[0] != pair[1]]
     number, one, other = (*different, (1, "other line ends", "line feeds"))[0]
+    one, other = one.strip(), other.strip()
+    equal = next((at for at, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]), 0)
+    one, other = _near(one, equal), _near(other, equal)
     raise ReportError(
-        f"{path}, line {number}: {one.strip()!r}, but its pairs give {other.strip()!r}. A published report "
-        f"follows from the pairs beside it. {_CURE} Another version of the package may write other text."
+        f"{path}, line {number}: {one!r}, but its pairs give {other!r}. A published report follows from the "
+        f"pairs beside it. {_CURE} Another version of the package may write other text: libero-max publish "
+        f"{path.parent} {path.parent} writes that of this one."
     )
+
+
+def _require_page(path: Path, expected: str) -> None:
+    """Compare a page, with what it holds packed: versions of zlib pack the same to other bytes."""
+    found = path.read_bytes().decode(errors="replace")
+    (words, packed), (wanted, content) = _apart(found), _apart(expected)
+    if (words, packed) == (wanted, content):
+        return
+    what = "cases or poses" if words == wanted else "words or drawings"
+    raise ReportError(
+        f"{path} shows {what} that its pairs do not give. A page follows from the pairs beside it, without "
+        f"gates, as libero-max report {path.parent} writes it. {_CURE}"
+    )
+
+
+def _apart(page: str) -> tuple[str, list[bytes]]:
+    """Return a page without what it holds packed, and that unpacked; what cannot be unpacked as it is."""
+    return _PACKED.sub("", page), [_unpacked(text) for text in _PACKED.findall(page)]
+
+
+def _unpacked(text: str) -> bytes:
+    try:
+        unpacker = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
+        return unpacker.decompress(base64.b64decode(text), MOST_BYTES)
+    except (ValueError, zlib.error):
+        return text.encode()
+
+
+def _near(line: str, place: int) -> str:
+    """Return a line, or the part of a long one around a place."""
+    if len(line) <= _SHOWN:
+        return line
+    begin = max(0, place - _SHOWN // 2)
+    end = begin + _SHOWN
+    return ("… " if begin else "") + line[begin:end] + (" …" if end < len(line) else "")

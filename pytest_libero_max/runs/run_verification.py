@@ -101,20 +101,23 @@ def _difference(name: str, record: PairRecord, again: PairRecord) -> str:
     return "" if first.proof == second.proof else f"{name}: other proof"
 
 
-def verification_lines(found: dict[str, str], seconds: float) -> tuple[list[str], list[str]]:
+def verification_lines(
+    found: dict[str, str], seconds: float, how: str = "in processes of their own"
+) -> tuple[list[str], list[str]]:
     """Return lines of the summary, and problems of the run.
 
     Args:
         found: Result of :func:`verified`.
         seconds: Time that it took.
+        how: The way in which they were played.
     """
     other = {item: text for item, text in found.items() if text}
     alike = f"{len(found) - len(other)} of {len(found)} pairs"
-    lines = [f"Played again: {alike} end alike in processes of their own, with proofs ({seconds:.0f} s)."]
+    lines = [f"Played again: {alike} end alike {how}, with proofs ({seconds:.0f} s)."]
     if not other:
         return lines, []
     problem = (
-        f"NOT REPEATED: {len(other)} of {len(found)} pairs came out otherwise in a process of their own, so "
-        "that results depend on what was played before, or cannot be repeated here: "
+        f"NOT REPEATED: {len(other)} of {len(found)} pairs came out otherwise {how}, so that results depend "
+        "on what was played before, or cannot be repeated here: "
     )
     return lines, [problem + ", ".join(f"{item} ({text})" for item, text in other.items())]

@@ -65,6 +65,35 @@ def test_a_published_run_is_played_again_by_those_who_check_it(
     assert "dynamic: success" in capfd.readouterr().out
 
 
+def test_recorded_actions_are_replayed_where_the_policy_is_not_at_hand(
+    pytester: pytest.Pytester, run: Run, suites: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    run("--libero-max-traces=all").assert_outcomes(passed=4)
+    assert main(["publish", "libero-max-results", "published", "--actions"]) == 0
+    for path in pytester.path.glob("*.py"):
+        path.unlink()
+    check = ["verify-run", "published", "--pairs=2", "--seed=7", "--actions"]
+    assert main([*check, "--record=verified.json"]) == 0
+    out = capfd.readouterr().out
+    assert "policy:" not in out
+    assert "Played again: 2 of 2 pairs end alike from their recorded actions" in out
+    assert '"actions": true' in Path("verified.json").read_text()
+    assert main([*check, "--policy=expert"]) == 1
+    assert "--actions asks no policy" in capfd.readouterr().err
+
+    pairs = Path("libero-max-results", "pairs.jsonl")
+    head, *rest = map(json.loads, pairs.read_text().splitlines())
+    drawn = chosen([PairRecord.from_dict(dict(line)) for line in rest], 1, "7")[0].case_id
+    altered = next(line for line in rest if line["case_id"] == drawn)
+    altered["arms"]["base"]["success"] ^= True
+    pairs.write_text("".join(json.dumps(line) + "\n" for line in (head, *rest)))
+    assert main(["publish", "libero-max-results", "published", "--actions"]) == 0
+    Path("verified.json").unlink()
+    assert main([*check, "--record=verified.json"]) == 1
+    assert "base: success" in capfd.readouterr().out
+    assert not Path("verified.json").exists()
+
+
 def test_a_policy_that_keeps_what_it_saw_first_of_a_suite_is_found(
     pytester: pytest.Pytester, run: Run, suites: None
 ) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
+from pytest_libero_max.report.page.index_page import index_html
+from pytest_libero_max.report.run_index import published_in, read_checks, run_index
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import report_of
@@ -18,8 +20,11 @@ from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, read_pairs
 REPORTS = Path(__file__).parents[2] / "reports"
 
 
+INDEX, CHECKS = REPORTS / "index.html", REPORTS / "verified.json"
+
+
 def publish_again() -> None:
-    """Write every published report and comparison."""
+    """Write every published report and comparison, and their index."""
     for page in sorted(REPORTS.rglob("report.md")):
         report = report_of(read_pairs(page.parent / PACKED_PAIRS_NAME))
         page.write_text(markdown(report), encoding="utf-8")
@@ -33,6 +38,8 @@ def publish_again() -> None:
         for path in write_comparison(compare_runs(runs), Path(), common_cases(runs)):
             if path.name not in published:
                 path.unlink()
+    index = run_index(published_in([REPORTS]), read_checks(CHECKS))
+    INDEX.write_text(index_html(index, REPORTS), encoding="utf-8")
 
 
 if __name__ == "__main__":

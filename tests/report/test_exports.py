@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import hashlib
 import json
+import uuid
 from pathlib import Path
 
 import jsonschema
@@ -128,8 +130,16 @@ def test_ctrf_has_a_test_for_each_planned_pair_and_each_gate(run: Path) -> None:
     assert (summary["start"], summary["stop"]) == (1767323045000, 1767323047500)
 
 
+def _two_files(run: Path) -> tuple[Path, Path]:
+    folder = run.parent / "exported"
+    assert main(["export", str(run), str(folder), "--format=every-eval-ever"]) == 0
+    whole, instances = sorted(folder.rglob("*.json*"))
+    return whole, instances
+
+
 def test_every_eval_ever_has_an_instance_for_each_arm_of_a_measured_pair(run: Path) -> None:
-    lines = [json.loads(line) for line in _written(run, "every-eval-ever").splitlines()]
+    _, instances = _two_files(run)
+    lines = [json.loads(line) for line in instances.read_text().splitlines()]
     for line in lines:
         jsonschema.validate(line, INSTANCE)
     found = {(line["sample_id"], line["metadata"]["arm"]): line["evaluation"] for line in lines}
@@ -142,6 +152,44 @@ def test_every_eval_ever_has_an_instance_for_each_arm_of_a_measured_pair(run: Pa
     }
     assert found[first, "base"]["num_turns"] == 18
     assert len({line["evaluation_id"] for line in lines}) == 1
+
+
+def test_every_eval_ever_has_the_rates_of_the_arms_and_the_place_of_the_instances(run: Path) -> None:
+    whole, instances = _two_files(run)
+    document = json.loads(whole.read_text())
+    rates = {one["evaluation_name"]: one["score_details"] for one in document["evaluation_results"]}
+    assert [one["score"] for one in rates.values()] == [1.0, 0.5]
+    interval = rates["libero-max track smoke dynamic"]["uncertainty"]["confidence_interval"]
+    assert (interval["lower"], interval["upper"]) == pytest.approx((0.0126, 0.9874), abs=1e-4)
+    detailed = document["detailed_evaluation_results"]
+    assert detailed["checksum"] == hashlib.sha256(instances.read_bytes()).hexdigest()
+    assert detailed["total_rows"] == 4
+    assert instances == run.parent / "exported" / detailed["file_path"]
+    assert whole.name == instances.name.replace("_samples.jsonl", ".json")
+    assert uuid.UUID(whole.stem).version == 4
+    first = json.loads(instances.read_text().splitlines()[0])
+    assert document["evaluation_id"] == first["evaluation_id"]
+    assert document["model_info"]["id"] == first["model_id"]
+
+
+def test_every_eval_ever_refuses_a_run_without_a_measured_pair(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    PairStore(tmp_path / "run", Run(tuple(plan()[:1]), PROVENANCE)).close()
+    assert main(["export", str(tmp_path / "run"), str(tmp_path / "x"), "--format=every-eval-ever"]) == 1
+    assert "No pair of this run was measured" in capsys.readouterr().err
+
+
+def test_robostats_own_reader_finds_the_same_change(run: Path) -> None:
+    robostats = pytest.importorskip("robostats", reason="pip install --no-deps -r .ci/peers.txt")
+    _written(run, "robostats")
+    names = ("policy_id", "task_id", "success", "seed", "run_id")
+    records = robostats.load_jsonl(
+        run.parent / "robostats", protocol=robostats.Protocol(), **{f"{name}_field": name for name in names}
+    )
+    arms = (records.filter(policy_id=f"scripted/{arm}") for arm in ("dynamic", "base"))
+    result = robostats.compare(robostats.pair(*arms))
+    assert result.delta == -0.5
 
 
 def test_robostats_joins_the_arms_of_a_case(run: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
 import json
 import re
@@ -17,6 +18,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
 from pytest_libero_max.report.publication import checked, publish
+from pytest_libero_max.report.run_index import pairs_digest, read_checks
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, page_cases, plan, records_of
@@ -31,6 +33,17 @@ COMPARISONS = sorted(path.parent for path in REPORTS.rglob(COMPARISON))
 def test_runs_are_published() -> None:
     assert RUNS
     assert [path.parent for path in sorted(REPORTS.rglob(PACKED_PAIRS_NAME))] == RUNS
+
+
+@pytest.mark.skipif(not REPORTS.is_dir(), reason="the source distribution has no reports")
+def test_the_index_has_a_row_for_each_published_run() -> None:
+    text = (REPORTS / "index.html").read_text(encoding="utf-8")
+    for folder in RUNS:
+        assert f"href='{folder.relative_to(REPORTS).as_posix()}/report.md'" in text
+        assert f"data-order='{pairs_digest(folder)}'" in text
+    assert f"{len(RUNS)} published runs" in text
+    assert "Refused: " not in text
+    assert {*read_checks(REPORTS / "verified.json")} <= {pairs_digest(folder) for folder in RUNS}
 
 
 @pytest.fixture
@@ -159,3 +172,51 @@ def _content(path: Path) -> tuple[str, object]:
     if path.suffix != ".html":
         return text, None
     return re.sub(r"(?<=-data'>)[^<]*", "", text), page_cases(text)
+
+
+def _alter(path: Path, before: str, after: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+
+
+def _swap_cases(path: Path, before: str, after: str) -> None:
+    """Alter what the page holds packed."""
+    text = path.read_text(encoding="utf-8")
+    (packed,) = re.findall(r"id='cases-data'>([^<]*)", text)
+    data = gzip.decompress(base64.b64decode(packed)).decode()
+    assert before in data
+    altered = base64.b64encode(gzip.compress(data.replace(before, after).encode())).decode()
+    path.write_text(text.replace(packed, altered), encoding="utf-8")
+
+
+def test_a_folder_with_an_altered_page_or_figure_is_refused(tmp_path: Path) -> None:
+    folder = shutil.copytree(REPORTS / "smoke" / "stale_expert", tmp_path / "run")
+    assert main(["report", str(folder), "--figures"]) == 0
+    (line,) = (line for line in checked(folder) if line.startswith("numbers: "))
+    assert {"report.md", "report.html", "report.json", "base-to-dynamic.svg"} <= {
+        *line.split(" in ")[1].split(", ")
+    }
+    for name, alter, before, after, message in (
+        ("report.html", _alter, "28.1 pp", "2.1 pp", "report.html shows words or drawings that its pairs"),
+        ("report.html", _swap_cases, "stale", "fresh", "report.html shows cases or poses that its pairs"),
+        (
+            "base-to-dynamic.svg",
+            _alter,
+            "</svg>",
+            "<g/></svg>",
+            r"base-to-dynamic.svg, line \d+: .*, but its pairs give",
+        ),
+        ("report.md", _alter, "stale-expert", "fresh-expert", r"report.md, line \d+: .*, but its pairs give"),
+    ):
+        kept = (folder / name).read_bytes()
+        alter(folder / name, before, after)
+        with pytest.raises(ReportError, match=message):
+            list(checked(folder))
+        (folder / name).write_bytes(kept)
+    list(checked(folder))
+
+
+def test_actions_that_the_run_did_not_keep_are_not_published(run: Path, tmp_path: Path) -> None:
+    with pytest.raises(ReportError, match=r"Play the run again with --libero-max-traces=all"):
+        publish(run, tmp_path / "published", actions=True)

@@ -1,4 +1,4 @@
-"""A run in the formats of other tools: a module for each, with a function ``text``."""
+"""A run in the formats of other tools: a module for each, with a function ``text``, or ``files``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def format_names() -> tuple[str, ...]:
     return tuple(name.replace("_", "-") for name in modules_in(__name__))
 
 
-def export_text(name: str, run: StoredRun, gates: Sequence[GateResult] = ()) -> str:
+def export_files(name: str, run: StoredRun, gates: Sequence[GateResult] = ()) -> dict[str, str]:
     """Return a run in a format.
 
     Args:
@@ -24,13 +24,19 @@ def export_text(name: str, run: StoredRun, gates: Sequence[GateResult] = ()) -> 
         run: The run; pairs that were not measured are never failures of the policy.
         gates: Verdicts on the run, for formats that have a place for them.
 
+    Returns:
+        Texts by the path of their file in a folder; by the empty path that of the format's only file.
+
     Raises:
         OptionError: There is no such format.
+        ReportError: The run has nothing that the format can hold.
     """
     if name not in format_names():
         raise OptionError.seen(
             "format", name, f", which is not a format. {did_you_mean(name, format_names())}"
         )
     module = importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
-    text: str = module.text(run, gates)
-    return text
+    if hasattr(module, "files"):
+        files: dict[str, str] = module.files(run)
+        return files
+    return {"": module.text(run, gates)}

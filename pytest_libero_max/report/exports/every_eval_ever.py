@@ -1,37 +1,147 @@
-"""Every Eval Ever (evalevalai.com): the instance-level file, a line for each arm of each measured pair."""
+"""Every Eval Ever (evalevalai.com): the results of a run, and a line for each arm of each measured pair."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
+import uuid
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.gates import GateResult
 from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
+from pytest_libero_max.stats.outcome_table import Ratio
 
 _SCHEMA = "0.3.0"
+_NOT_NAMED = "unknown"
 
 
-def text(run: StoredRun, gates: Sequence[GateResult]) -> str:
-    """Return the lines in JSON, by item id and in the order of the arms.
+def files(run: StoredRun) -> dict[str, str]:
+    """Return the two files of a run: its rates by arm, and its instances by item id in the order of the arms.
 
-    A pair that could not be measured has no line, because each has to have a score; gates have no place.
-    The file of aggregate results, which ``evaluation_id`` refers to, is not written.
+    A pair that could not be measured has no instance, because each has to have a score; gates have no place.
+    The name of the files follows from the instances, so that the same run has the same files.
+
+    Raises:
+        ReportError: No pair was measured: the format has no file without an instance.
     """
     records = sorted(run.records, key=lambda record: record.item_id)
-    return "".join(f"{json.dumps(line, allow_nan=False)}\n" for one in records for line in _lines(run, one))
+    if not records:
+        raise ReportError("No pair of this run was measured, and Every Eval Ever has no run without one.")
+    text = "".join(f"{json.dumps(line, allow_nan=False)}\n" for one in records for line in _lines(run, one))
+    digest = hashlib.sha256(text.encode())
+    name = uuid.UUID(bytes=digest.digest()[:16], version=4)
+    folders = (re.sub(r"[^A-Za-z0-9._-]+", "-", part) for part in _developer_and_model(records[0]))
+    path = f"data/libero-max/{'/'.join(folders)}/{name}"
+    instances = f"{path}_samples.jsonl"
+    detailed = {
+        "format": "jsonl",
+        "file_path": instances,
+        "hash_algorithm": "sha256",
+        "checksum": digest.hexdigest(),
+        "total_rows": text.count("\n"),
+    }
+    whole = _whole(run, records) | {"detailed_evaluation_results": detailed}
+    return {f"{path}.json": json.dumps(whole, indent=1, allow_nan=False) + "\n", instances: text}
+
+
+def _whole(run: StoredRun, records: Sequence[PairRecord]) -> Json:
+    """Return the file of the run without the place of its instances."""
+    provenance, policy = run.run.provenance, records[0].policy
+    began = provenance.get("started")
+    moment = f"{datetime.fromisoformat(began).timestamp():.0f}" if began else "0"
+    details = {key: str(policy[key]) for key in ("horizon", "query_interval", "privileged")}
+    details |= dict.fromkeys(("deployment_type", "model_availability"), _NOT_NAMED)
+    return {
+        "schema_version": _SCHEMA,
+        "evaluation_id": _evaluation(run, records[0]),
+        "evaluation_timestamp": moment,
+        "retrieved_timestamp": moment,
+        "source_metadata": {
+            "source_name": "LIBERO-MAX",
+            "source_type": "evaluation_run",
+            "source_organization_name": _NOT_NAMED,
+            "evaluator_relationship": "other",
+        },
+        "eval_library": {
+            "name": "pytest-libero-max",
+            "version": str(provenance["versions"].get("pytest-libero-max", _NOT_NAMED)),
+        },
+        "model_info": {
+            "name": policy["name"],
+            "id": policy["name"],
+            "developer": _developer_and_model(records[0])[0],
+            "additional_details": details,
+        },
+        "evaluation_results": [_result(run, records, arm) for arm in records[0].arms],
+    }
+
+
+def _result(run: StoredRun, records: Sequence[PairRecord], arm: str) -> Json:
+    provenance = run.run.provenance
+    scores = [bool(record.arms[arm].success) for record in records if arm in record.arms]
+    interval = clopper_pearson(Ratio(sum(scores), len(scores)))
+    assert interval is not None  # an arm of a record has been played
+    return {
+        "evaluation_name": _name(run, arm),
+        "source_data": {
+            "dataset_name": provenance["case_set"]["name"],
+            "source_type": "other",
+            "additional_details": {
+                "digest": provenance["case_set"]["digest"],
+                "substrate": provenance["substrate"]["name"],
+            },
+        },
+        "metric_config": {
+            "evaluation_description": f"Success rate in arm {arm} over {len(scores)} pairs.",
+            "metric_name": "success rate",
+            "lower_is_better": False,
+            "score_type": "continuous",
+            "min_score": 0.0,
+            "max_score": 1.0,
+        },
+        "score_details": {
+            "score": sum(scores) / len(scores),
+            "uncertainty": {
+                "confidence_interval": {
+                    "lower": interval.lower,
+                    "upper": interval.upper,
+                    "confidence_level": CONFIDENCE,
+                    "method": "Clopper-Pearson",
+                },
+                "num_samples": len(scores),
+            },
+        },
+    }
+
+
+def _developer_and_model(record: PairRecord) -> tuple[str, str]:
+    """Return the two parts of a policy's name such as ``openvla/openvla-7b``; others name no developer."""
+    developer, _, model = str(record.policy["name"]).rpartition("/")
+    return developer or _NOT_NAMED, model or _NOT_NAMED
+
+
+def _evaluation(run: StoredRun, record: PairRecord) -> str:
+    started = run.run.provenance.get("started") or _NOT_NAMED
+    return f"libero-max {run.run.provenance['case_set']['name']}/{record.policy['name']}/{started}"
+
+
+def _name(run: StoredRun, arm: str) -> str:
+    return f"libero-max {run.run.provenance['case_set']['name']} {arm}"
 
 
 def _lines(run: StoredRun, record: PairRecord) -> Iterator[Json]:
     provenance = run.run.provenance
-    cases, model = provenance["case_set"]["name"], record.policy["name"]
     for name, arm in record.arms.items():
         yield {
             "schema_version": _SCHEMA,
-            "evaluation_id": f"libero-max {cases}/{model}/{provenance.get('started') or 'unknown'}",
-            "model_id": model,
-            "evaluation_name": f"libero-max {cases} {name}",
+            "evaluation_id": _evaluation(run, record),
+            "model_id": record.policy["name"],
+            "evaluation_name": _name(run, name),
             "sample_id": record.item_id,
             "interaction_type": "agentic",
             "input": {"raw": record.instruction, "reference": []},

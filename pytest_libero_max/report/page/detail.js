@@ -47,12 +47,14 @@ function pictured() {
 }
 
 // The films, and what moves through them.
-function filmsOf(films, timeline, hz) {
+function filmsOf(films, timeline, hz, scene) {
   const place = element("div", { class: "films" }, ...films.map(([caption, path]) => film(caption, path)));
   const videos = [...place.querySelectorAll("video")];
   if (!timeline) videos.forEach((video) => (video.controls = true));
-  const parts = !timeline ? [] : videos.length ? player(videos, timeline, hz) : [drawn(timeline), legend(timeline), pictured()];
-  return [place, element("section", {}, ...parts)];
+  const played = videos.length || scene;
+  const hint = timeline && films.length && !videos.length ? [pictured()] : [];
+  const parts = !timeline ? [] : played ? player(videos, timeline, hz, scene) : [drawn(timeline), legend(timeline)];
+  return [films.length ? place : null, element("section", {}, ...(scene ? [scene.element] : []), ...parts, ...hint)];
 }
 
 async function copyText(text, button) {
@@ -111,7 +113,9 @@ function detail(data, table, row, values) {
   const links = (data.pages ?? []).map(([caption, path]) =>
     element("li", {}, element("a", { href: `${path}${PREFIX}${new URLSearchParams({ q: item, case: item })}` }, caption)),
   );
-  const [films, moments] = data.films[row] ? filmsOf(data.films[row], values.timeline, data.hz) : [];
+  const posed = data.poses?.[row] && values.timeline;
+  const scene = posed ? new SceneView(data.poses[row], values.timeline) : null;
+  const [films, moments] = data.films[row] || scene ? filmsOf(data.films[row] ?? [], values.timeline, data.hz, scene) : [];
   return element(
     "div",
     { class: "detail" },

@@ -258,10 +258,10 @@ function linkViews() {
   }
 }
 
-// JSON that the page holds as gzip in base64.
-function unpack(script) {
+// What the page holds as gzip in base64: JSON, or bytes.
+function unpack(script, kind = "json") {
   const bytes = Uint8Array.from(atob(script.textContent), (letter) => letter.charCodeAt(0));
-  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")))[kind]();
 }
 
 // Films on the first screen play while they are pointed at.

@@ -6,6 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
+_VIEWER = "viewer.js"
 
 DETAILS_IN_A_PART = 100
 """Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
@@ -34,16 +36,28 @@ class Viewed(NamedTuple):
     view: str
 
 
-def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
+def page(
+    template: str,
+    title: str,
+    cases: Json | None,
+    scenes: Mapping[str, str] | None = None,
+    scripts: Sequence[str] = (),
+    **values: Any,
+) -> str:
     """Render a page that needs no network.
 
     Args:
         template: File in ``templates``.
         title: Title and first heading.
         cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
-            page without it, which has no script.
+            page without it.
+        scenes: ``contents`` of :class:`~pytest_libero_max.report.page.scenes.Scenes`.
+        scripts: Files of scripts of a page without the table of cases, which has its own.
         values: Values that the template asks for, by name. Text is escaped.
     """
+    if cases is not None:
+        scripts = [_VIEWER, *_SCRIPTS] if scenes else _SCRIPTS
+    script = _script(tuple(scripts))
     return (
         _environment()
         .get_template(template)
@@ -53,9 +67,10 @@ def page(template: str, title: str, cases: Json | None, **values: Any) -> str:
             if cases is None
             else compressed({**cases, "details": None, "part": DETAILS_IN_A_PART}),
             details=[] if cases is None else [*map(compressed, _parts(cases["details"]))],
-            security_policy=_security_policy(cases is not None),
+            scenes=scenes or {},
+            security_policy=_security_policy(script),
             style=Markup(palette.css() + _file("style.css")),
-            script=_script(),
+            script=script,
             **values,
         )
     )
@@ -83,15 +98,15 @@ def _environment() -> Environment:
 
 
 @cache
-def _script() -> Markup:
-    """Return the files as one function, so that no name of theirs is a name of the page."""
-    return Markup('"use strict";(() => {\n' + "\n".join(map(_file, _SCRIPTS)) + "})();")
+def _script(files: tuple[str, ...]) -> Markup:
+    """Return files as one function, so that no name of theirs is a name of the page; empty for none."""
+    return Markup('"use strict";(() => {\n' + "\n".join(map(_file, files)) + "})();" if files else "")
 
 
-def _security_policy(scripted: bool) -> Markup:
+def _security_policy(own: Markup) -> Markup:
     """Return the content security policy: a page may show files beside it and run its own script alone."""
-    digest = base64.b64encode(hashlib.sha256(_script().encode()).digest()).decode()
-    script = f"'sha256-{digest}'" if scripted else "'none'"
+    digest = base64.b64encode(hashlib.sha256(own.encode()).digest()).decode()
+    script = f"'sha256-{digest}'" if own else "'none'"
     return Markup(
         f"default-src 'none'; script-src {script}; style-src 'unsafe-inline'; "
         "img-src 'self' file: data:; media-src 'self' file:; base-uri 'none'; form-action 'none'"

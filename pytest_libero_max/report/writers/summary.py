@@ -217,7 +217,12 @@ def _header(report: Report) -> list[str]:
 
 
 def title_text(report: Report) -> str:
-    """Return policy with H and Q, substrate, case set, strength, latency and program on one line."""
+    """Return :func:`policy_title` and :func:`cases_title` on one line."""
+    return f"{policy_title(report)} on {cases_title(report)}"
+
+
+def cases_title(report: Report) -> str:
+    """Return substrate, case set, strength, latency and program on one line."""
     count = report.pairs.unsupported
     unsupported = f", {count} of them unsupported" if count else ""
     strength = report.provenance["protocol"].get("strength")
@@ -227,8 +232,7 @@ def title_text(report: Report) -> str:
     program = report.provenance["protocol"].get("program")
     if program is not None:
         scaled += f", program {program['name']} ({program['digest'][:12]})"
-    substrate = report.substrate.name
-    return f"{_policy(report)} on {substrate}, {selection_text(report)}{unsupported}{scaled}"
+    return f"{report.substrate.name}, {selection_text(report)}{unsupported}{scaled}"
 
 
 def unsupported_text(pairs: PairCounts) -> str | None:
@@ -272,7 +276,8 @@ def selection_text(report: Report) -> str:
     return f"{report.pairs.planned} cases of {name} (selection not recorded)"
 
 
-def _policy(report: Report) -> str:
+def policy_title(report: Report) -> str:
+    """Return the policy with H and Q, and what else is to be known of it, on one line."""
     spec = report.policy
     if spec is None:
         return str(report.provenance["policy"]["reference"])

@@ -91,17 +91,21 @@ def _offered(cases: Json, item: str) -> list[str]:
 
 def test_commands_are_those_that_make_what_is_not_there(tmp_path: Path) -> None:
     run, item, draw = _run(), PAIRS[10].item_id, "Draw its event before and after"
+    three = "Show it in three dimensions"
     (tmp_path / "traces").mkdir()
     (tmp_path / "traces" / trace_name(item)).touch()
     film, seen = f"films/{item}--base-dynamic.mp4", f"films/{item}--base-dynamic--policy.mp4"
     assert _offered(run_cases(run, {}, {}), item) == ["Play it again", "Play it again and film it", draw]
     assert _offered(run_cases(run, {}, {}), PAIRS[1].item_id) == ["Play it", draw]
-    assert _offered(run_cases(run, {}, {}, tmp_path), item) == ["Play it again", "Film it", draw]
+    assert _offered(run_cases(run, {}, {}, tmp_path), item) == ["Play it again", "Film it", three, draw]
     filmed = run_cases(run, {item: [film]}, {}, tmp_path)
-    assert _offered(filmed, item) == ["Play it again", "Film what the policy saw"]
-    assert _offered(run_cases(run, {item: [film, seen]}, {}, tmp_path), item) == ["Play it again"]
+    assert _offered(filmed, item) == ["Play it again", "Film what the policy saw", three]
+    assert _offered(run_cases(run, {item: [film, seen]}, {}, tmp_path), item) == ["Play it again", three]
+    posed = run_cases(run, {item: [film, seen]}, {}, tmp_path, {item: "pair-0"})
+    assert _offered(posed, item) == ["Play it again"]
+    assert posed["poses"] == {str(posed["items"].index(item)): "pair-0"}
     pictured = run_cases(run, {}, {item: [f"pictures/{item}--a-before.png"]}, tmp_path)
-    assert _offered(pictured, item) == ["Play it again", "Film it"]
+    assert _offered(pictured, item) == ["Play it again", "Film it", three]
     (play, _, with_film, from_trace, *_) = filmed["commands"]
     assert (play["before"].split()[0], play["before"].split()[-1], play["after"]) == ("pytest", "-k", "")
     assert with_film["before"].endswith(" --libero-max-film=all -k")
