@@ -22,6 +22,8 @@ MOST_NAMED = 20
 _MOST_GROUPS, _MOST_OF_GROUPS = 6, 14
 """Number of groups that the terminal shows, and of pairs that it names of them: together twenty lines."""
 
+NO_CAUSES = "No causes: these records were written before the stages of an arm were recorded."
+
 Outcome = Literal["regression", "change_associated_success"]
 
 LETTERS: Mapping[Outcome, str] = {"regression": "R", "change_associated_success": "G"}
@@ -80,6 +82,12 @@ def count_of(report: Report, outcome: Outcome) -> int:
     return sum(pair.outcome == outcome for pair in report.changed_pairs)
 
 
+def without_causes(report: Report) -> bool:
+    """Return True if outcomes changed and no record says why."""
+    causes = {pair.cause for pair in report.changed_pairs}
+    return causes == {NOT_RECORDED}
+
+
 def title_of(report: Report, outcome: Outcome) -> str:
     """Return the heading of the pairs of an outcome: their number and that of all that could be."""
     number = count_of(report, outcome)
@@ -105,13 +113,18 @@ def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list
         for group in groups:
             if not group.named:
                 continue
-            head = f"{len(group.pairs)} x {group.cause}, {group.event}"
+            known = group.cause != NOT_RECORDED
             first = ": " if len(group.pairs) == 1 else "; the first: "
-            head += "" if group.cause == NOT_RECORDED else f"{first}{group.pairs[0].sentence}"
+            head = f"{len(group.pairs)} x {group.cause}, {group.event}"
+            if without_causes(report):
+                head = f"{len(group.pairs)} x {group.event}"
+            head += f"{first}{group.pairs[0].sentence}" if known else ""
             lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
             lines += [f"{letter}   {pair.item_id}{_film(pair, films)}" for pair in group.named]
         more = sum(len(group.pairs) - len(group.named) for group in groups)
-        lines += [f"{more} more: in the table of cases of report.html, by outcome and cause."] if more else []
+        by = "outcome" if without_causes(report) else "outcome and cause"
+        lines += [f"{more} more: in the table of cases of report.html, by {by}."] if more else []
+    lines += [NO_CAUSES] if without_causes(report) else []
     if lines and not films:
         setting = traces_setting(report.provenance)
         lines.append(f"To see one: libero-max film RUN NAME, of a run with {setting}.")
@@ -126,7 +139,8 @@ def broken_line(report: Report) -> str:
     """Return all of it in one line, for quiet runs."""
     lost, gained = (count_of(report, outcome) for outcome in LETTERS)
     causes = Counter(pair.cause for pair in report.changed_pairs if pair.outcome == "regression")
-    words = ", ".join(f"{cause} {number}" for cause, number in causes.most_common())
+    known = {} if without_causes(report) else dict(causes.most_common())
+    words = ", ".join(f"{cause} {number}" for cause, number in known.items())
     return f"{TITLE}: {lost} lost{f' ({words})' if words else ''}, {gained} gained"
 
 
