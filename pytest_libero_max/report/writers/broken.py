@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from textwrap import wrap
 from typing import Literal, NamedTuple
 
@@ -120,19 +121,19 @@ def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list
                 head = f"{len(group.pairs)} x {group.event}"
             head += f"{first}{group.pairs[0].sentence}" if known else ""
             lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
-            lines += [f"{letter}   {pair.item_id}{_film(pair, films)}" for pair in group.named]
+            filmed = {pair.item_id: "  filmed" for pair in group.named if pair.item_id in films}
+            lines += [f"{letter}   {pair.item_id}{filmed.get(pair.item_id, '')}" for pair in group.named]
         more = sum(len(group.pairs) - len(group.named) for group in groups)
         by = "outcome" if without_causes(report) else "outcome and cause"
         lines += [f"{more} more: in the table of cases of report.html, by {by}."] if more else []
     lines += [NO_CAUSES] if without_causes(report) else []
-    if lines and not films:
+    if lines and films:
+        home = Path(next(iter(films.values()))).parent
+        lines.append(f"Films: {home}; libero-max view {home.parent} shows them beside their cases.")
+    elif lines:
         setting = traces_setting(report.provenance)
         lines.append(f"To see one: libero-max film RUN NAME, of a run with {setting}.")
     return lines
-
-
-def _film(pair: ChangedPair, films: Mapping[str, str]) -> str:
-    return f"  {films[pair.item_id]}" if pair.item_id in films else ""
 
 
 def broken_line(report: Report) -> str:
