@@ -25,6 +25,7 @@ from pytest_libero_max.report.writers.report_files import (
     report_of,
     write_bytes,
 )
+from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_file, read_pairs
 
@@ -132,7 +133,7 @@ def _check_cases(stored: StoredRun, folder: Path) -> str:
 
 def _texts(report: Report, folder: Path) -> dict[str, str]:
     """Return what the files of a folder must hold, of those that follow from its pairs."""
-    texts = {MARKDOWN_NAME: markdown(report), REPORT_NAME: report_json(report)}
+    texts = {MARKDOWN_NAME: markdown(report, films_in(folder)), REPORT_NAME: report_json(report)}
     if [*folder.glob("*.svg")]:
         texts |= {f"{stem}.svg": svg for stem, svg in all_figures(report).items()}
     return {name: text for name, text in texts.items() if (folder / name).is_file()}

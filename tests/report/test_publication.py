@@ -17,6 +17,8 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
 from pytest_libero_max.report.publication import checked, publish
+from pytest_libero_max.report.writers.report_files import HTML_NAME, report_of, run_page
+from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, page_cases, plan, records_of
@@ -65,6 +67,21 @@ def test_an_incomplete_run_is_not_published(run: Path, tmp_path: Path) -> None:
 def test_the_report_of_a_published_run_follows_from_its_pairs(folder: Path) -> None:
     assert {"report.md", PACKED_PAIRS_NAME} <= {path.name for path in folder.iterdir()}
     assert [line for line in checked(folder) if line.startswith("numbers: ")]
+
+
+PAGES = sorted(path.parent for path in REPORTS.rglob(HTML_NAME))
+
+
+def test_a_page_is_published_with_films() -> None:
+    assert [folder for folder in PAGES if films_in(folder)]
+
+
+@pytest.mark.parametrize("folder", PAGES, ids=lambda folder: str(folder.relative_to(REPORTS)))
+def test_a_published_page_follows_from_the_pairs_and_films_beside_it(folder: Path, tmp_path: Path) -> None:
+    stored = read_pairs(folder)
+    made = tmp_path / HTML_NAME
+    made.write_text(run_page(report_of(stored), stored, folder), encoding="utf-8")
+    assert _content(made) == _content(folder / HTML_NAME)
 
 
 def _flip(lines: list[Any]) -> None:
