@@ -16,6 +16,8 @@ _FILES = (PAIRS_NAME, PACKED_PAIRS_NAME)
 def comparison_at_the_end(asked: str, folder: Path, run: Run, start: Path) -> list[str]:
     """Return the lines of a comparison, which is not decisive: where there is none, one line says why.
 
+    Where this run has played a part of the cases of the earlier one, that part is compared.
+
     Args:
         asked: Folder of the earlier run, or :data:`LAST`.
         folder: Folder of the run.
@@ -30,7 +32,9 @@ def comparison_at_the_end(asked: str, folder: Path, run: Run, start: Path) -> li
         return ["", f"No comparison: there is no other complete run of these cases beside {folder.name}."]
     both = [path.relative_to(start) if path.is_relative_to(start) else path for path in (earlier, folder)]
     try:
-        return ["", *short_lines(compare_runs(read_runs(both)))]
+        runs = read_runs(both)
+        theirs, ours = ({pair.case_digest for pair in outcomes.run.planned} for outcomes in runs.values())
+        return ["", *short_lines(compare_runs(runs, restrict=ours <= theirs))]
     except ReportError as error:
         return ["", f"No comparison with {both[0]}: {error}"]
 

@@ -147,7 +147,7 @@ class RunEnd:
         self.notes += notes
         rest = f"; for all of them: {later}" if made < selected else ""
         seconds = time.perf_counter() - begun
-        self._filmed.append(f"Films: {made} of {selected} {self.settings.film} ({seconds:.0f} s){rest}")
+        self._filmed.append(f"Filmed: {made} of {selected} {self.settings.film} ({seconds:.0f} s){rest}")
 
     def _verify(self, ended: int) -> list[str]:
         """Play pairs again that the option asks for; return lines of the summary."""

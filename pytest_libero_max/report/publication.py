@@ -35,7 +35,7 @@ from pytest_libero_max.report.writers.report_files import (
     run_page,
     write_bytes,
 )
-from pytest_libero_max.runs.media import TRACES_NAME
+from pytest_libero_max.runs.media import TRACES_NAME, films_in
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_file, read_pairs
@@ -62,7 +62,7 @@ def publish(run: Path, folder: Path, actions: bool = False) -> list[Path]:
         raise ReportError(
             f"{run} is incomplete: {report.headline.reason}. Continue it with --libero-max-resume."
         )
-    files = {MARKDOWN_NAME: markdown(report).encode()}
+    files = {MARKDOWN_NAME: markdown(report, films_in(folder)).encode()}
     try:
         files[PACKED_PAIRS_NAME] = gzip.compress(read_content(pairs_file(run)), mtime=0)
     except OSError as error:
@@ -177,7 +177,7 @@ def _check_cases(stored: StoredRun, folder: Path) -> str:
 
 def _texts(report: Report, folder: Path) -> dict[str, str]:
     """Return what the files of a folder must hold, of those that follow from its pairs."""
-    texts = {MARKDOWN_NAME: markdown(report), REPORT_NAME: report_json(report)}
+    texts = {MARKDOWN_NAME: markdown(report, films_in(folder)), REPORT_NAME: report_json(report)}
     if [*folder.glob("*.svg")]:
         texts |= {f"{stem}.svg": svg for stem, svg in all_figures(report).items()}
     return {name: text for name, text in texts.items() if (folder / name).is_file()}

@@ -132,14 +132,14 @@ class Progress:
 
 
 def progress_text(progress: Progress, now: float | None = None) -> str:
-    """Return one line: pairs done, pace, time left, outcomes, errors.
+    """Return one line: pairs done, outcomes, errors, pace, time left. A narrow terminal cuts its end off.
 
     Args:
         progress: The progress.
         now: Seconds since the epoch, for when the run will be ready; None: leave that out.
     """
-    parts = [f"{progress.done} of {progress.planned} pairs", *pace_parts(progress, now)]
-    return ", ".join([*parts, letters_text(progress.counts)])
+    done = f"{progress.done} of {progress.planned} pairs"
+    return ", ".join([done, letters_text(progress.counts), *pace_parts(progress, now)])
 
 
 def pace_parts(progress: Progress, now: float | None = None) -> list[str]:

@@ -264,7 +264,7 @@ class PairStore:
         """Wait for the disk in a thread of its own, for lines that came soon after others."""
         with self._lock:
             self._sync = None
-            if self._file is None:
+            if self._file is None or self._file.closed:
                 return
             try:
                 self._wait_for_disk()

@@ -71,8 +71,8 @@ def test_a_pair_that_is_not_asked_for_is_not_filmed(run: Run, pytester: pytest.P
 def test_films_are_made_at_the_end_up_to_a_limit(run: Run, pytester: pytest.Pytester) -> None:
     result = run("-k", "target_relocation", "--libero-max-film=all", "--libero-max-film-limit=1")
     assert len(list((_folder(pytester) / "films").iterdir())) == 1
-    (line,) = [line for line in result.outlines if line.startswith("Films: ")]
-    assert line.startswith("Films: 1 of 2 all (")
+    (line,) = [line for line in result.outlines if line.startswith("Filmed: ")]
+    assert line.startswith("Filmed: 1 of 2 all (")
     assert line.endswith("; for all of them: libero-max film libero-max-results --select=all")
 
 
@@ -82,7 +82,7 @@ def test_films_are_made_where_other_processes_played_the_pairs(
 ) -> None:
     result = run("-k", PAIR, "--libero-max-film=all", *how, subprocess=True)
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["Films: 1 of 1 all (* s)"])
+    result.stdout.fnmatch_lines(["Filmed: 1 of 1 all (* s)"])
     assert len(list((_folder(pytester) / "films").iterdir())) == 1
 
 

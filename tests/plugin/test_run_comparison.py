@@ -42,6 +42,17 @@ def test_resuming_goes_on_in_the_last_folder(run: Run, pytester: pytest.Pytester
     assert not Path("libero-max-results-0003").exists()
 
 
+def test_a_part_of_the_cases_is_compared_with_the_same_part_of_a_named_run(run: Run) -> None:
+    run("-k", "camera_shift or target_relocation", "--libero-max-output=first")
+    result = run("-k", "camera_shift", "--libero-max-output=second", "--libero-max-compare=first")
+    result.stdout.fnmatch_lines(
+        [
+            "second (reacher) against first (reacher), on 2 common cases",
+            "More: libero-max compare --restrict first second",
+        ]
+    )
+
+
 def test_a_run_of_other_cases_is_no_last_one_and_cannot_be_named(run: Run) -> None:
     run("-k", "target_relocation", "--libero-max-output=auto")
     result = run(*NUMBERED)

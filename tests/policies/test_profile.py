@@ -156,6 +156,30 @@ def test_the_page_lists_every_profile_with_its_protocol() -> None:
     assert listed == {name: load_profile(name).protocol for name in profile_names()}
 
 
+_BLOCK = re.compile(
+    r"^```sh\n((?:.*\n)*?)libero-max check (\w[\w-]*)://\S+ --profile (\S+)(.*)\n(.*)\n```", re.M
+)
+
+
+def test_each_model_has_a_block_whose_server_and_profile_belong_together() -> None:
+    page = (profiles.FOLDER.parent / "README.md").read_text(encoding="utf-8")
+    section = page.split("## Model by model\n")[1].split("\n## ")[0]
+    blocks = _BLOCK.findall(section)
+    assert len(blocks) == section.count("```sh") == 11
+    for server, scheme, name, options, play in blocks:
+        profile = load_profile("vla_jepa" if name == "my_vla_jepa.toml" else name)
+        assert profile.protocol == scheme
+        told = [f"--libero-max-profile={name}", *(f"--libero-max-{o}" for o in options.split(" --")[1:])]
+        assert all(part.replace(" ", "=") in play for part in told), (name, play)
+        about = (profiles.FOLDER / f"{profile.name.removesuffix('_goal')}.toml").read_text(encoding="utf-8")
+        comment = about.split("\n\n")[0].splitlines()
+        started = [line[4:].removesuffix("\\").split() for line in comment if line.startswith("#   ")]
+        missing = [
+            words for words in started if "=" not in words and any(word not in server for word in words)
+        ]
+        assert missing in ([], [["[actions]"]]), name
+
+
 def test_a_name_that_is_too_long_for_a_file_is_refused() -> None:
     with pytest.raises(AdapterError, match="there is no such profile"):
         load_profile("9" * 5000)

@@ -1,6 +1,6 @@
 """Make what is published below ``reports`` again from its pairs: ``python -m tests.report.publish_again``.
 
-Needed after a change of Markdown, comparison pages, figures or statistics.
+Needed after a change of Markdown, pages, figures or statistics; then also ``tests.report.page.first_screen``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from pytest_libero_max.report.page.index_page import index_html
 from pytest_libero_max.report.run_index import published_in, read_checks, run_index
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers.markdown import markdown
-from pytest_libero_max.report.writers.report_files import report_of
+from pytest_libero_max.report.writers.report_files import HTML_NAME, report_of, run_page
+from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, read_pairs
 
 REPORTS = Path(__file__).parents[2] / "reports"
@@ -26,8 +27,11 @@ INDEX, CHECKS = REPORTS / "index.html", REPORTS / "verified.json"
 def publish_again() -> None:
     """Write every published report and comparison, and their index."""
     for page in sorted(REPORTS.rglob("report.md")):
-        report = report_of(read_pairs(page.parent / PACKED_PAIRS_NAME))
-        page.write_text(markdown(report), encoding="utf-8")
+        stored = read_pairs(page.parent / PACKED_PAIRS_NAME)
+        report = report_of(stored)
+        page.write_text(markdown(report, films_in(page.parent)), encoding="utf-8")
+        if (whole := page.with_name(HTML_NAME)).is_file():
+            whole.write_text(run_page(report, stored, page.parent), encoding="utf-8")
         for stem, svg in study_figures(report.study).items():
             if (figure := page.with_name(f"{stem}.svg")).is_file():
                 figure.write_text(svg, encoding="utf-8")

@@ -19,6 +19,8 @@ from pytest_libero_max.report.comparison.compare import common_cases, compare_ru
 from pytest_libero_max.report.comparison.compare_files import write_comparison
 from pytest_libero_max.report.publication import checked, publish
 from pytest_libero_max.report.run_index import pairs_digest, read_checks
+from pytest_libero_max.report.writers.report_files import HTML_NAME
+from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
 from tests.report.made_up import PROVENANCE, page_cases, plan, records_of
@@ -78,6 +80,11 @@ def test_an_incomplete_run_is_not_published(run: Path, tmp_path: Path) -> None:
 def test_the_report_of_a_published_run_follows_from_its_pairs(folder: Path) -> None:
     assert {"report.md", PACKED_PAIRS_NAME} <= {path.name for path in folder.iterdir()}
     assert [line for line in checked(folder) if line.startswith("numbers: ")]
+
+
+@pytest.mark.skipif(not REPORTS.is_dir(), reason="the source distribution has no reports")
+def test_a_page_is_published_with_films() -> None:
+    assert [path for path in REPORTS.rglob(HTML_NAME) if films_in(path.parent)]
 
 
 def _flip(lines: list[Any]) -> None:

@@ -37,7 +37,7 @@ def _counts() -> PairCounts:
 
 def test_the_line_says_how_far_the_run_is() -> None:
     progress = Progress(32, _counts(), before=2, seconds=120.0)
-    assert progress_text(progress) == "6 of 32 pairs, 2.0/min, 13 min left, P 2 R 1 N 1 U 1 E 1"
+    assert progress_text(progress) == "6 of 32 pairs, P 2 R 1 N 1 U 1 E 1, 2.0/min, 13 min left"
     now = time.mktime((2026, 3, 4, 23, 30, 0, 0, 0, -1))
     assert "13 min left (ready at 23:43)" in progress_text(progress, now)
     assert "(ready at 03-05 00:03)" in progress_text(progress, now + 1200)
@@ -46,7 +46,7 @@ def test_the_line_says_how_far_the_run_is() -> None:
 def test_nothing_is_said_of_a_pace_that_is_not_known() -> None:
     assert progress_text(Progress(4, PairCounts())) == "0 of 4 pairs, P 0 R 0 N 0 E 0"
     assert progress_text(Progress(32, _counts(), before=6, seconds=9.0)).startswith("6 of 32 pairs, P")
-    assert progress_text(Progress(6, _counts(), seconds=60.0)) == "6 of 6 pairs, 6.0/min, P 2 R 1 N 1 U 1 E 1"
+    assert progress_text(Progress(6, _counts(), seconds=60.0)) == "6 of 6 pairs, P 2 R 1 N 1 U 1 E 1, 6.0/min"
 
 
 def test_a_pair_that_is_measured_after_an_error_is_no_error() -> None:

@@ -83,7 +83,7 @@ def event_changes(comparison: Comparison) -> str:
         y = bottom + 22 + 18 * number
         shapes += [circle(_LABEL + 6, y - 4, 4.5, color), text(_LABEL + 18, y, str(run.name))]
     height = bottom + 22 + 18 * len(runs)
-    title = "Paired change by event, percentage points: runs"
+    title = "Paired change by event, percentage points"
     title += ", median, quartiles and range" if len(runs) >= _LEAST_BOXED else ""
     return document(_LABEL + _PLOT + _NOTE, height, title, shapes)
 

@@ -111,7 +111,8 @@ def short_lines(comparison: Comparison, flips: int = 5) -> list[str]:
         flips: Number of changed cases to list.
     """
     changed = len(comparison.flips)
-    more = shlex.join(["libero-max", "compare", *(run.name for run in comparison.runs)])
+    command = ["libero-max", "compare", *(["--restrict"] if comparison.pairs.restricted else [])]
+    more = shlex.join([*command, *(run.name for run in comparison.runs)])
     comparison = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
     first, second = (
         f"{run.name} ({run.policy['name']})" if run.policy else run.name for run in comparison.runs
@@ -192,7 +193,9 @@ def with_short_names(comparison: Comparison) -> Comparison:
     def renamed(value: Any) -> Any:
         if isinstance(value, dict):
             return {
-                short.get(key, key): short.get(item, item) if key in _NAMES else renamed(item)
+                short.get(key, key): (
+                    short.get(item, item) if key in _NAMES and isinstance(item, str) else renamed(item)
+                )
                 for key, item in value.items()
             }
         return [renamed(item) for item in value] if isinstance(value, list) else value

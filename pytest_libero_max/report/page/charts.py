@@ -18,7 +18,7 @@ from pytest_libero_max.report.studies.study_document import Camera
 
 OUTCOME_TITLES = {
     "preserved_success": "preserved",
-    "change_associated_success": "change-associated",
+    "change_associated_success": "gain",
     "regression": "regression",
     "persistent_failure": "persistent failure",
     "invalid": "invalid",

@@ -9,10 +9,15 @@ function svg(tag, properties, ...children) {
   return made;
 }
 
+// The largest distance of the curves, mm.
+function highestOf(timeline) {
+  return Math.max(1, ...Object.values(timeline.arms).flatMap((arm) => arm.curve ?? []));
+}
+
 // The distance to the trigger entity over the steps, the event, and the stale actions; marks alone without curves.
 function curves(timeline) {
   const arms = Object.values(timeline.arms);
-  const highest = Math.max(1, ...arms.flatMap((arm) => arm.curve ?? []));
+  const highest = highestOf(timeline);
   const line = (x, kind) => svg("line", { x1: x, x2: x, y1: 0, y2: 100, class: kind });
   const stale = arms
     .filter((arm) => arm.events.length && arm.stale)
@@ -31,7 +36,7 @@ function legend(timeline) {
     element("li", {}, element("i", { class: arm.kind }), `${name}: ${arm.success ? "success" : "failed"} after ${arm.end} steps`),
   );
   const has = (test) => Object.values(timeline.arms).some(test);
-  const curve = has((arm) => arm.curve) ? [element("li", {}, "Curves: distance of the hand to the trigger entity")] : [];
+  const curve = has((arm) => arm.curve) ? [element("li", {}, `Curves: distance of the hand to the trigger entity, 0 to ${Math.round(highestOf(timeline) / 10)} cm`)] : [];
   const event = has((arm) => arm.events.length) ? [element("li", {}, element("i", { class: "event" }), "event")] : [];
   const stale = has((arm) => arm.stale) ? [element("li", {}, element("i", { class: "stale" }), "stale actions")] : [];
   return element("ul", { class: "legend" }, ...named, ...event, ...stale, ...curve);

@@ -166,6 +166,7 @@ def _results(report: Report) -> dict[str, Any]:
     ]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
     change = overall.paired_change
+    all_respond = overall.response_coverage.count == overall.played  # then the results are those above
     return {
         "verdict": _verdict(overall),
         "direction": direction(change),
@@ -188,7 +189,7 @@ def _results(report: Report) -> dict[str, Any]:
         "coverage": _groups("coverage", "Event", by_event),
         "remarks": [text for text in remarks if text],
         "given_response_note": GIVEN_RESPONSE_NOTE,
-        "given_response": _groups("given_response", "Event", by_event),
+        "given_response": None if all_respond else _groups("given_response", "Event", by_event),
         "highlights": highlights,
         "breakdowns": [
             (dimension.title, _groups("groups", dimension.title, report.by[key], key))

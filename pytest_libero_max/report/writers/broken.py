@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from textwrap import wrap
 from typing import Literal, NamedTuple
 
@@ -21,6 +22,8 @@ MOST_NAMED = 20
 
 _MOST_GROUPS, _MOST_OF_GROUPS = 6, 14
 """Number of groups that the terminal shows, and of pairs that it names of them: together twenty lines."""
+
+NO_CAUSES = "No causes: these records were written before the stages of an arm were recorded."
 
 Outcome = Literal["regression", "change_associated_success"]
 
@@ -80,6 +83,12 @@ def count_of(report: Report, outcome: Outcome) -> int:
     return sum(pair.outcome == outcome for pair in report.changed_pairs)
 
 
+def without_causes(report: Report) -> bool:
+    """Return True if outcomes changed and no record says why."""
+    causes = {pair.cause for pair in report.changed_pairs}
+    return causes == {NOT_RECORDED}
+
+
 def title_of(report: Report, outcome: Outcome) -> str:
     """Return the heading of the pairs of an outcome: their number and that of all that could be."""
     number = count_of(report, outcome)
@@ -105,28 +114,34 @@ def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list
         for group in groups:
             if not group.named:
                 continue
-            head = f"{len(group.pairs)} x {group.cause}, {group.event}"
+            known = group.cause != NOT_RECORDED
             first = ": " if len(group.pairs) == 1 else "; the first: "
-            head += "" if group.cause == NOT_RECORDED else f"{first}{group.pairs[0].sentence}"
+            head = f"{len(group.pairs)} x {group.cause}, {group.event}"
+            if without_causes(report):
+                head = f"{len(group.pairs)} x {group.event}"
+            head += f"{first}{group.pairs[0].sentence}" if known else ""
             lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
-            lines += [f"{letter}   {pair.item_id}{_film(pair, films)}" for pair in group.named]
+            filmed = {pair.item_id: "  filmed" for pair in group.named if pair.item_id in films}
+            lines += [f"{letter}   {pair.item_id}{filmed.get(pair.item_id, '')}" for pair in group.named]
         more = sum(len(group.pairs) - len(group.named) for group in groups)
-        lines += [f"{more} more: in the table of cases of report.html, by outcome and cause."] if more else []
-    if lines and not films:
+        by = "outcome" if without_causes(report) else "outcome and cause"
+        lines += [f"{more} more: in the table of cases of report.html, by {by}."] if more else []
+    lines += [NO_CAUSES] if without_causes(report) else []
+    if lines and films:
+        home = Path(next(iter(films.values()))).parent
+        lines.append(f"Films: {home}; libero-max view {home.parent} shows them beside their cases.")
+    elif lines:
         setting = traces_setting(report.provenance)
         lines.append(f"To see one: libero-max film RUN NAME, of a run with {setting}.")
     return lines
-
-
-def _film(pair: ChangedPair, films: Mapping[str, str]) -> str:
-    return f"  {films[pair.item_id]}" if pair.item_id in films else ""
 
 
 def broken_line(report: Report) -> str:
     """Return all of it in one line, for quiet runs."""
     lost, gained = (count_of(report, outcome) for outcome in LETTERS)
     causes = Counter(pair.cause for pair in report.changed_pairs if pair.outcome == "regression")
-    words = ", ".join(f"{cause} {number}" for cause, number in causes.most_common())
+    known = {} if without_causes(report) else dict(causes.most_common())
+    words = ", ".join(f"{cause} {number}" for cause, number in known.items())
     return f"{TITLE}: {lost} lost{f' ({words})' if words else ''}, {gained} gained"
 
 

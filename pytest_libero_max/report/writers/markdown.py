@@ -175,29 +175,31 @@ def _quantities(report: Report) -> list[tuple[str, str]]:
 
 def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
     """Return the pairs whose outcome changed, a part of them by name."""
-    lines = []
+    lines: list[str] = []
+    unknown = broken.without_causes(report)
+    head = ["", "Pair", "Event", "Pairs like it" if unknown else "Cause (pairs)"]
+    head += ([] if unknown else ["What happened"]) + (["Film"] if films else [])
     for outcome, letter in broken.LETTERS.items():
         rows = [
-            (
+            [
                 letter,
                 _Written(f"`{printable(pair.item_id).replace('`', chr(39))}`"),
                 group.event,
-                f"{group.cause} ({len(group.pairs)})",
-                pair.sentence,
-                _Written(f"[film]({quote(films[pair.item_id])})") if pair.item_id in films else "",
-            )
+                *([len(group.pairs)] if unknown else [f"{group.cause} ({len(group.pairs)})", pair.sentence]),
+                *([_film_link(films.get(pair.item_id))] if films else []),
+            ]
             for group in broken.groups_of(report.changed_pairs, outcome)
             for pair in group.named
         ]
         if rows:
-            lines += ["", f"## {broken.title_of(report, outcome)}", ""]
-            head = ("", "Pair", "Event", "Cause (pairs)", "What happened", "Film")
-            lines += markdown_table(
-                head if films else head[:-1], rows if films else [row[:-1] for row in rows]
-            )
+            lines += ["", f"## {broken.title_of(report, outcome)}", "", *markdown_table(head, rows)]
             more = broken.count_of(report, outcome) - len(rows)
             lines += ["", f"{more} more: `changed_pairs` of report.json, and report.html."] if more else []
-    return lines
+    return [*lines, "", broken.NO_CAUSES] if lines and unknown else lines
+
+
+def _film_link(film: str | None) -> str:
+    return _Written(f"[film]({quote(film)})") if film else ""
 
 
 def _study(study: Study) -> list[str]:

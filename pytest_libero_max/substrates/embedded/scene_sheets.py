@@ -136,5 +136,5 @@ def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> t
         world.step(NOOP_ACTION)
     image = world.observe((_CAMERA,), 256)[f"{_CAMERA}_image"][::-1]
     level = "" if variation.difficulty is None else f", severity {variation.difficulty} of 5"
-    title = f"{variation.category}{level}"
+    title = f"{variation.category.replace('_', ' ')}{level}"
     return [*wrapped(title, size), *wrapped(world.language, size)], resized(image, size)

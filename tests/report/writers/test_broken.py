@@ -55,11 +55,12 @@ def test_groups_are_by_cause_and_event_large_ones_first_and_each_is_named_before
 
 
 def test_the_lines_name_pairs_with_their_films_and_say_how_to_see_the_rest() -> None:
-    film = {"camera_shift-dropped-01": "films/one.mp4"}
+    film = {"camera_shift-dropped-01": "run/films/one.mp4"}
     lines = broken_lines(report(MANY), film)
     assert lines[1].startswith("What broke: 33 of ")
     assert lines[2] == "30 x missed_moved_target, target_relocation; the first: It was missed_moved_target."
-    assert "R   camera_shift-dropped-01  films/one.mp4" in lines
+    assert "R   camera_shift-dropped-01  filmed" in lines
+    assert lines[-1] == "Films: run/films; libero-max view run shows them beside their cases."
     assert sum(line.startswith("R   ") for line in lines) == 14
     assert "19 more: in the table of cases of report.html, by outcome and cause." in lines
     assert sum(line.startswith("G   ") for line in lines) == 2
