@@ -230,6 +230,13 @@ OPTIONS = (
         read.delays,
     ),
     Option(
+        "repeats",
+        "PLAYS",
+        "Play each case so often, with other seeds of the policy, and report the variance between seeds, cases "
+        "and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
+        read.plays,
+    ),
+    Option(
         "probe",
         "NAME",
         "Read this in every arm as well, and keep its columns in the records; may be repeated "
@@ -668,7 +675,10 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     Raises:
         pytest.UsageError: Its settings are missing or those of another study, or it sets strengths itself.
     """
-    name, settings = values["study"], {swept: values.pop(swept) for swept in ("cadence", "delays")}
+    settings = {option: values.pop(option) for option in ("cadence", "delays", "repeats")}
+    name = values["study"]
+    if name is None and settings["repeats"] is not None:
+        name = values["study"] = "repeats"
     if name is None:
         for option, swept in (("cadence", "cadence"), ("delays", "latency")):
             if settings[option] is not None:
@@ -680,7 +690,7 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     from pytest_libero_max.studies.registry import make_study
 
     try:
-        study = make_study(name, settings["cadence"], settings["delays"])
+        study = make_study(name, settings["cadence"], settings["delays"], settings["repeats"])
     except OptionError as error:
         raise pytest.UsageError(str(error)) from None
     if name in ("cadence", "latency") and values["adaptive"] is not None:
