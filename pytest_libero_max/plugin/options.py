@@ -232,8 +232,8 @@ OPTIONS = (
     Option(
         "repeats",
         "PLAYS",
-        "Play each case so often, with other seeds of the policy, and report the variance between seeds, cases "
-        "and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
+        "Play each case so often, with other seeds of the policy, and report the variance between seeds, "
+        "cases and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
         read.plays,
     ),
     Option(
