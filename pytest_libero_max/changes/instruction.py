@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from msgspec import Struct, to_builtins
+from msgspec import Struct
 
 from pytest_libero_max.benchmark.structs import AnyText, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
@@ -136,8 +136,8 @@ class ReplaceInstruction(ManifestFields):
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
     def parameters(self) -> dict[str, Any]:
-        values = super().parameters()
-        return values | {"alternate_goal": [to_builtins(fact) for fact in self.alternate_goal]}
+        goal = [{"predicate": fact.predicate, "arguments": [*fact.arguments]} for fact in self.alternate_goal]
+        return super().parameters() | {"alternate_goal": goal}
 
 
 @dataclass(frozen=True)
