@@ -114,7 +114,7 @@ def test_betapair_weighs_a_change_as_we_do(betapair: Any, losses: int, gains: in
 
 @pytest.mark.parametrize(("least", "kinds"), [(0, (0, 1)), (-1, (-1, 0, 1))])
 def test_confseq_bets_as_we_do(betting: Any, least: int, kinds: tuple[int, ...]) -> None:
-    """The mean of the twenty bets against several sums, without replacement, after each of 30 of 60 numbers."""
+    """The mean of the twenty bets against several sums, without replacement, after 1 to 30 of 60 numbers."""
     numbers = np.random.default_rng(3).choice(kinds, 60, p=None if least == 0 else (0.2, 0.7, 0.1))
     width, population = 1 - least, len(numbers)
     seen = (numbers[:30] - least) / width
