@@ -86,7 +86,10 @@ def test_schedules_commute_where_their_factors_are_disjoint(
 ) -> None:
     """Two changes at one moment, in either order; or the one undone before or after the other happens."""
     one, other = changes
-    orders = [(Entry(trigger, one), Entry(trigger, other)), (Entry(trigger, other), Entry(trigger, one))]
+    orders: list[tuple[Entry, ...]] = [
+        (Entry(trigger, one), Entry(trigger, other)),
+        (Entry(trigger, other), Entry(trigger, one)),
+    ]
     if between:
         undone = Entry(StepsAfter(between, entry=0), Revert(0))
         late = Entry(StepsAfter(between, entry=0), other)

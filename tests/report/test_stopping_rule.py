@@ -54,6 +54,20 @@ def test_a_rule_sees_the_longest_completed_prefix_alone() -> None:
     assert stopped == Stopped("1 pair could not be measured", len(planned), "errors", 3)
 
 
+def test_strata_stop_at_what_cancels_out_over_all_pairs() -> None:
+    """Every pair of one event is lost, every pair of another gained."""
+    planned = plan()
+    lost, gained = planned[0].event, next(pair.event for pair in planned if pair.event != planned[0].event)
+    pairs: list[Pair] = [record_of(pair, pair.event != gained, pair.event != lost) for pair in planned]
+    stopped = decision("strata:0.5", planned, pairs)
+    assert stopped is not None
+    assert stopped.at is not None
+    assert stopped.at < len(planned)
+    assert "losses and gains are not equally likely in every event and suite, p = 0." in stopped.reason
+    assert decision("anytime:0.5", planned, pairs) is None
+    assert decision("strata:0.0001", planned, pairs) is None
+
+
 def test_a_decision_at_the_last_pair_stops_nothing() -> None:
     planned = plan()
     pairs: list[Pair] = [record_of(pair, True, pair != planned[-1]) for pair in planned]
@@ -77,7 +91,7 @@ def test_a_rule_that_does_not_exist_or_takes_something_else(
 
 
 def test_the_shipped_rules_are_found_by_their_files() -> None:
-    assert list(STOPPING_RULES) == ["anytime", "certain", "errors", "first_regression"]
+    assert list(STOPPING_RULES) == ["anytime", "certain", "errors", "first_regression", "strata"]
 
 
 def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:
