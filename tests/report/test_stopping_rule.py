@@ -4,11 +4,13 @@ import random
 
 import pytest
 
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.exit_status import ended_as_declared
-from pytest_libero_max.report.stopping_rule import STOPPING_RULES, CompletedPrefix, parse_rule
+from pytest_libero_max.report.stopping_rule import STOPPING_RULES, CompletedPrefix, Declared, parse_rule
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import PlannedPair
@@ -52,6 +54,29 @@ def test_a_rule_sees_the_longest_completed_prefix_alone() -> None:
     assert prefix.add(planned[0].item_id, record_of(planned[0], True, True)) is None
     stopped = prefix.add(planned[1].item_id, None)  # not played: the policy does not support its suite
     assert stopped == Stopped("1 pair could not be measured", len(planned), "errors", 3)
+
+
+@pytest.mark.parametrize(
+    ("order", "shards", "begun", "message"),
+    [
+        ("sorted", 1, None, "the first pairs are the first cases of a list"),
+        ("blocks:1", 2, None, "each shard would decide for itself"),
+        ("blocks:1", 1, {"stopping_rule": "strata:0.1"}, "level=0.05, but the run that is resumed was begun"),
+    ],
+)
+def test_strata_refuse_a_run_on_which_they_cannot_decide(
+    order: str, shards: int, begun: Json | None, message: str
+) -> None:
+    rule = parse_rule("strata").rule
+    with pytest.raises(OptionError, match=message):
+        rule.check(Declared(Order.parse(order), (), shards, begun))
+    assert rule.check(Declared(Order.parse("blocks:1"), (), 1, {"stopping_rule": "strata:0.05"})) is None
+
+
+@pytest.mark.parametrize("level", ["0", "0.6", "much"])
+def test_strata_need_a_level(level: str) -> None:
+    with pytest.raises(ValueError, match="expected strata:LEVEL"):
+        parse_rule(f"strata:{level}")
 
 
 def test_strata_stop_at_what_cancels_out_over_all_pairs() -> None:
