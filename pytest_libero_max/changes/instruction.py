@@ -163,7 +163,7 @@ class CancelInstruction(ManifestFields):
     operation: ClassVar[str] = "cancel_instruction"
 
     instruction: Text
-    stop_window_steps: Annotated[int, rule("an integer of at least 2", ge=2)]
+    stop_window_steps: Annotated[int, rule("an integer from 2 to 520, the longest episode", ge=2, le=520)]
     eef_stop_threshold_m: Offset
     eef_path_threshold_m: Offset
     target_stop_threshold_m: Offset

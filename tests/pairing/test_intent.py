@@ -98,7 +98,7 @@ def test_a_case_that_contradicts_its_scoring_is_refused(scenario: dict[str, Any]
     [
         ({**REPLACE, "alternate_goal": []}, "alternate_goal=.*non-empty list of predicates"),
         ({**REPLACE, "alternate_goal": [{"predicate": "On"}]}, "alternate_goal.*arguments"),
-        ({**CANCEL, "stop_window_steps": 1}, "stop_window_steps=1, but must be an integer of at least 2"),
+        ({**CANCEL, "stop_window_steps": 1}, "stop_window_steps=1, but must be an integer from 2 to 520"),
     ],
 )
 def test_a_malformed_change_of_intent_is_refused(change: dict[str, Any], message: str) -> None:
