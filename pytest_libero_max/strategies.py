@@ -89,16 +89,21 @@ def events(
     Args:
         draw: Given by Hypothesis.
         entities: The world's entities; by default those of the tiny world.
-        names: Names of events; by default all that are registered.
+        names: Names of events; by default all that are registered and drawn.
         distances_m: Trigger distances; by default the benchmark's. A large one fires at the first step.
     """
     known = entities_or_tiny(entities)
-    kind = EVENTS[draw(st.sampled_from(sorted(EVENTS if names is None else names)))]
+    kind = EVENTS[draw(st.sampled_from(sorted(_drawn() if names is None else names)))]
     trigger = draw(st.sampled_from(objects_of(known)))
     seed = draw(SEEDS)
     scenario = draw(kind.strategy(known, trigger, seed).filter(lambda it: alters(it.change)))
     distance = draw(distances_m) if distances_m is not None else TRIGGER_DISTANCE_M
     return kind.event(draw(st.sampled_from(VARIANTS)), seed, scenario, Proximity(trigger, distance))
+
+
+def _drawn() -> list[str]:
+    """Return the names of the events that are drawn for tasks."""
+    return [name for name, kind in EVENTS.items() if kind.drawn]
 
 
 @st.composite

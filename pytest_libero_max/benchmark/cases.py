@@ -40,6 +40,9 @@ SETTLE_STEPS = 10
 
 TRIGGER_DISTANCE_M = 0.18
 
+INTENT = "INTENT"
+"""Family code of the events in which the task itself changes."""
+
 
 PROXIMITY = "on_proximity"
 """Type of the trigger of every case of the authors."""
@@ -56,7 +59,8 @@ class Event:
         seed: Scenario seed; whatever an event draws at run time is drawn from it.
         severity: ``low``, ``medium`` or ``high``.
         family_code: The manifests' code of the event's family, for example ``OBS`` (``change_family``).
-        response: Expected response of a policy, ``continue`` or ``replan`` (``expected_response_mode``).
+        response: Expected response of a policy: ``continue`` or ``replan``, or where the instruction changes
+            ``follow_update`` or ``stop`` (``expected_response_mode``).
         change: The change as the manifest spells it: an ``operation`` and its parameters.
         setup: Changes both arms share, applied right after reset.
         trigger: Moment of the change, as the manifest spells it: a ``type`` and its parameters, among them
@@ -207,8 +211,8 @@ class _Scenario(_Spelled, frozen=True):
     severity: Severity
     trigger: _Trigger
     change: _Operation
-    expected_response_mode: Literal["continue", "replan"]
-    """Those of a case that is scored by the completion of its task."""
+    expected_response_mode: Literal["continue", "replan", "follow_update", "stop"]
+    """The first two of a case that is scored by the completion of its task, the others of one by intent."""
     safety_constraints: Annotated[tuple[Word, ...], rule("a list of non-empty strings")]
     setup: Annotated[tuple[_Operation, ...], rule("a list of changes")] = ()
     randomization: _Randomization = _Randomization(sampler="", draw_id=0, seed=0)

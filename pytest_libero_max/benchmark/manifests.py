@@ -1,8 +1,7 @@
 """Manifests: frozen sets of cases.
 
-The file format is that of the manifests that the authors of LIBERO-MAX released as version 3.0.0 and that are
-scored by the completion of the task; a manifest that is read and written again has the same bytes. Not played
-are their pairs that are scored by the policy's intent (``intent_96.json``), and their files of version 1.0.0.
+The file format is that of the manifests that the authors of LIBERO-MAX released as version 3.0.0; a manifest
+that is read and written again has the same bytes. Their files of version 1.0.0 are not played.
 
 Format 2 adds cases that the authors' format cannot express: those with a ``program`` of their own
 (:mod:`pytest_libero_max.benchmark.programs`), or with a trigger other than ``on_proximity``. A manifest
@@ -20,15 +19,18 @@ from typing import Any
 
 from msgspec import Struct
 
-from pytest_libero_max.benchmark.cases import PROXIMITY, Case, parse_case
+from pytest_libero_max.benchmark.cases import INTENT, PROXIMITY, Case, parse_case
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
 from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.benchmark.releases import NOT_PLAYED, Recognition, recognise
 from pytest_libero_max.benchmark.structs import Positive, Word, checked, require_fields
-from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.errors import ManifestError, did_you_mean
 
 SCORING_TRACK = "physical_completion"
-"""The only way of scoring that is played: by the goal of the task."""
+"""Scoring by the goal of the task, which stays the same."""
+
+INTENT_TRACK = "intent_response"
+"""Scoring by the goal that the event gives, or by stopping where it cancels the task."""
 
 FORMAT_2 = 2
 """Value of ``manifest_format`` where a case needs more than the authors' format."""
@@ -158,6 +160,7 @@ def parse_manifest(document: Any) -> Manifest:
     if not isinstance(raw, list) or not raw:
         raise ManifestError("cases must be a non-empty list.")
     cases = tuple(parse_case(record, f"cases[{i}]") for i, record in enumerate(raw))
+    _check_scoring(document["protocol"]["scoring_track"], cases)
     beyond = next((case for case in cases if case.needs_format_2), None)
     if beyond is not None and "manifest_format" not in document:
         kind = beyond.event.trigger["type"]
@@ -204,9 +207,20 @@ def _check_protocol(value: Any) -> None:
     protocol: _Protocol = checked(value, _Protocol, "protocol", ManifestError)
     if protocol.arms != ["control", "intervention"]:
         raise ManifestError.seen("protocol.arms", protocol.arms, ", but must be ['control', 'intervention'].")
-    if protocol.scoring_track != SCORING_TRACK:
+    if protocol.scoring_track not in (SCORING_TRACK, INTENT_TRACK):
         raise ManifestError.seen(
             "protocol.scoring_track",
             protocol.scoring_track,
-            f", but only {SCORING_TRACK!r} is played: whether the task of the case is completed.",
+            f". {did_you_mean(protocol.scoring_track, (SCORING_TRACK, INTENT_TRACK))}",
         )
+
+
+def _check_scoring(track: str, cases: tuple[Case, ...]) -> None:
+    """Check that cases are scored by intent if, and only if, their event changes the task."""
+    for case in cases:
+        if (case.event.family_code == INTENT) != (track == INTENT_TRACK):
+            raise ManifestError(
+                f"case {case.case_id!r} has scenario.change_family={case.event.family_code!r}, but "
+                f"protocol.scoring_track={track!r}: {INTENT_TRACK!r} is that of cases of {INTENT!r} and no "
+                "others. Put the others into a manifest of their own."
+            )

@@ -98,7 +98,7 @@ RELEASED = tuple(
     for version, files in _FILES.items()
     for file, benchmark_id, cases, sha256 in files
 )
-"""Newest first. Not all can be played: see :data:`NOT_PLAYED`; nor can pairs that are scored by intent."""
+"""Newest first. Not all can be played: see :data:`NOT_PLAYED`."""
 
 NOT_PLAYED = ("1.0.0",)
 """Versions of the authors' whose cases have a third draw of the parameters, which no report here has."""

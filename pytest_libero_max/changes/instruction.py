@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from msgspec import Struct
 
 from pytest_libero_max.benchmark.structs import AnyText, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing
+from pytest_libero_max.changes.fields import ManifestFields, Offset, all_or_nothing
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, frozen, saved
-from pytest_libero_max.worlds.contract import AlterableWorld
+from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,119 @@ class SetTask(ManifestFields):
 
     def scaled(self, strength: float) -> SetTask | Nothing:
         return self if all_or_nothing(self.operation, strength) else Nothing()
+
+
+class _Said(Struct, frozen=True, forbid_unknown_fields=True):
+    """A fact of a goal as the manifests of the benchmark's authors spell it."""
+
+    predicate: Text
+    arguments: Annotated[tuple[Text, ...], rule("one or two names", min_length=1, max_length=2)]
+
+
+_SaidGoal = Annotated[tuple[_Said, ...], rule("a non-empty list of predicates", min_length=1)]
+
+
+@dataclass(frozen=True)
+class ReplaceInstruction(ManifestFields):
+    """Give another task in the same scene, as the authors' manifests spell it.
+
+    Attributes:
+        instruction: The policy's instruction from now on.
+        alternate_goal: Facts that must all hold from now on: ``predicate`` and ``arguments`` of each.
+        alternate_task_id: The task whose goal it is; a note.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "replace_instruction"
+
+    instruction: Text
+    alternate_goal: _SaidGoal
+    alternate_task_id: Text | None = None
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"instruction", "goal"})
+
+    def _task(self) -> SetTask:
+        goal = tuple((fact.predicate.lower(), *fact.arguments) for fact in self.alternate_goal)
+        return SetTask(self.instruction, goal)
+
+    def apply(self, world: AlterableWorld) -> Evidence:
+        return replace(self._task().apply(world), operation=self.operation)
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        check_evidence(self, evidence)
+        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
+
+    def scaled(self, strength: float) -> ReplaceInstruction | Nothing:
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+    def parameters(self) -> dict[str, Any]:
+        goal = [{"predicate": fact.predicate, "arguments": [*fact.arguments]} for fact in self.alternate_goal]
+        return super().parameters() | {"alternate_goal": goal}
+
+
+@dataclass(frozen=True)
+class CancelInstruction(ManifestFields):
+    """Tell the policy to stop: from now on success is to stand still, and not to complete the task.
+
+    Looked at are the first steps after the first query with the new instruction. The policy has stopped if
+    within them the hand has moved little, from the first to the last and along its way, and so has the
+    case's trigger entity. The episode goes on to the end of its budget; the goal that was cancelled must not
+    hold after any step of it.
+
+    Attributes:
+        instruction: The policy's instruction from now on.
+        stop_window_steps: Number of steps that are looked at.
+        eef_stop_threshold_m: Greatest distance of the hand between the first and the last of them, m.
+        eef_path_threshold_m: Greatest length of its way between them, m.
+        target_stop_threshold_m: Greatest distance of the trigger entity between them, m.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "cancel_instruction"
+
+    instruction: Text
+    stop_window_steps: Annotated[int, rule("an integer from 2 to 520, the longest episode", ge=2, le=520)]
+    eef_stop_threshold_m: Offset
+    eef_path_threshold_m: Offset
+    target_stop_threshold_m: Offset
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({"instruction"})
+
+    def apply(self, world: AlterableWorld) -> Evidence:
+        return replace(SetInstruction(self.instruction).apply(world), operation=self.operation)
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        check_evidence(self, evidence)
+        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
+
+    def scaled(self, strength: float) -> CancelInstruction | Nothing:
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+    def stopped(self, hand: Array, entity: Array) -> bool:
+        """Return True if the steps that are looked at are there, and nothing moved too much in them.
+
+        Args:
+            hand: (n, 3) m, the hand after each step since the first query with the instruction.
+            entity: (n, 3) m, the trigger entity likewise.
+        """
+        hand, entity = hand[: self.stop_window_steps], entity[: self.stop_window_steps]
+        if len(hand) < self.stop_window_steps:
+            return False
+        way = float(np.linalg.norm(np.diff(hand, axis=0), axis=1).sum())
+        moved, carried = (float(np.linalg.norm(places[-1] - places[0])) for places in (hand, entity))
+        return (
+            moved <= self.eef_stop_threshold_m
+            and way <= self.eef_path_threshold_m
+            and carried <= self.target_stop_threshold_m
+        )
 
 
 def _measure(world: AlterableWorld) -> dict[str, Any]:

@@ -10,7 +10,12 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
 from pytest_libero_max.changes.change import Change
 from pytest_libero_max.changes.inputs import FreezeImages, HideInputs
-from pytest_libero_max.changes.instruction import SetInstruction, SetTask
+from pytest_libero_max.changes.instruction import (
+    CancelInstruction,
+    ReplaceInstruction,
+    SetInstruction,
+    SetTask,
+)
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
 from pytest_libero_max.changes.nothing import Nothing, ReseedPolicy
@@ -55,6 +60,9 @@ _KINDS = (
     HideInputs,
     FreezeImages,
     OpenGripper,
+    # What the authors' pairs that are scored by intent use.
+    ReplaceInstruction,
+    CancelInstruction,
 )
 
 

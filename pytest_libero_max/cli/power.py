@@ -37,7 +37,8 @@ def add_command(commands: Commands) -> None:
         "--change",
         type=float,
         metavar="CHANGE",
-        help="A paired change to resolve, for example -0.05, or 0.05 for a gain",
+        help="A paired change to resolve, for example -0.05, or 0.05 for a gain; for a loss it also advises "
+        "gates, numbers of pairs and tracks that find it",
     )
     power.add_argument(
         "--gate",
@@ -60,6 +61,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _power(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.writers.gate_plan_text import advice_lines
     from pytest_libero_max.report.writers.power_text import (
         Expectation,
         chance_of,
@@ -82,6 +84,9 @@ def _power(options: argparse.Namespace) -> None:
         return
     _refuse_without_gate(options)
     say(power_lines(expected, options.change))
+    base, chance = expected[0].base, expected[0].loss
+    if options.change is not None and 0 < -options.change <= base - chance:
+        say(["", *advice_lines(base, chance, -options.change)])
 
 
 def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[list[str]]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
-Response = Literal["continue", "replan"]
+Response = Literal["continue", "replan", "follow_update", "stop"]
 
 VARIANTS = (0, 1)
 """Every event has two parameter variants."""
@@ -48,9 +48,11 @@ class EventKind(ABC):
         code: The family code of the manifests, for example ``OBS``.
         severities: Severity of variant 0 and of variant 1: ``low``, ``medium`` or ``high``.
         response: The manifests' word for the expected response of a policy: ``continue`` where the task stays
-            the same, ``replan`` where the target, the destination or the path has changed.
+            the same, ``replan`` where the target, the destination or the path has changed, ``follow_update``
+            where there is another task, ``stop`` where there is none any more.
         needs: Requirement of a task, in words that follow "The task needs".
         expected: Expected response of a policy, in a sentence.
+        drawn: False if only manifests spell such events out, and none are drawn for a task.
     """
 
     name: ClassVar[str]
@@ -60,6 +62,7 @@ class EventKind(ABC):
     response: ClassVar[Response]
     needs: ClassVar[str] = "an entity that the hand comes near: its target, or what its goal names first."
     expected: ClassVar[str]
+    drawn: ClassVar[bool] = True
 
     def eligible(self, task: TaskMetadata) -> bool:
         """Return True if the task can host the event; decided from the task's description alone."""

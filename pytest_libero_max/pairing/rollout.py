@@ -45,7 +45,7 @@ class RolloutResult:
 
     @property
     def success(self) -> bool:
-        """True if the task was completed within the budget."""
+        """True if the task was completed within the budget, or the policy stopped where it was cancelled."""
         return self.trajectory.success
 
     @property
@@ -164,8 +164,8 @@ class Rollout:
 
     @property
     def running(self) -> bool:
-        """True if the episode goes on: the task is not completed and budget is left."""
-        return not self.trajectory.success and len(self.trajectory.executed) < self._budget
+        """True if the episode goes on: budget is left, and the task is cancelled or not completed."""
+        return self.trajectory.running(self._budget)
 
     # Driving it.
 

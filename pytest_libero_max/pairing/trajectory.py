@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
+from pytest_libero_max.changes.instruction import CancelInstruction
 from pytest_libero_max.changes.nothing import ReseedPolicy
 from pytest_libero_max.events.schedules import Entry
 from pytest_libero_max.pairing.changing import Applied
@@ -166,9 +167,28 @@ class Trajectory:
         return len(self.executed)
 
     @property
+    def cancelled(self) -> Firing | None:
+        """The firing that told the policy to stop; None where nothing did, or it was taken back."""
+        last = self.firings[-1] if self.firings else None
+        return last if last is not None and isinstance(last.applied.change, CancelInstruction) else None
+
+    @property
     def success(self) -> bool:
-        """True if the last step completed the task."""
-        return bool(self.executed) and self.executed[-1].success
+        """True if the last step completed the task; where it was cancelled, if the policy has stopped."""
+        cancelled = self.cancelled
+        if cancelled is None:
+            return bool(self.executed) and self.executed[-1].success
+        asked = next((query.step for query in self.queries[cancelled.queries :]), self.step)
+        since = self.executed[asked:]
+        change = cancelled.applied.change
+        assert isinstance(change, CancelInstruction)
+        return not any(step.success for step in self.executed[cancelled.step :]) and change.stopped(
+            np.array([step.end_effector for step in since]), np.array([step.entity for step in since])
+        )
+
+    def running(self, budget: int) -> bool:
+        """Return True if the episode goes on: budget is left, and the task is cancelled or not completed."""
+        return self.step < budget and (self.cancelled is not None or not self.success)
 
     @property
     def proof(self) -> str:

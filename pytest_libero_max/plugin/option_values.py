@@ -40,6 +40,13 @@ def positive(text: str) -> int:
     return int(text)
 
 
+def plays(text: str) -> int:
+    """Parse an integer of at least 2."""
+    if not text.isascii() or not text.isdigit() or int(text) < 2:
+        raise ValueError("expected an integer of at least 2, the number of plays of each case")
+    return int(text)
+
+
 def count(text: str) -> int:
     """Parse an integer of at least 0."""
     if not text.isascii() or not text.isdigit():

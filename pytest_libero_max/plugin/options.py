@@ -142,6 +142,7 @@ OPTIONS = (
         "RULE",
         "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
         " not be measured), first_regression, certain (no remaining outcome can change a gate), "
+        "strata:LEVEL (a change in some event of some suite is shown at this level), "
         "anytime:LEVEL (at this level, a sequential test has decided the gates, or without gates has found a "
         "change), worse_than:RUN (Dynamic is shown to be worse than that of an earlier run), or a rule of "
         "another package, NAME or NAME:ARGUMENTS (default: none)",
@@ -229,6 +230,13 @@ OPTIONS = (
         "Settings of the study latency: steps that a query takes, for example 1,2,4,8, or 4sync for the "
         "runner that waits; no delay is always played",
         read.delays,
+    ),
+    Option(
+        "repeats",
+        "PLAYS",
+        "Play each case so often, with other seeds of the policy, and report the variance between seeds, "
+        "cases and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
+        read.plays,
     ),
     Option(
         "probe",
@@ -672,7 +680,10 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     Raises:
         pytest.UsageError: Its settings are missing or those of another study, or it sets strengths itself.
     """
-    name, settings = values["study"], {swept: values.pop(swept) for swept in ("cadence", "delays")}
+    settings = {option: values.pop(option) for option in ("cadence", "delays", "repeats")}
+    name = values["study"]
+    if name is None and settings["repeats"] is not None:
+        name = values["study"] = "repeats"
     if name is None:
         for option, swept in (("cadence", "cadence"), ("delays", "latency")):
             if settings[option] is not None:
@@ -684,7 +695,7 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     from pytest_libero_max.studies.registry import make_study
 
     try:
-        study = make_study(name, settings["cadence"], settings["delays"])
+        study = make_study(name, settings["cadence"], settings["delays"], settings["repeats"])
     except OptionError as error:
         raise pytest.UsageError(str(error)) from None
     if name in ("cadence", "latency") and values["adaptive"] is not None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from pytest_libero_max.changes.instruction import CancelInstruction
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairRecord
 from pytest_libero_max.report.report_document import ChangedPair
@@ -322,6 +323,20 @@ def _cm(metres: float | None) -> str:
 
 
 # Rules: a sentence, or None where a cause does not fit.
+
+
+def _not_stopped(seen: _Seen) -> str | None:
+    """The task was cancelled, and the policy moved on or completed it."""
+    last = seen.arm.firings[-1] if seen.arm.firings else None
+    if last is None or last.evidence["operation"] != CancelInstruction.operation:
+        return None
+    if seen.arm.response_step is None:
+        return f"The task was cancelled at step {last.step}, and the policy was not asked again."
+    end = " The cancelled goal holds at the end." if seen.done == seen.facts else ""
+    return (
+        f"The task was cancelled at step {last.step}. The policy was told at step {seen.arm.response_step}, "
+        f"and did not stand still from then on, or completed the task.{end}"
+    )
 
 
 def _not_attempted(seen: _Seen) -> str | None:
@@ -635,6 +650,7 @@ def _never_reached(seen: _Seen) -> str:
 _RULES: tuple[tuple[str, Callable[[_Seen], str | None]], ...] = tuple(
     (rule.__name__.removeprefix("_"), rule)
     for rule in (
+        _not_stopped,
         _not_attempted,
         _missed_moved_target,
         _missed_moved_goal,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets
+from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets, parse_gate
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.gate_power import (
     Chances,
@@ -119,6 +120,46 @@ def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> list[in
         if chance_of_passing(gate, pairs, hurt) <= MISS
         and chance_of_passing(gate, pairs, alike) >= 1 - FALSE_ALARM
     ]
+
+
+@dataclass(frozen=True)
+class Advice:
+    """A gate and the number of pairs from which on it finds a loss.
+
+    Attributes:
+        gate: The gate.
+        pairs: The smallest of :data:`SIZES` that suffices; None where none does.
+        without: Probability that it passes there without an effect.
+        hurt: Probability that it passes there with the loss.
+    """
+
+    gate: Gate
+    pairs: int | None
+    without: float
+    hurt: float
+
+
+def advised(base: float, chance: float, effect: float) -> tuple[Advice, ...]:
+    """Return gates for a loss, each with the fewest pairs at which it tells the loss from none.
+
+    Tried are a limit on the end of the interval, at the loss, and one on the estimate, half way. What tells
+    them apart is :func:`useful_sizes`.
+
+    Args:
+        base: Base success rate.
+        chance: Share of pairs lost, and gained, by chance alone.
+        effect: Share of pairs that the loss to be found costs beside, above 0.
+    """
+    found = []
+    for text in (f"delta.lower >= -{100 * effect:g}%", f"delta >= -{50 * effect:g}%"):
+        gate = parse_gate(text)
+        pairs = next(iter(useful_sizes(gate, base, chance, chance + effect)), None)
+        hurt, alike = (Chances(base, loss, chance) for loss in (chance + effect, chance))
+        size = pairs or SIZES[-1]
+        found.append(
+            Advice(gate, pairs, chance_of_passing(gate, size, alike), chance_of_passing(gate, size, hurt))
+        )
+    return tuple(found)
 
 
 def pairs_to_show(gate: Gate, more_than: int, loss: float, gain: float) -> int | None:

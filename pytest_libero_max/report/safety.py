@@ -61,14 +61,14 @@ def _ends(records: list[PairRecord], arm: str, unsafe: _Unsafe) -> list[bool]:
 
 
 def _paired(name: str, records: list[PairRecord], unsafe: _Unsafe) -> dict[str, str]:
-    """Return the shares of all watched pairs, and their paired change."""
+    """Return the paired change of the shares of all watched pairs, and the shares."""
     base, dynamic = (_ends(records, arm, unsafe) for arm in (BASE, DYNAMIC))
     table = tabulate(base, dynamic)
     exact = paired_difference(table.regression, table.change_associated_success, table.total)
     return {
+        f"{name}, paired change": change_text(mean_difference_of(table.change, exact)),
         f"{name}, Base": rate_text(rate_of(table.base)),
         f"{name}, Dynamic": rate_text(rate_of(table.dynamic)),
-        f"{name}, paired change": change_text(mean_difference_of(table.change, exact)),
     }
 
 

@@ -53,7 +53,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options.append(("latency", provenance["protocol"].get("latency")))
     study = provenance["protocol"].get("study") or {}
     options += [("strength", provenance["protocol"].get("strength"))]
-    settings = "delays" if study.get("name") == "latency" else "cadence"
+    settings = {"latency": "delays", "repeats": "repeats"}.get(str(study.get("name")), "cadence")
     options += [("study", study.get("name")), (settings, study.get("settings"))]
     options += [(name, policy.get(name)) for name in ("restore", "adaptive")]
     options.append(("sham", provenance["protocol"].get("sham")))

@@ -19,13 +19,14 @@ if TYPE_CHECKING:
 
 _CADENCE = "cadence"
 _LATENCY = "latency"
+_REPEATS = "repeats"
 
 _OWN = {
     "camera-timing": "camera_study:CameraTiming",
     "camera-strength": "camera_study:CameraStrength",
     "event-timing": "event_timing:EventTiming",
     "audit": "audit:Audit",
-    "repeats": "repeats:Repeats",
+    _REPEATS: "repeats:Repeats",
     _CADENCE: "cadence_sweep:CadenceSweep",
     _LATENCY: "latency_sweep:LatencySweep",
 }
@@ -67,7 +68,10 @@ STUDIES: Registry[type[Study]] = Registry("study", "pytest_libero_max.studies", 
 
 
 def make_study(
-    name: str, settings: tuple[Cadence, ...] | None = None, delays: tuple[Latency, ...] | None = None
+    name: str,
+    settings: tuple[Cadence, ...] | None = None,
+    delays: tuple[Latency, ...] | None = None,
+    plays: int | None = None,
 ) -> Study:
     """Return the study of that name.
 
@@ -75,10 +79,19 @@ def make_study(
         name: A name of :data:`STUDIES`.
         settings: Of the study cadence, which needs them and is the only one that has them.
         delays: Of the study latency, likewise.
+        plays: Number of plays of each case in the study repeats, which has a usual one.
 
     Raises:
-        OptionError: Settings are missing, or given to another study.
+        OptionError: Settings are missing, are given to another study, or break a rule.
     """
+    if plays is not None:
+        if name != _REPEATS:
+            raise OptionError(
+                f"--libero-max-repeats is the study {_REPEATS}, but the study is {name}. Take one away."
+            )
+        from pytest_libero_max.studies.repeats import Repeats
+
+        return Repeats(plays)
     for swept, given, flag, example in (
         (_CADENCE, settings, "--libero-max-cadence", "2,4,8 (Q), or --libero-max-cadence=2/2,4/4,8/8 (H/Q)"),
         (_LATENCY, delays, "--libero-max-delays", "1,2,4,8 (control steps)"),
@@ -113,6 +126,8 @@ def study_from_dict(values: Any) -> Study:
             study = make_study(name)
         elif name == _LATENCY:
             study = make_study(name, delays=parse_delays(settings))
+        elif name == _REPEATS:
+            study = make_study(name, plays=int(settings))
         else:
             study = make_study(name, parse_cadence(settings))
         if study.to_dict() != values:

@@ -132,7 +132,8 @@ CORRUPT = [
     ("/protocol.query_interval", 0, "query_interval=0, but must be an integer of at least 1"),
     ("/protocol.query_interval", 1.5, "query_interval=1.5, but must be an integer"),
     ("/protocol.scoring_track", ..., "protocol lacks scoring_track"),
-    ("/protocol.scoring_track", "intent_response", "'intent_response', but only 'physical_completion'"),
+    ("/protocol.scoring_track", "intent_respons", "'intent_respons'. Did you mean 'intent_response'"),
+    ("/protocol.scoring_track", "intent_response", "change_family='OBS', but protocol.scoring_track='intent"),
     ("/protocol.profile", "", "protocol.profile='', but must be a non-empty string"),
     ("timing_bucket", "mid", "timing_bucket='mid'. Did you mean 'middle'"),
     ("dynamic_phase", 3, "dynamic_phase=3, but must be a non-empty string"),
@@ -141,7 +142,7 @@ CORRUPT = [
     ("substrate_variant", {"language": "x", "bddl": "y"}, "unknown field 'bddl'. Did you mean 'bddl_file'"),
     ("substrate_variant", {"language": "x", "category": 3}, "substrate_variant.category=3, but must be"),
     ("scenario.severity", "severe", "severity='severe'. .*Known: high, low, medium"),
-    ("scenario.expected_response_mode", "stop", "expected_response_mode='stop'. .*Known: continue, replan"),
+    ("scenario.expected_response_mode", "halt", "expected_response_mode='halt'. .*Known: continue, follow_"),
     ("scenario.safety_constraints", "none", "safety_constraints='none', but must be a list of non-empty"),
     (
         "scenario.safety_constraints",

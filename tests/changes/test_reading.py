@@ -82,6 +82,18 @@ VALID: dict[str, Json] = {
     "freeze_images": {"cameras": ["agentview"], "height": 64, "width": 64},
     "open_gripper": {},
     "set_task": {"instruction": "take the milk", "goal": [["on", "milk_1", "plate_1"]]},
+    "replace_instruction": {
+        "instruction": "take the milk",
+        "alternate_goal": [{"predicate": "On", "arguments": ["milk_1", "plate_1"]}],
+        "alternate_task_id": "libero_object/task_7",
+    },
+    "cancel_instruction": {
+        "instruction": "leave it",
+        "stop_window_steps": 10,
+        "eef_stop_threshold_m": 0.02,
+        "eef_path_threshold_m": 0.04,
+        "target_stop_threshold_m": 0.01,
+    },
 }
 
 
@@ -113,6 +125,7 @@ OPTIONAL = {
     "corrupt_picture": {"blend"},
     "put_object": {"relative_to", "yaw_degrees"},
     "set_instruction": {"style"},
+    "replace_instruction": {"alternate_task_id"},
 }
 REQUIRED = [
     (operation, field)

@@ -48,7 +48,7 @@ def resolve(event: str, variant: int, suite: str = "libero_object", task: int = 
 
 
 @pytest.mark.parametrize("variant", [0, 1])
-@pytest.mark.parametrize("name", EVENTS)
+@pytest.mark.parametrize("name", [name for name, kind in EVENTS.items() if kind.drawn])
 def test_an_event_carries_its_severity_and_trigger(name: str, variant: int) -> None:
     event = resolve(name, variant)
     assert event.severity == EVENTS[name].severities[variant]
@@ -96,6 +96,13 @@ def test_an_event_a_task_cannot_host_is_refused() -> None:
         ManifestError, match=r"'distractor_burst' is not possible in .*Possible: illumination_switch,"
     ):
         resolve("distractor_burst", 0, "libero_spatial")
+
+
+def test_an_event_that_only_manifests_spell_out_is_not_drawn() -> None:
+    with pytest.raises(ManifestError, match=r"'task_cancel' is not possible in .*to be spelled out by a man"):
+        resolve("task_cancel", 0)
+    names = {name for name, kind in EVENTS.items() if not kind.drawn}
+    assert names == {"instruction_receptacle_update", "instruction_target_update", "task_cancel"}
 
 
 def test_an_unknown_event_or_variant_is_refused() -> None:

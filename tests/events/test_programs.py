@@ -257,8 +257,9 @@ def test_the_scene_of_a_case_has_what_a_program_of_the_package_names(name: str) 
         assert named.get(name, set()) | lifted <= objects.keys() - out, case.item_id
 
 
-def test_a_moving_object_ends_where_the_event_would_have_put_it() -> None:
-    for case in load_track("smoke").playing(find_program("moving")):
+@pytest.mark.parametrize("name", ["moving", "irregular"])
+def test_a_moving_object_ends_where_the_event_would_have_put_it(name: str) -> None:
+    for case in load_track("smoke").playing(find_program(name)):
         if case.program is None:
             continue
         for arm in arms_of(case)[1:]:

@@ -101,7 +101,7 @@ def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
     pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
     shaking = "+ np.random.default_rng(query.seed).normal(0, 0.001, 3)"
     pytester.makepyfile(adapter=REACHER.replace("/ 0.05, -1, 1)", f"/ 0.05, -1, 1) {shaking}"))
-    study = ("--libero-max-study=repeats",)
+    study = ("--libero-max-repeats=4",)
     for shard in ("1/2", "2/2"):
         run(*study, f"--libero-max-shard={shard}", f"--libero-max-output=part{shard[0]}")
     assert main(["merge", "part1", "part2", "--output", "joined"]) == 0
@@ -111,11 +111,12 @@ def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
     done = run(*study, "--libero-max-resume", "-n", "2", subprocess=True)
     done.assert_outcomes(passed=1)
     records, report = results()
-    names = ["base", "dynamic", "base_2", "dynamic_2", "base_3", "dynamic_3"]
+    names = [f"{arm}{play}" for play in ("", "_2", "_3", "_4") for arm in ("base", "dynamic")]
     assert [list(record["arms"]) for record in records] == [names] * 2
+    assert header(pytester)["study"] == {"name": "repeats", "settings": "4"}
     table = report["sections"]["Repeats with other policy seeds"]
-    assert (table["Cases"], table["Plays of each"]) == (2, 3)
-    assert table["Rollouts that differ from the first play"] == "8/8"
+    assert (table["Cases"], table["Plays of each"]) == (2, 4)
+    assert table["Rollouts that differ from the first play"] == "12/12"
     assert (report["pairs"]["planned"], report["overall"]["outcomes"]["persistent_failure"]) == (2, 2)
     joined = results("joined")[1]
     for part in ("study", "overall", "sections"):
@@ -228,6 +229,8 @@ def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
         (("--libero-max-study=cadence", "--libero-max-cadence=4/8"), "*Q=8 > H=4*"),
         (("--libero-max-study=latency",), "*Add --libero-max-delays=1,2,4,8*"),
         (("--libero-max-delays=2",), "*no study is asked for*"),
+        (("--libero-max-repeats=1",), "*expected an integer of at least 2*"),
+        (("--libero-max-repeats=3", "--libero-max-study=camera-timing"), "*the study is camera-timing*"),
         (("--libero-max-study=cadence", "--libero-max-delays=2"), "*needs its settings*"),
         (("--libero-max-study=latency", "--libero-max-delays=0,2"), "*expected steps from 1 to 999*"),
         (("--libero-max-study=latency", "--libero-max-delays=2,2"), "*at least one, each once*"),

@@ -35,6 +35,7 @@ def test_only_successes_beyond_a_limit_count() -> None:
     ]
     table = safety_section(records)[TITLE]
     assert table["Pairs watched"] == 4
+    assert [*table][1] == "Successful but unsafe, paired change"
     assert str(table["Successful but unsafe, Base"]).endswith("1/4")
     assert str(table["Successful but unsafe, Dynamic"]).endswith("2/4")
     assert str(table["Successful but unsafe, paired change"]).startswith("+25.0 pp [")

@@ -125,6 +125,16 @@ def test_repeats_are_pairs_with_seeds_of_their_own(world: TinyWorld) -> None:
         assert shared[-1].step > 0
 
 
+def test_the_number_of_repeats_can_be_chosen(world: TinyWorld) -> None:
+    case, policy = make_case(distance_m=0.25), Seeded()
+    two, three = (all_arms(Repeats(plays), policy) for plays in (2, 3))
+    assert [arm.name for arm in Repeats(4).arms(case, policy.spec)][-2:] == ["base_4", "dynamic_4"]
+    arms = measure_pair(case, world, policy, arms=two).record.arms
+    assert [*arms] == ["base", "dynamic", "base_2", "dynamic_2"]
+    of_three = measure_pair(case, world, Seeded(), arms=three).record.arms
+    assert {name: arm.proof for name, arm in arms.items()} == {name: of_three[name].proof for name in arms}
+
+
 def test_a_policy_without_chance_repeats_itself(world: TinyWorld) -> None:
     case, policy = make_case(distance_m=0.25), Approaching(wait=2)
     arms = measure_pair(case, world, policy, arms=all_arms(Repeats(), policy)).record.arms
@@ -400,6 +410,8 @@ def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
     }.get(name, (None, None))
     study = make_study(name, cadences, delays)
     assert type(study_from_dict(study.to_dict())) is STUDIES[name]
+    if name == "repeats":
+        assert study_from_dict(Repeats(5).to_dict()).to_dict() == {"name": name, "settings": "5"}
     damage: list[Any] = [{"name": name, "more": 1}, {"name": "weather"}, [], {"name": name, "settings": "x"}]
     for damaged in damage:
         with pytest.raises(ReportError, match="is none that this version knows"):
@@ -411,3 +423,7 @@ def test_settings_belong_to_the_cadence_study() -> None:
         make_study("cadence")
     with pytest.raises(OptionError, match="is for the study cadence"):
         make_study("camera-timing", (Cadence(2),))
+    with pytest.raises(OptionError, match="--libero-max-repeats is the study repeats, but the study is cad"):
+        make_study("cadence", (Cadence(2),), plays=3)
+    with pytest.raises(OptionError, match="repeats=1, but a case is repeated from 2 plays on"):
+        make_study("repeats", plays=1)

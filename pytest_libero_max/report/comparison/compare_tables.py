@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 from urllib.parse import urlencode
 
-from pytest_libero_max.report.comparison.compare_text import AnyContrast, names_of
+from pytest_libero_max.report.comparison.compare_text import MEANINGS, AnyContrast, names_of, verdict_of
 from pytest_libero_max.report.comparison.comparison_document import (
     Comparison,
     EventContrasts,
@@ -50,14 +50,20 @@ def contrast_tables(comparison: Comparison) -> Iterator[Contrasts]:
         _SIMULTANEOUS if several else "95%",
         "95% by task",
         "Holm p",
+        "Verdict",
     )
     together = (
         f"All {len(comparison.contrasts)} intervals together hold the differences with 95% (Bonferroni). "
         "Holm's p is corrected for as many tests and is a little sharper."
     )
     for title, contrasts in families:
-        rows = [(names_of(contrast), *_cells(contrast)) for contrast in contrasts]
+        rows = [
+            (names_of(contrast), *_cells(contrast), verdict_of(contrast, len(contrasts)) or "n/a")
+            for contrast in contrasts
+        ]
         note = together if several and contrasts is comparison.change_contrasts else ""
+        if contrasts is comparison.change_contrasts:
+            note = f"{note} {MEANINGS}".strip()
         yield Contrasts(f"{title}, contrasts", head, rows, note)
     yield from _by_event(comparison)
     yield from _profiles(comparison)

@@ -27,6 +27,8 @@ from pytest_libero_max.report.comparison.comparison_document import (
 from pytest_libero_max.report.formats import PairCount, count_text, interval_text, p_number, percent, points
 from pytest_libero_max.report.writers.summary import substrate_lines
 from pytest_libero_max.runs.replay_command import replay_text
+from pytest_libero_max.stats.intervals import Interval
+from pytest_libero_max.stats.verdicts import WORDS, word_for
 
 AnyContrast = SuccessContrast | ChangeContrast | GroupContrast
 
@@ -98,6 +100,7 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     lines += ["", *_contrast_lines("Dynamic success", comparison.contrasts)]
     lines += ["", *_contrast_lines("Base success", comparison.base_contrasts)]
     lines += ["", *_contrast_lines("Paired change", comparison.change_contrasts)]
+    lines += wrap(MEANINGS, 100)
     lines += ["", *_event_lines(comparison.by_event)]
     lines += ["", *_profile_lines(comparison)]
     return [*lines, "", *_flip_lines(comparison, changed)]
@@ -234,9 +237,10 @@ def difference_lines(differences: Sequence[RunDifference]) -> Iterator[str]:
 
 def _contrast_lines(title: str, contrasts: Sequence[AnyContrast]) -> Iterator[str]:
     interval = _SIMULTANEOUS if len(contrasts) > 1 else "95% interval"
-    yield _row(f"{title}, second against first", "change", interval, "95% by task", "Holm p")
+    yield _row(f"{title}, second against first", "change", interval, "95% by task", "Holm p") + "  verdict"
     for contrast in contrasts:
-        yield _contrast_line(contrast, names_of(contrast))
+        word = verdict_of(contrast, len(contrasts))
+        yield _contrast_line(contrast, names_of(contrast)) + (f"  {word}" if word else "")
     if len(contrasts) > 1:
         yield from wrap(
             f"All {len(contrasts)} intervals together hold the differences with 95% (Bonferroni). Holm's p "
@@ -249,6 +253,20 @@ def _contrast_lines(title: str, contrasts: Sequence[AnyContrast]) -> Iterator[st
 def names_of(contrast: AnyContrast) -> str:
     """Return the names of the two runs of a contrast, the second one first."""
     return f"{contrast.second} against {contrast.first}"
+
+
+MEANINGS = f"Verdicts: {'; '.join(f'{word}, {meaning}' for word, meaning in WORDS.items())}."
+
+
+def verdict_of(contrast: AnyContrast, family: int) -> str:
+    """Return the word for a contrast of one of so many; empty where there is no interval."""
+    found, log10_p = contrast.difference.simultaneous, contrast.log10_p_value_holm
+    if found is None or found.lower is None or found.upper is None or log10_p is None:
+        return ""
+    differing = None
+    if isinstance(contrast, SuccessContrast):
+        differing = contrast.first_only + contrast.second_only
+    return word_for(log10_p, Interval(found.lower, found.upper), differing, comparisons=family)
 
 
 def _contrast_line(contrast: AnyContrast, label: str) -> str:

@@ -5,8 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.gate_plan import FALSE_ALARM, MISS, SIZES, chance_of_passing, useful_sizes
+from pytest_libero_max.report.gate_plan import (
+    FALSE_ALARM,
+    MISS,
+    SIZES,
+    advised,
+    chance_of_passing,
+    useful_sizes,
+)
 from pytest_libero_max.report.gates import Gate, require_known_groups
+from pytest_libero_max.report.writers.power_text import TRACK_SIZES
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.gate_power import Chances
 
@@ -54,6 +62,33 @@ def gate_plan_lines(
             f"Of {SIZES[0]} to {SIZES[-1]} pairs it fails at most {FALSE_ALARM:.0%} without an effect, and",
             f"passes at most {MISS:.0%} with {100 * (chance - loss):+.1f} pp, at {sizes}.",
         ]
+    return lines
+
+
+def advice_lines(base: float, chance: float, effect: float) -> list[str]:
+    """Return which gate, on how many pairs of which track, finds a loss.
+
+    Args:
+        base: Base success rate.
+        chance: Share of pairs lost, and gained, by chance alone.
+        effect: Share of pairs that the loss costs beside, above 0.
+    """
+    lines = [
+        f"Gates that find a loss of {100 * effect:g} points: with it they pass at most {MISS:.0%}, and "
+        f"without at least {1 - FALSE_ALARM:.0%}",
+        "",
+        f"{'gate':<24} {'pairs':>6}  {'passes without':>14} {'with it':>8}  options",
+    ]
+    for advice in advised(base, chance, effect):
+        if advice.pairs is None:
+            lines.append(f"{advice.gate.text:<24}   none of up to {SIZES[-1]} pairs suffices")
+            continue
+        track, size = next(one for one in TRACK_SIZES.items() if one[1] >= advice.pairs)
+        limit = f" --libero-max-limit={advice.pairs}" if advice.pairs < size else ""
+        lines.append(
+            f"{advice.gate.text:<24} {advice.pairs:>6}  {advice.without:>14.1%} {advice.hurt:>8.1%}  "
+            f"--libero-max-track={track}{limit}"
+        )
     return lines
 
 

@@ -299,14 +299,17 @@ rank   open  run                      Base Dynamic             change [95%]     
    2    1-2  new                    100.0%   87.5%      -12.5 [-29.0, +2.8]             n/a        4/32
 Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.
 
-Dynamic success, second against first     change      95% interval     95% by task   Holm p
-new against old                            -12.5     [-29.0, +2.8]             n/a    0.125
+Dynamic success, second against first     change      95% interval     95% by task   Holm p  verdict
+new against old                            -12.5     [-29.0, +2.8]             n/a    0.125  powerless
 
-Base success, second against first        change      95% interval     95% by task   Holm p
-new against old                             +0.0    [-10.9, +10.9]             n/a    1.000
+Base success, second against first        change      95% interval     95% by task   Holm p  verdict
+new against old                             +0.0    [-10.9, +10.9]             n/a    1.000  powerless
 
-Paired change, second against first       change      95% interval     95% by task   Holm p
-new against old                            -12.5     [-31.3, +7.8]             n/a    0.125
+Paired change, second against first       change      95% interval     95% by task   Holm p  verdict
+new against old                            -12.5     [-31.3, +7.8]             n/a    0.125  uninformative
+Verdicts: significant, the difference is shown; bounded null, none is shown, and none of 5 points or
+more is left open; uninformative, none is shown, and a large one is left open; powerless, so few
+pairs differ that no outcome of theirs could have been significant.
 
 Dynamic success by event                  change  simultaneous 95%                   Holm p
 illumination_switch                         +0.0    [-76.4, +76.4]                    1.000

@@ -1,0 +1,32 @@
+"""Advice on track, number of pairs and gate together."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_libero_max.cli import main
+from pytest_libero_max.report.gate_plan import FALSE_ALARM, MISS, advised
+from pytest_libero_max.report.writers.gate_plan_text import advice_lines
+
+
+def test_the_advised_gates_find_the_loss_and_pass_without_one() -> None:
+    end, estimate = advised(0.9, 0.01, 0.05)
+    assert [end.gate.text, estimate.gate.text] == ["delta.lower >= -5%", "delta >= -2.5%"]
+    for advice in (end, estimate):
+        assert advice.pairs is not None
+        assert advice.without >= 1 - FALSE_ALARM
+        assert advice.hurt <= MISS
+
+
+def test_what_no_number_of_pairs_finds_is_said() -> None:
+    lines = advice_lines(0.9, 0.05, 0.002)
+    assert [line.split("  ")[-1].strip() for line in lines[-2:]] == ["none of up to 8000 pairs suffices"] * 2
+
+
+def test_power_advises_a_track_and_a_limit(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["power", "--base", "0.9", "--change=-0.05"]) == 0
+    *_, end, estimate = capsys.readouterr().out.splitlines()
+    assert end.split("  ")[-1] == "--libero-max-track=lite --libero-max-limit=200"
+    assert estimate.split()[:3] == ["delta", ">=", "-2.5%"]
+    assert main(["power", "--base", "0.9", "--change=0.05"]) == 0
+    assert "Gates that find" not in capsys.readouterr().out
