@@ -314,7 +314,8 @@ last. Measured on two cores; the load at the time of each run is in `controller.
 processes were busy, pairs a second and delays are what was seen there, and not what an idle machine gives.
 At a load of 4, 256 workers that take a second for a pair were fed: 256 pairs a second, each stored 0.2 s
 after it ended; so were 64 with a quarter of a second. A run of 80,000 pairs by 8 workers had played all of
-them after 25 minutes of a busy machine, and was ended before its reports were written: it is not in the table.
+them after 25 minutes of a busy machine, and was ended before its reports were written: it is not in the
+table.
 """
 
 _TAIL = """
