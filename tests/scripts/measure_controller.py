@@ -310,11 +310,12 @@ in them, so that two cores can hold hundreds. Those of `xdist-pytest` and Ray ar
 in which only the play of a pair is left out.
 
 Processor times are those of the whole controller, its threads included, between the first report and the
-last. All was measured on two cores with 20 to 50 other busy processes: pairs a second and delays are what
-was seen there, and not what an idle machine gives. 256 workers that take a second for a pair were not fed
-there, as the controller, its workers and the others had two cores; how many are fed is derived from
-processor time. A run of 80,000 pairs by 8 workers had played all of them after 25 minutes there, and was
-ended before its reports were written: it is not in the table. With Ray nothing was measured to its end.
+last. Measured on two cores; the load at the time of each run is in `controller.jsonl`. Where 10 to 50 other
+processes were busy, pairs a second and delays are what was seen there, and not what an idle machine gives.
+At a load of 4, 256 workers that take a second for a pair were fed: 256 pairs a second, each stored 0.2 s
+after it ended; so were 64 with a quarter of a second. A run of 80,000 pairs by 8 workers had played all of
+them after 25 minutes of a busy machine, and was ended before its reports were written: it is not in the
+table.
 """
 
 _TAIL = """
