@@ -36,6 +36,7 @@ GROUPS = {
         "runs",
         "view",
         "trend",
+        "audit",
         "watch",
         "merge",
         "report",
