@@ -42,6 +42,7 @@ from pytest_libero_max.pairing.runner import Pair
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import write_trace
 from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.runs.kept_fingerprint import kept
 from pytest_libero_max.runs.media import TRACE_MODES, TRACES_NAME
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.provenance import collect
@@ -116,6 +117,7 @@ class PairedRun:
             ).to_dict(),
             protocol={"prefix": "replay", "noise_floor": None},
             command=sys.argv,
+            fingerprint=kept(describe_substrate(substrate, options)),
         )
         self._traces, self._traced = Path(folder) / TRACES_NAME, traces
         self._store, stored = PairStore.resume(Path(folder), Run.of(planned, provenance))

@@ -20,20 +20,30 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.worlds.contract import CAMERAS, AlterableWorld, OnMujoco, World, alterable
+from pytest_libero_max.worlds.contract import (
+    CAMERAS,
+    AlterableWorld,
+    Observation,
+    OnMujoco,
+    World,
+    alterable,
+)
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.policies.contract import Episode, Query
     from pytest_libero_max.substrates.contract import Substrate
 
 TRACK = "original"
 """Track of the cases: unmodified scenes, which every substrate has."""
 
-FORMAT = 1
+FORMAT = 2
 STEPS = 20
 """Steps of bare physics, and of the replay of fixed actions."""
 SIZE_PX, BLOCKS = 128, 8
 """Side of an image, and number of its blocks along a side whose mean colours are kept."""
+PROFILE_PX = 256
+"""Side of the images that profiles prepare."""
 
 LAYERS: Mapping[str, str] = {
     "scene": "fields",
@@ -44,12 +54,17 @@ LAYERS: Mapping[str, str] = {
     "drawing": "grey levels",
     "events": "",
     "event_pictures": "grey levels",
+    "inputs": "",
+    "queries": "steps",
 }
-"""Unit of the numbers by layer, from the first cause to the last effect."""
+"""Unit of the numbers by layer, from the first cause to the last effect; the last two depend on no other."""
 
 
 def take(substrate: Substrate) -> Json:
     """Return the fingerprint of an installation: of one case for each event, in turn of each suite.
+
+    Beside these, ``inputs`` holds what every profile makes of one made-up observation, and ``queries`` when a
+    policy is asked in a pair.
 
     Raises:
         SubstrateError: A scene cannot be built.
@@ -58,7 +73,12 @@ def take(substrate: Substrate) -> Json:
     times: dict[str, list[float]] = {"step_ms": [], "image_ms": []}
     for case in _cases():
         cases[case.item_id] = _layers(case, alterable(substrate.world(case)), times)
-    layers = {name: canonical_digest([case[name]["digest"] for case in cases.values()]) for name in LAYERS}
+    first = next(_cases())
+    parts = {"inputs": _inputs(), "queries": {first.item_id: _queries(first, substrate.world(first))}}
+    found = {name: parts.get(name) or {key: case[name] for key, case in cases.items()} for name in LAYERS}
+    layers = {
+        name: canonical_digest([one["digest"] for one in entries.values()]) for name, entries in found.items()
+    }
     return {
         "format": FORMAT,
         "hash": canonical_digest(layers)[:12],
@@ -68,6 +88,7 @@ def take(substrate: Substrate) -> Json:
         "machine": platform.machine(),
         "timings": {name: round(statistics.median(values), 3) for name, values in times.items()},
         "cases": cases,
+        **parts,
     }
 
 
@@ -158,6 +179,81 @@ def _pictures(world: World, times: dict[str, list[float]]) -> Json:
     return _numbers(np.round(blocks, 3), hashlib.sha256(images.tobytes()).hexdigest())
 
 
+def _inputs() -> Json:
+    """Return digest and numbers of what each profile that ships makes of the same observation, by profile.
+
+    The observation is made up, so that nothing of the scenes or of the renderer is in it.
+    """
+    from pytest_libero_max.policies.clients.request import Request
+    from pytest_libero_max.policies.profile import load_profile, profile_names
+    from pytest_libero_max.worlds.robot import PANDA
+
+    draw = np.random.Generator(np.random.PCG64(195))
+    rows, columns = np.mgrid[:PROFILE_PX, :PROFILE_PX] / PROFILE_PX
+    observation: dict[str, NDArray[Any]] = {
+        f"{camera}_image": (
+            127 * (1 + np.sin(9 * (number + 1) * np.stack([rows, columns, rows * columns], axis=2)))
+        ).astype(np.uint8)
+        for number, camera in enumerate(CAMERAS)
+    }
+    for name, size in PANDA.proprioception.items():
+        values = draw.uniform(-1.0, 1.0, size)
+        observation[name] = values / np.linalg.norm(values) if name.endswith("quat") else values
+    found = {}
+    for name in profile_names():
+        profile = load_profile(name)
+        if any(field.startswith(("inputs.", "instruction.", "request.")) for field in profile.unknown()):
+            continue  # it is completed by its user
+        request = Request(profile)
+        arrays = request.arrays(observation)
+        words = request.instruction("put both moka pots on the stove")
+        digest = hashlib.sha256(words.encode())
+        for key, array in sorted(arrays.items()):
+            digest.update(
+                f"{key} {array.dtype} {array.shape}".encode() + np.ascontiguousarray(array).tobytes()
+            )
+        flat = [np.asarray(array, dtype=np.float64).ravel() for _, array in sorted(arrays.items())]
+        kept = [part[:: max(1, len(part) // BLOCKS**2)] for part in flat]
+        found[name] = _numbers(np.concatenate(kept or [np.zeros(0)]), digest.hexdigest())
+    return found
+
+
+def _queries(case: Case, world: World) -> Json:
+    """Return when a policy is asked in Base and Dynamic, when the event happens, and what is stale then.
+
+    The event happens at a fraction of the budget, wherever the hand is.
+    """
+    from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, change_of
+    from pytest_libero_max.events.triggers import BudgetFraction
+    from pytest_libero_max.pairing.runner import measure_pair
+
+    policy = _Asked()
+    event = Entry(BudgetFraction(0.1), change_of(case))
+    record = measure_pair(case, world, policy, arms=(Arm(BASE), Arm(DYNAMIC, (event,)))).record
+    arm = record.arms[DYNAMIC]
+    fired = [firing.step for firing in arm.firings]
+    told = [-1 if value is None else value for value in (arm.response_step, arm.stale_actions, arm.steps)]
+    return _numbers([*policy.steps, *map(float, fired), *map(float, told)])
+
+
+class _Asked:
+    """A policy that stands still, and notes when it is asked."""
+
+    def __init__(self) -> None:
+        from pytest_libero_max.policies.contract import PolicySpec
+
+        self.spec = PolicySpec("fingerprint", horizon=8, query_interval=7, cameras=())
+        self.steps: list[float] = []
+
+    def reset(self, episode: Episode) -> None:
+        """Know nothing of an episode."""
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        """Return eight actions without a movement."""
+        self.steps.append(float(query.step))
+        return np.zeros((8, 7))
+
+
 def _numbers(values: NDArray[np.float64] | Sequence[float], digest: str | None = None) -> Json:
     numbers = np.asarray(values, dtype=np.float64)
     own = hashlib.sha256(numbers.tobytes()).hexdigest() if digest is None else digest
@@ -222,12 +318,20 @@ def comparison_lines(first: Json, second: Json) -> list[str]:
         f"{first['hash']} {'equals' if first['hash'] == second['hash'] else 'differs from'} {second['hash']}"
     ]
     for layer, unit in LAYERS.items():
-        pairs = [(first["cases"][name][layer], second["cases"][name][layer]) for name in first["cases"]]
-        unequal = [pair for pair in pairs if pair[0]["digest"] != pair[1]["digest"]]
-        said = (
-            f"differs in {len(unequal)} of {len(pairs)} cases: {_gap(unequal, unit)}" if unequal else "equal"
+        one, other = (
+            found.get(layer) or {name: case[layer] for name, case in found["cases"].items()}
+            for found in (first, second)
         )
-        lines.append(f"  {layer:<15} {said}")
+        pairs = {name: (one[name], other[name]) for name in one if name in other}
+        unequal = {name: pair for name, pair in pairs.items() if pair[0]["digest"] != pair[1]["digest"]}
+        what = "profiles" if layer == "inputs" else "cases"
+        said = [_said(unequal, len(pairs), what, unit)] if unequal else []
+        said += (
+            [f"{len(one.keys() ^ other.keys())} {what} are in one alone"]
+            if one.keys() != other.keys()
+            else []
+        )
+        lines.append(f"  {layer:<15} {'; '.join(said) or 'equal'}")
     names = [*dict.fromkeys([*first["versions"], *second["versions"]])]
     other = [
         f"{name} {first['versions'].get(name, 'none')} / {second['versions'].get(name, 'none')}"
@@ -235,6 +339,15 @@ def comparison_lines(first: Json, second: Json) -> list[str]:
         if first["versions"].get(name) != second["versions"].get(name)
     ]
     return [*lines, f"  versions        {'; '.join(other) or 'equal'}"]
+
+
+def _said(unequal: Mapping[str, tuple[Json, Json]], of: int, what: str, unit: str) -> str:
+    names = (
+        f" ({', '.join(sorted(unequal)[:3])}{', ...' if len(unequal) > 3 else ''})"
+        if what == "profiles"
+        else ""
+    )
+    return f"differs in {len(unequal)} of {of} {what}{names}: {_gap([*unequal.values()], unit)}"
 
 
 def _gap(unequal: Sequence[tuple[Json, Json]], unit: str) -> str:

@@ -18,6 +18,7 @@ DIRECTION_SAMPLER = SAMPLERS["plus"]
 """Relocation directions use one name for every source, so that all variations of a task share them."""
 
 POLICY_SEED = 195
+"""Seed of the policy in the frozen tracks."""
 
 FROZEN_STATES = range(10)
 """Initial states of each task that frozen cases begin from."""
@@ -32,6 +33,24 @@ def seed_of(*parts: object) -> int:
 
 
 @dataclass(frozen=True)
+class Draw:
+    """A fresh draw of cases, whose names and seeds nobody knew before its seed was revealed.
+
+    Attributes:
+        name: For example ``2026Q4``.
+        seed: The revealed seed, any text.
+    """
+
+    name: str
+    seed: str
+
+    @property
+    def policy_seed(self) -> int:
+        """Seed of the policy in all cases of the draw, 0 to 99,999."""
+        return seed_of(self.name, self.seed, "policy") % 100_000
+
+
+@dataclass(frozen=True)
 class Identity:
     """Configuration of a case, apart from its event.
 
@@ -41,6 +60,7 @@ class Identity:
         task_index: Index in the source's registry.
         init_state_index: Index of the initial state.
         category: Source category of a LIBERO-PRO task, for example ``view_occlusion``; otherwise empty.
+        draw: The fresh draw of the case; None for the frozen tracks.
     """
 
     source: Source
@@ -48,10 +68,22 @@ class Identity:
     task_index: int
     init_state_index: int
     category: str = ""
+    draw: Draw | None = None
 
     @property
     def sampler(self) -> str:
-        return SAMPLERS[self.source]
+        return self._named(SAMPLERS[self.source])
+
+    @property
+    def policy_seed(self) -> int:
+        return POLICY_SEED if self.draw is None else self.draw.policy_seed
+
+    def _named(self, sampler: str) -> str:
+        return sampler if self.draw is None else f"{sampler}/{self.draw.name}"
+
+    def _seed_of(self, *parts: object) -> int:
+        """Return :func:`seed_of` the parts, of a fresh draw of its seed as well."""
+        return seed_of(*parts) if self.draw is None else seed_of(*parts, self.draw.seed)
 
     @property
     def base_task_id(self) -> str:
@@ -63,15 +95,16 @@ class Identity:
     def seed(self, event: str, variant: int) -> int:
         """Scenario seed of an event on this configuration."""
         if self.source == "plus":
-            return seed_of(self.sampler, self.suite, self.task_index, event, variant)
+            return self._seed_of(self.sampler, self.suite, self.task_index, event, variant)
         where = (self.category,) if self.source == "pro" else ()
-        return seed_of(
+        return self._seed_of(
             self.sampler, *where, self.suite, self.task_index, self.init_state_index, event, variant
         )
 
     def direction_index(self, event: str) -> int:
         """Return the relocation direction, 0 to 7; the same for every variant and initial state."""
-        return seed_of(DIRECTION_SAMPLER, self.suite, self.task_index, event, "direction") % 8
+        sampler = self._named(DIRECTION_SAMPLER)
+        return self._seed_of(sampler, self.suite, self.task_index, event, "direction") % 8
 
     def scenario_id(self, event: str, variant: int) -> str:
         if self.source == "plus":
@@ -81,4 +114,4 @@ class Identity:
         return f"{prefix}-{short}-t{self.task_index:02d}-i{self.init_state_index:02d}-{event}-d{variant}"
 
     def case_id(self, event: str, variant: int) -> str:
-        return f"{self.scenario_id(event, variant)}-p{POLICY_SEED}"
+        return f"{self.scenario_id(event, variant)}-p{self.policy_seed}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pytest_libero_max.benchmark.cases import Event
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.identity import POLICY_SEED, Identity
+from pytest_libero_max.benchmark.identity import Identity
 
 SAFETY_CONSTRAINTS = ("task_remains_feasible", "no_simulator_error", "no_new_unrelated_collision")
 DYNAMIC_PHASE = "pre_grasp_proximity"
@@ -16,7 +16,7 @@ def case_record(identity: Identity, event: Event, task_name: str) -> Json:
         "case_id": identity.case_id(event.name, event.variant),
         "dynamic_phase": DYNAMIC_PHASE,
         "init_state_index": identity.init_state_index,
-        "policy_seed": POLICY_SEED,
+        "policy_seed": identity.policy_seed,
         "scenario": scenario_record(identity, event),
         "task_index": identity.task_index,
         "task_name": task_name,

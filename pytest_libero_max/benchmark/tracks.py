@@ -41,7 +41,7 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
     """Return the manifest of a track.
 
     Args:
-        name: One of :func:`track_names`; with ``genuine/`` before it, one of those on the genuine scenes.
+        name: One of :func:`all_track_names`.
         folder: Folder of the tracks.
 
     Raises:
@@ -70,8 +70,12 @@ def require_tracks(folder: Path) -> None:
 
 
 def all_track_names(folder: Path = FOLDER) -> tuple[str, ...]:
-    """Return the names of the tracks, then of the genuine ones, as ``--libero-max-track`` takes them."""
-    return (*track_names(folder), *(f"{GENUINE}/{one}" for one in track_names(folder / GENUINE)))
+    """Return the names of the tracks as ``--libero-max-track`` takes them.
+
+    Those in a folder below come last: the genuine ones and those of fresh draws, such as ``2026Q4/lite``.
+    """
+    below = sorted(path for path in folder.iterdir() if path.is_dir())
+    return (*track_names(folder), *(f"{path.name}/{one}" for path in below for one in track_names(path)))
 
 
 def load_track(name: str, folder: Path = FOLDER) -> Manifest:

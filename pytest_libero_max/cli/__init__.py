@@ -37,6 +37,7 @@ GROUPS = {
         "view",
         "trend",
         "bisect",
+        "audit",
         "watch",
         "merge",
         "report",

@@ -1,4 +1,4 @@
-"""``libero-max build``: every track from nothing."""
+"""``libero-max build``: every track from nothing, or a fresh draw beside them."""
 
 from __future__ import annotations
 
@@ -25,15 +25,34 @@ def add_command(commands: Commands) -> None:
     """Add ``build`` to the parser."""
     build = commands.add_parser(
         "build",
-        help="Build every track from nothing: select, preflight, replace, freeze",
-        description="No policy has a part in it. Interrupted, it goes on where it stopped.",
+        help="Build every track from nothing, or a fresh draw: select, preflight, replace, freeze",
+        description="No policy has a part in it. Interrupted, it goes on where it stopped. With --draw it "
+        "makes new cases from the population of a frozen track: first with --commit, which keeps a seed and "
+        "writes the digest to publish; later without, which makes the cases and reveals the seed.",
     )
     build.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the tracks")
     build.add_argument(
         "tracks",
         nargs="*",
         metavar="TRACK",
-        help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both)",
+        help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both); with "
+        "--draw: the track that gets new cases (default: lite)",
+    )
+    build.add_argument(
+        "--draw",
+        metavar="NAME",
+        help="Make a fresh draw, for example 2026Q4, in FOLDER, which lies beside the frozen tracks",
+    )
+    build.add_argument(
+        "--commit",
+        action="store_true",
+        help="With --draw: only draw its seed, and write the digest to publish",
+    )
+    build.add_argument(
+        "--seed-file",
+        type=Path,
+        metavar="FILE",
+        help="With --draw: the seed, secret until the cases are made (default: NAME.seed in --work's folder)",
     )
     add_classification(build)
     add_substrate(build)
@@ -42,6 +61,11 @@ def add_command(commands: Commands) -> None:
 
 
 def _build(options: argparse.Namespace) -> None:
+    if options.draw is not None:
+        _build_draw(options)
+        return
+    if options.commit or options.seed_file:
+        raise OptionError("--commit and --seed-file are about a fresh draw. Add --draw NAME.")
     from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.genuine_tracks import TRACKS, build_genuine
     from pytest_libero_max.construction.overview import overview_lines, write_overview
@@ -69,3 +93,47 @@ def _build(options: argparse.Namespace) -> None:
     write_overview(options.folder)
     checks = ["", *verify(options.folder)] if whole else []
     print("\n".join([*overview_lines(options.folder), *checks]))
+
+
+def _build_draw(options: argparse.Namespace) -> None:
+    from pytest_libero_max.construction.examiner import Examiner
+    from pytest_libero_max.construction.fresh_draw import (
+        COMMITMENT,
+        SEED,
+        bind,
+        build_draw,
+        frozen_beside,
+        read_draw,
+    )
+    from pytest_libero_max.construction.overview import overview_lines, write_overview
+    from pytest_libero_max.construction.release import write_release
+    from pytest_libero_max.construction.verification import verify
+    from pytest_libero_max.substrates.registry import SUBSTRATES
+
+    folder, name = options.folder, options.draw
+    seed_file = options.seed_file or options.work / f"{name}.seed"
+    if folder.resolve().name != name:
+        raise OptionError(f"{folder} is the folder of the draw {name}, and must be called {name!r}.")
+    if options.commit:
+        print(f"{bind(folder, name, seed_file)}\nPublish {folder / COMMITMENT}, and keep {seed_file} secret.")
+        return
+    if not SUBSTRATES[options.substrate].plays_frozen:
+        raise OptionError(
+            f"A fresh draw is made on the embedded scenes, and --substrate {options.substrate} has others. "
+            "Leave --substrate out."
+        )
+    if len(options.tracks) > 1:
+        raise OptionError.seen("TRACK", " ".join(options.tracks), ", but a draw is of one track.")
+    (track,) = options.tracks or ("lite",)
+    told = substrate_options(options)
+    draw, frozen = read_draw(folder, seed_file), frozen_beside(folder, track, name)
+    with (
+        Work() as work,
+        Examiner(options.work, options.jobs, tell(work), options.substrate, told) as examiner,
+    ):
+        work.say(f"Results are kept in {examiner.path()}")
+        release = build_draw(examiner.examine, track, frozen, draw)
+    write_release(release, folder)
+    (folder / SEED).write_bytes(seed_file.read_bytes())
+    write_overview(folder)
+    print("\n".join([*overview_lines(folder), "", *verify(folder)]))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +13,8 @@ from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
+    from pytest_libero_max.runs.outcomes import RunOutcomes
+
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
@@ -54,6 +58,12 @@ def add_command(commands: Commands) -> None:
         action="store_true",
         help="Add the published results to the tables; without a run, write them alone",
     )
+    compare.add_argument(
+        "--by-cell",
+        action="store_true",
+        help="Of two runs of one policy on different cases, the old ones first: success on the old less that "
+        "on the new ones within cells (source, event, variant), which tells over-fitting from ability",
+    )
     compare.set_defaults(run=_compare)
 
 
@@ -70,6 +80,9 @@ def _compare(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     runs = read_runs(options.folders)
+    if options.by_cell:
+        _compare_by_cell(options, list(runs.values()))
+        return
     if options.published and not options.tables:
         raise OptionError("--published adds rows to tables. Give --tables=FOLDER as well.")
     if options.tables:
@@ -84,3 +97,18 @@ def _compare(options: argparse.Namespace) -> None:
         compared, _ = compared_and_apart(runs, options.restrict)
         write_comparison(comparison, options.output, common_cases(compared, options.restrict))
     say(comparison_lines(comparison, options.flips))
+
+
+def _compare_by_cell(options: argparse.Namespace, runs: Sequence[RunOutcomes]) -> None:
+    from pytest_libero_max.report.comparison.by_cell import old_less_new, old_less_new_lines
+    from pytest_libero_max.report.writers.report_files import write_text
+
+    if len(runs) != 2 or options.output or options.tables or options.published or options.restrict:
+        raise OptionError(
+            f"--by-cell compares two runs, the old cases first, but {len(runs)} are given, or an option that "
+            "it does not take. Beside it, only --json can be given."
+        )
+    found = old_less_new(*runs)
+    if options.json:
+        write_text(options.json, json.dumps(found.to_dict(), indent=2) + "\n")
+    say(old_less_new_lines(found))

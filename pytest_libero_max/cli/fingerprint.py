@@ -21,9 +21,11 @@ def add_command(commands: Commands) -> None:
         help="Print a short hash of what this installation computes and draws, or compare two installations",
         description="Eight cases of the track original, one for each event: compiled scenes and textures, "
         "bare physics, the first control, a replay of fixed actions, images of both cameras, events and the "
-        "images after them. Each layer has a digest and numbers; all together have the hash to quote. Equal "
-        "hashes mean equal bits; --compare says which layers differ and by how much, and then ends with exit "
-        "status 1. Layers come from the first cause to the last effect: other textures are other images too.",
+        "images after them; beside these, the inputs that each profile makes of a made-up observation, and "
+        "when a policy is asked. Each layer has a digest and numbers; all together have the hash to quote. "
+        "Equal hashes mean equal bits; --compare says which layers differ and by how much, and ends with "
+        "exit status 1 then. Layers come from the first cause to the last effect: other textures are other "
+        "images too. The hash is kept for the runs of this installation that follow, whose reports print it.",
     )
     fingerprint.add_argument(
         "--output", type=Path, metavar="FILE", help="Also write the fingerprint here, as JSON"
@@ -43,7 +45,8 @@ def _fingerprint(options: argparse.Namespace) -> int:
         take,
     )
     from pytest_libero_max.report.writers.report_files import write_text
-    from pytest_libero_max.substrates.registry import open_substrate
+    from pytest_libero_max.runs.kept_fingerprint import keep
+    from pytest_libero_max.substrates.registry import describe_substrate, open_substrate
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     if options.compare:
@@ -51,12 +54,14 @@ def _fingerprint(options: argparse.Namespace) -> int:
         say(comparison_lines(first, second))
         return int(first["hash"] != second["hash"])
     use_one_blas_thread()  # as in runs
-    substrate = open_substrate(options.substrate, substrate_options(options))
+    told = substrate_options(options)
+    substrate = open_substrate(options.substrate, told)
     try:
         found = take(substrate)
     finally:
         substrate.close()
     if options.output:
         write_text(options.output, json.dumps(found) + "\n")
+    keep(describe_substrate(options.substrate, told), found["hash"])
     say(fingerprint_lines(found))
     return 0

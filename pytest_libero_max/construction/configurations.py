@@ -8,7 +8,7 @@ from functools import cache
 from typing import NamedTuple
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.identity import Identity
+from pytest_libero_max.benchmark.identity import Draw, Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
 from pytest_libero_max.substrates.contract import Catalogue
@@ -38,17 +38,25 @@ class Cell(NamedTuple):
 
 
 class Configuration(NamedTuple):
-    """A source variation with an initial state."""
+    """A source variation with an initial state.
+
+    Attributes:
+        variation: The variation.
+        init: Index of the initial state.
+        catalogue: Catalogue that the variation is of.
+        draw: The fresh draw that a case of it belongs to; None for the frozen tracks.
+    """
 
     variation: Variation
     init: int
     catalogue: Catalogue = OWN
+    draw: Draw | None = None
 
     @property
     def identity(self) -> Identity:
         variation = self.variation
         category = variation.category if variation.source == "pro" else ""
-        return Identity(variation.source, variation.suite, variation.index, self.init, category)
+        return Identity(variation.source, variation.suite, variation.index, self.init, category, self.draw)
 
     def case_id(self, cell: Cell) -> str:
         """Id of the case that :meth:`case` makes."""

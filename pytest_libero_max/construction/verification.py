@@ -28,6 +28,7 @@ from pytest_libero_max.construction.case_selection import (
     cells_of,
 )
 from pytest_libero_max.construction.configurations import Cell, Configuration, cell_of, hosts
+from pytest_libero_max.construction.fresh_draw import COMMITMENT, frozen_beside, read_draw, select_fresh
 from pytest_libero_max.construction.matching import levelled
 from pytest_libero_max.construction.original import build_original
 from pytest_libero_max.construction.release import (
@@ -55,7 +56,26 @@ def verify(folder: Path) -> list[str]:
     Raises:
         ManifestError: The first thing that is not.
     """
+    if (folder / COMMITMENT).exists():
+        return list(_draw_checks(folder))
     return list(_checks(folder) if "original" in track_names(folder) else _genuine_checks(folder))
+
+
+def _draw_checks(folder: Path) -> Iterator[str]:
+    """Yield checks of a fresh draw: its seed is the published one, and leads to these cases again."""
+    _require_listed(folder)
+    draw, rejected = read_draw(folder), read_rejected(folder)
+    yield f"{draw.name}: the seed is the one whose digest is in {COMMITMENT}"
+    cases: list[Case] = []
+    for name in track_names(folder):
+        found, frozen = load_track(name, folder), frozen_beside(folder, name, draw.name)
+        again = select_fresh(
+            lambda proposed: [case.case_id for case in proposed if case.case_id in rejected], frozen, draw
+        )
+        _require_same(f"{draw.name}/{name}", found, again)
+        yield f"{name}: {len(found)} cases, chosen again from the seed, digest {found.digest}"
+        cases += found
+    yield from _table_checks(folder, cases)
 
 
 def _require_listed(folder: Path) -> None:

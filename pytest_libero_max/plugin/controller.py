@@ -62,6 +62,7 @@ from pytest_libero_max.report.report_document import ChangedPair
 from pytest_libero_max.report.writers.junit import broken_properties, suite_properties
 from pytest_libero_max.runs import provenance
 from pytest_libero_max.runs.damaged_lines import damage_said
+from pytest_libero_max.runs.kept_fingerprint import kept
 from pytest_libero_max.runs.lock import require_free
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun, read_to_resume, require_writable
@@ -341,6 +342,7 @@ class RunController:
             protocol=settings.protocol,
             command=["pytest", *map(str, self.config.invocation_params.args)],
             folder=self.config.rootpath,
+            fingerprint=kept(self.substrate),
         )
 
     def _servers_said(self) -> Json:

@@ -15,7 +15,7 @@ from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun, pairs_file, read_pairs
 
-_MAY_DIFFER: Json = {"platform": {}, "gl_backend": None, "git": None, "command": []}
+_MAY_DIFFER: Json = {"platform": {}, "fingerprint": None, "gl_backend": None, "git": None, "command": []}
 """Parts of the provenance that may differ between runs of one measurement, and their merged values."""
 
 

@@ -200,6 +200,7 @@ class Provenance(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fals
     started: Text | None = None
     git: Git | None = None
     gl_backend: AnyText | None = None
+    fingerprint: Text | None = None
     order: Text | None = None
     stopping_rule: Text | None = None
     gates: Texts | None = None

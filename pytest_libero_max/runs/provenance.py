@@ -47,6 +47,7 @@ def collect(
     gl_backend: str | None = None,
     started: datetime | None = None,
     folder: Path | None = None,
+    fingerprint: str | None = None,
 ) -> Json:
     """Gather the provenance of a run. Imports none of the packages whose versions it names.
 
@@ -67,6 +68,8 @@ def collect(
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
         started: Start of the run, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
+        fingerprint: Fingerprint of the installation, as ``libero-max fingerprint`` prints it; None where it
+            was not taken.
     """
     begun = datetime.now(UTC) if started is None else started.astimezone(UTC)
     return {
@@ -76,9 +79,10 @@ def collect(
             "system": platform.system(),
             "machine": platform.machine(),
             "libc": platform.libc_ver()[1],
-            "processor": _processor(),
+            "processor": processor(),
             "cores": os.cpu_count(),
         },
+        "fingerprint": fingerprint,
         "gl_backend": gl_backend if gl_backend is not None else os.environ.get("MUJOCO_GL"),
         "git": git_state(folder or Path.cwd()),
         "substrate": _public_values(substrate),
@@ -127,7 +131,7 @@ def redacted(command: Sequence[str], environment: Mapping[str, str] | None = Non
     ]
 
 
-def _processor() -> str | None:
+def processor() -> str | None:
     """Return the processor's name; None where the system does not tell."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")

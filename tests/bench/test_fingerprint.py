@@ -3,9 +3,11 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -90,9 +92,43 @@ def test_another_renderer_and_other_physics_are_told_apart(
     def lighter(world: TinyWorld) -> None:
         world.model.opt.gravity[2] = -1.0
 
-    found = differing(first, taken(lighter))
+    with monkeypatch.context() as other:  # a pair is not played in a world whose gravity was written
+        other.setattr(fingerprint, "_queries", lambda *given: {"digest": "", "values": []})
+        found = differing(first, taken(lighter))
     assert "physics" in found
-    assert {"drawing", "control", "events", "textures"}.isdisjoint(found)
+    assert {"drawing", "control", "events", "textures", "inputs"}.isdisjoint(found)
+
+
+def test_another_resizing_is_told_apart_by_profile(
+    taken: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = taken()
+    resized = cv2.resize
+
+    def rounded(*given: Any, **named: Any) -> Any:
+        return resized(*given, **named) & 254
+
+    monkeypatch.setattr(cv2, "resize", rounded)
+    found = differing(first, taken())
+    assert set(found) == {"inputs"}
+    assert f" of {len(first['inputs'])} profiles (" in found["inputs"]
+    assert "largest difference" in found["inputs"]
+
+
+def test_another_cadence_of_queries_is_told_apart(
+    taken: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = taken()
+    (queries,) = first["queries"].values()
+    assert queries["values"][:4] == [0.0, 7.0, 14.0, 21.0]
+    asked = fingerprint._Asked.__init__
+
+    def late(self: Any) -> None:
+        asked(self)
+        self.spec = replace(self.spec, query_interval=8)
+
+    monkeypatch.setattr(fingerprint._Asked, "__init__", late)
+    assert set(differing(first, taken())) == {"queries"}
 
 
 def test_the_numbers_say_by_how_much(taken: Callable[..., dict[str, Any]]) -> None:
@@ -128,4 +164,4 @@ def test_files_are_compared_and_others_are_refused(
     assert main(["fingerprint", "--compare", a, c]) == 1
     assert "Take both of the same substrate" in capsys.readouterr().err
     assert main(["fingerprint", "--compare", a, d]) == 1
-    assert "no fingerprint of format 1" in capsys.readouterr().err
+    assert "no fingerprint of format 2" in capsys.readouterr().err

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from tests.scripts import versions
@@ -30,6 +33,15 @@ def test_what_differs_is_said_in_all_and_by_scene() -> None:
         "| there | 0/1 | 1 | 1, by at most 1 | 1, 3 | 1, 3 | 1, 3 | 1/1, 100.00% of pixels, by at most 7 |",
         "s/0: there from state 0",
     ]
+
+
+def test_a_file_is_gone_on_with_by_the_same_versions_alone(tmp_path: Path) -> None:
+    file = tmp_path / "here.npz"
+    kept = versions.begun(file, "MuJoCo 3.3.7, expert")
+    np.savez_compressed(file, **kept, **{"s/0/0/success": np.array(True)})
+    assert bool(versions.begun(file, "MuJoCo 3.3.7, expert")["s/0/0/success"])
+    with pytest.raises(SystemExit, match=r"is of MuJoCo 3\.3\.7, expert, and this is MuJoCo 3\.4\.0, expert"):
+        versions.begun(file, "MuJoCo 3.4.0, expert")
 
 
 def test_recorded_actions_are_executed_until_they_end() -> None:

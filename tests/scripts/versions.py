@@ -4,13 +4,15 @@
 with ``--substrate embedded`` on embedded scenes. It prints a line a task (solved, mean and most steps), and
 keeps actions and joint positions of every episode and a picture of every task. ``--replay there.npz`` plays
 the actions that are kept there, whatever the policy would do. ``--loop package`` leaves each control step to
-the package's own environment instead of ours. ``python -m tests.scripts.versions compare here.npz
+the package's own environment instead of ours. Interrupted, the same command goes on where it stopped, task
+by task; a file of another version or policy is refused. ``python -m tests.scripts.versions compare here.npz
 there.npz...`` says in what each other file differs from the first: in all, and by scene.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
@@ -39,6 +41,8 @@ import mujoco  # isort: skip - the rooms above have settled its backend
 Array = NDArray[Any]
 
 EXPERT = "expert"
+MADE = "made"
+"""Name of the versions and of the policy of a file."""
 FAR = (0.0, 1e-6, 1e-3)
 """Differences of a joint position, m or rad, whose first step is reported."""
 
@@ -86,9 +90,17 @@ def package_world(substrate: LiberoSubstrate, case: Case) -> PackageWorld:
 def play(options: argparse.Namespace) -> Iterator[str]:
     """Play Base on every task and keep what happened; a line for each task, then the total."""
     policy, recorded = blind(str(options.policy)), np.load(options.replay) if options.replay else {}
-    kept: dict[str, Any] = {}
+    made = (
+        f"MuJoCo {version('mujoco')}, robosuite {version('robosuite')}, {options.loop} loop, {options.policy}"
+    )
+    kept = begun(options.file, made)
     solved = played = 0
     for suite, index in ((suite, index) for suite in options.suites for index in options.tasks):
+        names = [f"{suite}/{index}/{init}" for init in range(options.inits)]
+        if all(f"{name}/success" in kept for name in names):
+            solved += sum(bool(kept[f"{name}/success"]) for name in names)
+            played += options.inits
+            continue
         substrate = opened(options)
         lengths = []
         for init in range(options.inits):
@@ -109,11 +121,27 @@ def play(options: argparse.Namespace) -> Iterator[str]:
                     kept[f"{suite}/{index}/{camera}"] = picture
         world.close()
         solved, played = solved + len(lengths), played + options.inits
+        part = options.file.with_suffix(".part.npz")
+        np.savez_compressed(part, **kept)
+        part.replace(options.file)
         mean = f"{np.mean(lengths):.0f}" if lengths else "-"
         yield f"| {suite} | {index} | {len(lengths)}/{options.inits} | {mean} | {max(lengths, default='-')} |"
-    np.savez_compressed(options.file, **kept)
     yield f"| all | | {solved}/{played} | | |"
-    yield f"MuJoCo {version('mujoco')}, robosuite {version('robosuite')}, {options.loop} loop"
+    yield made
+
+
+def begun(path: Path, made: str) -> dict[str, Any]:
+    """Return what a file holds already of the same versions and policy.
+
+    Raises:
+        SystemExit: It is of others.
+    """
+    if not path.exists():
+        return {MADE: np.array(made)}
+    kept = dict(np.load(path))
+    if str(kept.get(MADE)) != made:
+        sys.exit(f"{path} is of {kept.get(MADE)}, and this is {made}. Remove it, or give another file.")
+    return kept
 
 
 def opened(options: argparse.Namespace) -> EmbeddedSubstrate | LiberoSubstrate:

@@ -52,6 +52,7 @@ from pytest_libero_max.report.writers.summary import (
     title_text,
     unsupported_text,
 )
+from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
 
@@ -259,4 +260,6 @@ def _provenance(report: Report, stored: StoredRun | None) -> Iterator[tuple[str,
     if report.selection:
         yield "selection", f"{selection_text(report)}, {report.selection.digest[:12]}"
     yield "MUJOCO_GL", origin.get("gl_backend") or "not set"
+    if "fingerprint" in origin:
+        yield "fingerprint", fingerprint_text(origin)
     yield "command", shlex.join(origin["command"])

@@ -37,6 +37,7 @@ from pytest_libero_max.report.writers.summary import (
     title_text,
     unsupported_text,
 )
+from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 
 
 def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:
@@ -127,6 +128,8 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
         digests.append(("case set is", provenance["case_set"]["released_as"]))
     if report.selection:
         digests.append(("selected cases", report.selection.digest))
+    if "fingerprint" in provenance:
+        digests.append(("fingerprint", fingerprint_text(provenance)))
     lines += markdown_table(("Part", "Version"), [*versions, *digests])
     return "\n".join(lines) + "\n"
 
