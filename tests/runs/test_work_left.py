@@ -23,7 +23,7 @@ def _counts(short_s: float = 2.0, long_s: float = 8.0, policy: object = POLICY) 
 def test_the_pairs_that_are_left_take_what_the_measured_ones_took() -> None:
     progress = Progress(32, _counts(), seconds=20.0)  # two pairs at once: 40 s of pairs in 20 s
     assert progress.seconds_left == pytest.approx(24 * 5.0 / 2)
-    assert "8 of 32 pairs, 24.0/min, 60 s left" in progress_text(progress)
+    assert "8 of 32 pairs, P 8 R 0 N 0 E 0, 24.0/min, 60 s left" in progress_text(progress)
 
 
 def test_what_is_being_played_is_partly_done() -> None:
@@ -52,7 +52,7 @@ def test_a_resumed_run_knows_its_time_before_its_first_pair() -> None:
     progress = Progress(32, _counts(), before=8, seconds=3.0, playing=playing)
     assert progress.per_minute is None
     assert progress.seconds_left == pytest.approx((24 * 5.0 - 6.0) / 2)
-    assert "8 of 32 pairs, 57 s left, P 8" in progress_text(progress)
+    assert "8 of 32 pairs, P 8 R 0 N 0 E 0, 57 s left" in progress_text(progress)
 
 
 def test_suites_that_the_policy_does_not_play_take_no_time() -> None:
