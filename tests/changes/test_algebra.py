@@ -135,9 +135,8 @@ def test_an_event_persists(event: Event, steps: Actions) -> None:
     assert WORLD.parked == ()
 
 
-@given(events())
+@given(strategies.events(ENTITIES, names=("distractor_burst", "obstacle_insertion")))
 def test_an_insertion_happens_once(event: Event) -> None:
-    assume(event.setup)
     WORLD.reset(0)
     change = set_up(WORLD, event)
     change.apply(WORLD)

@@ -26,6 +26,9 @@ REPORTS: dict[str, Report] = {
     ),
     "empty": build_report([], [], PAIRS, PROVENANCE),
 }
+UNANSWERED = build_report(
+    [*records_of(PAIRS)[:-1], record_of(PAIRS[-1], True, True, **NEVER_TRIGGERED)], [], PAIRS, PROVENANCE
+)
 QUANTITIES = [column for column in COLUMNS if column.gate is not None]
 
 
@@ -46,13 +49,13 @@ def test_a_column_stands_in_every_file_it_names(column: Column[Any]) -> None:
         assert row[name] == ("" if number is None else str(number))
     if "summary" in column.tables:
         assert f"| {column.title} | {column.long(overall)} |" in markdown(REPORT)
-        page = html(REPORT, [], [])
+        report = UNANSWERED if "given_response" in column.tables else REPORT
+        page = html(report, [], [])
         if column.key in SHOWN_FIRST:
             assert column.long(overall).split()[0] in page[: page.index("More quantities")]
         elif {"coverage", "given_response"} & {*column.tables}:
-            cells = re.findall(
-                rf"all pairs</th>((?:(?!</tr>).)*?{re.escape(column.long(overall))}.*?)</tr>", page
-            )
+            shown = re.escape(column.long(report.overall))
+            cells = re.findall(rf"all pairs</th>((?:(?!</tr>).)*?{shown}.*?)</tr>", page)
             titles = (column.title, column.short_heading)
             assert any(f"data-title='{title}'" in row for title in titles for row in cells)
         else:
