@@ -262,11 +262,11 @@ class RunController:
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_node_collection_finished(self, node: Any, ids: list[str]) -> None:
         """Plan what the first worker has collected, and keep the ids of all that collect the same once."""
-        if ids == self._collected:
+        if ids and ids == self._collected:
             ids[:] = self._collected  # xdist keeps the ids of each worker, here in the same memory
             return
         self._plan(ids)
-        self._collected = self._collected or list(ids)
+        self._collected = list(ids)
 
     def _plan(self, node_ids: Iterable[str]) -> None:
         tests = Counter(name for name in map(case_of, node_ids) if name is not None)
