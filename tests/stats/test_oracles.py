@@ -27,6 +27,9 @@ from tests.stats.other_intervals import tango
 
 TABLES = [(losses, gains, 40) for losses, gains in product(range(0, 13, 3), repeat=2)] + [(30, 5, 800)]
 
+NOT_NEEDED = {"matplotlib": ("matplotlib", "matplotlib.pyplot"), "multiprocess": ("multiprocess",)}
+"""What confseq imports and its betting does not use."""
+
 
 @pytest.fixture(scope="module")
 def robostats() -> Any:
@@ -40,13 +43,14 @@ def betapair() -> Any:
 
 @pytest.fixture
 def betting(monkeypatch: pytest.MonkeyPatch) -> Any:
-    for name in ("matplotlib", "matplotlib.pyplot", "multiprocess"):
-        if importlib.util.find_spec(name.partition(".")[0]) is None:
-            monkeypatch.setitem(sys.modules, name, ModuleType(name))
-            if "." in name:
-                monkeypatch.setattr(sys.modules["matplotlib"], "pyplot", sys.modules[name], raising=False)
+    if importlib.util.find_spec("confseq") is None:
+        pytest.skip("needs confseq: pip install confseq")
+    for package, modules in NOT_NEEDED.items():
+        if importlib.util.find_spec(package) is None:
+            for name in modules:
+                monkeypatch.setitem(sys.modules, name, ModuleType(name))
     monkeypatch.setattr(np, "float_", np.float64, raising=False)  # confseq 0.0.11 was written for NumPy 1
-    return pytest.importorskip("confseq.betting", reason="needs confseq: pip install confseq")
+    return importlib.import_module("confseq.betting")
 
 
 def records(robostats: Any, name: str, successes: list[bool]) -> Any:
