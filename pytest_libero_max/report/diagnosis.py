@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from pytest_libero_max.changes.instruction import CancelInstruction
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairRecord
 from pytest_libero_max.report.report_document import ChangedPair
@@ -21,6 +20,9 @@ NOT_RECORDED = "not_recorded"
 
 STAGES = "stages"
 """Name of the probe that the rules read."""
+
+_CANCELS = "cancel_instruction"
+"""Operation of :class:`~pytest_libero_max.changes.CancelInstruction`, whose module imports NumPy."""
 
 _STARTED_M = 0.05
 _BLOCKED_STEPS = 40
@@ -328,7 +330,7 @@ def _cm(metres: float | None) -> str:
 def _not_stopped(seen: _Seen) -> str | None:
     """The task was cancelled, and the policy moved on or completed it."""
     last = seen.arm.firings[-1] if seen.arm.firings else None
-    if last is None or last.evidence["operation"] != CancelInstruction.operation:
+    if last is None or last.evidence["operation"] != _CANCELS:
         return None
     if seen.arm.response_step is None:
         return f"The task was cancelled at step {last.step}, and the policy was not asked again."

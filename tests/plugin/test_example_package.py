@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from tests.plugin.conftest import REACHER
 
 PACKAGE = Path(__file__).with_name("example_package")
@@ -132,8 +133,8 @@ def test_both_ways_of_playing_it_agree(installed: pytest.Pytester, results: Resu
 def test_the_benchmarks_events_stay_first(installed: pytest.Pytester) -> None:
     done = installed.runpytest_subprocess("--markers", "--libero-max-policy=adapter.py")
     markers = [line.split(":")[0] for line in done.outlines if "LIBERO-MAX pairs with this event" in line]
-    assert markers[0] == "@pytest.mark.illumination_switch"
-    assert markers[8:] == ["@pytest.mark.push"]
+    assert markers[-1] == "@pytest.mark.push"
+    assert markers[:8] == [f"@pytest.mark.{name}" for name in BENCHMARK_EVENTS]
     assert any("@pytest.mark.dynamics" in line for line in done.outlines)
 
 
