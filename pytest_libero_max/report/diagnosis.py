@@ -22,7 +22,7 @@ STAGES = "stages"
 """Name of the probe that the rules read."""
 
 _CANCELS = "cancel_instruction"
-"""Operation of :class:`~pytest_libero_max.changes.CancelInstruction`, whose module imports NumPy."""
+"""Operation of the change that cancels a task; its module imports NumPy."""
 
 _STARTED_M = 0.05
 _BLOCKED_STEPS = 40
