@@ -19,6 +19,7 @@ _FLAGS = (
 """What a container without a GPU needs, and what keeps the browser from asking for anything by itself."""
 
 _WAIT_MS = 30_000
+_LOOK_MS = 50
 
 
 @contextmanager
@@ -68,6 +69,14 @@ class Shown:
             self.page.locator("[role=status]").wait_for()
         if "case=" in fragment:  # and a case once its details are
             self.page.locator(".detail").wait_for()
+
+    def until(self, expression: str) -> None:
+        """Wait for an expression to hold. The page's policy forbids what Playwright's own wait does."""
+        waited = 0
+        while not self.page.evaluate(expression):
+            assert waited < _WAIT_MS, f"{expression} does not hold after {_WAIT_MS / 1000:g} s"
+            self.page.wait_for_timeout(_LOOK_MS)
+            waited += _LOOK_MS
 
     def cases(self) -> list[str]:
         """The names of the cases in the table, from top to bottom."""

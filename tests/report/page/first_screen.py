@@ -16,8 +16,9 @@ _FILMS = "[...document.querySelectorAll('video')].every((film) => film.readyStat
 def main() -> None:
     """Write ``reports/first-screen.png``, down to the cards of what broke."""
     with open_browser() as browser:
-        page = Shown(browser, REPORTS / "smoke" / "stale_expert" / "report.html", width=WIDTH).page
-        page.wait_for_function(_FILMS)
+        shown = Shown(browser, REPORTS / "smoke" / "stale_expert" / "report.html", width=WIDTH)
+        shown.until(_FILMS)
+        page = shown.page
         box = page.locator(".strip").first.bounding_box()
         clip = {"x": 0, "y": 0, "width": WIDTH, "height": box["y"] + box["height"] + _MARGIN_PX}
         page.screenshot(path=REPORTS / "first-screen.png", full_page=True, clip=clip)

@@ -162,7 +162,7 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
     detail = shown.page.locator(".detail")
     assert detail.locator("video").get_attribute("src") == f"films/{FIRST.item_id}--base-dynamic.mp4"
     can_be_played = "document.querySelector('.detail video').readyState >= 2"
-    shown.page.wait_for_function(can_be_played)
+    shown.until(can_be_played)
     assert "-k " + FIRST.item_id in detail.locator("code").first.inner_text()
     detail.get_by_text("Case, parameters and evidence").click()
     assert HOSTILE in detail.inner_text()  # as text, and nothing of it ran
@@ -185,7 +185,7 @@ def test_a_case_shows_its_film_its_event_its_numbers_and_its_command(browser: An
 def test_a_film_is_stepped_through_and_its_event_is_found(browser: Any, page: Path) -> None:
     shown = Shown(browser, page, f"#cases?case={FIRST.item_id}")
     card = shown.page.locator(".detail")
-    shown.page.wait_for_function("document.querySelector('.detail video').readyState >= 2")
+    shown.until("document.querySelector('.detail video').readyState >= 2")
     seek, said, now = card.get_by_label("Policy step"), card.locator("output"), "(video) => video.currentTime"
     record = record_of(FIRST, True, False)
     assert record.trigger is not None

@@ -68,6 +68,9 @@ def _open(browser: Any, posed: Posed, **how: Any) -> Shown:
     return shown
 
 
+NEXT_DRAWING = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
 def _pixels(shown: Shown) -> NDArray[np.int16]:
     png = shown.page.locator(".scene canvas").screenshot()
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"), dtype=np.int16)
@@ -144,10 +147,10 @@ def test_arms_are_laid_over_each_other_turned_and_brought_back(browser: Any, pos
     canvas.focus()
     for _ in range(3):
         shown.page.keyboard.press("ArrowLeft")
-    shown.page.wait_for_timeout(100)
+    shown.page.evaluate(NEXT_DRAWING)
     assert (np.abs(_pixels(shown) - start).max(axis=2) > 20).mean() > 0.05
     shown.page.get_by_role("button", name="View of the camera").click()
-    shown.page.wait_for_timeout(100)
+    shown.page.evaluate(NEXT_DRAWING)
     canvas.focus()
     assert np.abs(_pixels(shown)[5:-5, 5:-5] - start[5:-5, 5:-5]).max() <= 2
     box = canvas.bounding_box()
@@ -155,11 +158,11 @@ def test_arms_are_laid_over_each_other_turned_and_brought_back(browser: Any, pos
     distance = "document.querySelector('.scene').shown.distance"
     near = shown.page.evaluate(distance)
     shown.page.mouse.wheel(0, 300)
-    shown.page.wait_for_function(f"{distance} > {near}")
+    shown.until(f"{distance} > {near}")
     far = shown.page.evaluate(distance)
     canvas.blur()
     shown.page.mouse.wheel(0, 300)  # scrolls the page
-    shown.page.wait_for_function("window.scrollY > 0")
+    shown.until("window.scrollY > 0")
     assert shown.page.evaluate(distance) == far
     over = shown.page.get_by_role("button", name="Over each other")
     over.click()
@@ -173,7 +176,7 @@ def test_without_films_the_step_goes_on_by_itself(browser: Any, posed: Posed) ->
     step = "Number(document.querySelector('.scene canvas').dataset.step)"
     before = shown.page.evaluate(step)
     shown.page.get_by_role("button", name="Play", exact=True).click()
-    shown.page.wait_for_function(f"{step} > {before} + 5")
+    shown.until(f"{step} > {before} + 5")
     shown.page.get_by_role("button", name="Pause", exact=True).click()
     shown.page.get_by_role("button", name="Play", exact=True).wait_for()
 
