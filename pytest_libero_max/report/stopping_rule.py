@@ -7,6 +7,7 @@ So its decision is the same for any number of workers, whatever finishes first.
 from __future__ import annotations
 
 import importlib
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -227,3 +228,18 @@ def watched_by(
         if place.item_id in found:
             rule.after(found[place.item_id])
     return rule.watched()
+
+
+def level_of(name: str, arguments: str) -> float:
+    """Return the level that a sequential rule is given, 0.05 where it is given none.
+
+    Raises:
+        ValueError: It is not above 0 and up to 0.5.
+    """
+    try:
+        level = float(arguments or 0.05)
+    except ValueError:
+        level = math.nan
+    if not 0 < level <= 0.5:
+        raise ValueError(f"expected {name}:LEVEL, a level above 0 and up to 0.5, for example {name}:0.05")
+    return level

@@ -15,11 +15,9 @@ from pytest_libero_max.report.gate_rule import GateRule, Watch
 from pytest_libero_max.report.gates import QUANTITIES, Gate
 from pytest_libero_max.report.measured import number
 from pytest_libero_max.report.report_document import Watched
-from pytest_libero_max.report.stopping_rule import Declared
+from pytest_libero_max.report.stopping_rule import Declared, level_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
-
-_LEVEL = 0.05
 
 _OF_ITS_OWN = 0.8
 """Part of the level for the quantity of a gate; the rest is shared by the counts that it needs beside."""
@@ -60,14 +58,7 @@ class Anytime(GateRule):
     """
 
     def __init__(self, arguments: str) -> None:
-        try:
-            self.level: float = float(arguments or _LEVEL)
-        except ValueError:
-            self.level = math.nan
-        if not 0 < self.level <= 0.5:
-            raise ValueError(
-                "expected anytime:LEVEL, a level above 0 and up to 0.5, for example anytime:0.05"
-            )
+        self.level: float = level_of("anytime", arguments)
 
     def check(self, declared: Declared) -> str | None:
         super().check(declared)

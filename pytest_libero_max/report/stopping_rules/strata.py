@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.gates import Gate
-from pytest_libero_max.report.stopping_rule import Declared, StoppingRule
+from pytest_libero_max.report.stopping_rule import Declared, StoppingRule, level_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.sequential import log_evidence_of_change, log_evidence_over_strata
-
-_LEVEL = 0.05
 
 
 class Strata(StoppingRule):
@@ -28,12 +26,7 @@ class Strata(StoppingRule):
     """
 
     def __init__(self, arguments: str) -> None:
-        try:
-            self.level: float = float(arguments or _LEVEL)
-        except ValueError:
-            self.level = math.nan
-        if not 0 < self.level <= 0.5:
-            raise ValueError("expected strata:LEVEL, a level above 0 and up to 0.5, for example strata:0.05")
+        self.level: float = level_of("strata", arguments)
 
     def check(self, declared: Declared) -> str | None:
         if declared.order.seed is None:
