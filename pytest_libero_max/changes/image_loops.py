@@ -7,6 +7,7 @@ padded with the edge's pixels, so that no inner loop has a border.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -17,40 +18,50 @@ from numba.extending import intrinsic
 from pytest_libero_max.worlds.compiling import compiled
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _add_mixed(typing_context: Any, total: Any, at: Any, line: Any, start: Any, p: Any, q: Any) -> Any:
-    """Add ``p`` times four numbers of ``line`` plus ``q`` times the next four to four of ``total``.
+def _mixture(lanes: int, adds: bool) -> Any:
+    """Return what puts ``p * numbers[start:] + q * numbers[other:]`` into ``out[at:]``, or adds it.
 
     Written as vectors, because Numba does not join neighbouring operations into them.
     """
-    signature = types.void(total, at, line, start, p, q)
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        four = ir.VectorType(ir.DoubleType(), 4)
+    @intrinsic  # type: ignore[untyped-decorator]
+    def mixture(
+        typing_context: Any, out: Any, at: Any, numbers: Any, start: Any, other: Any, p: Any, q: Any
+    ) -> Any:
+        signature = types.void(out, at, numbers, start, other, p, q)
 
-        def place(array: int, offset: Any) -> Any:
-            data = context.make_array(signature.args[array])(context, builder, values[array]).data
-            return builder.bitcast(builder.gep(data, [offset]), four.as_pointer())
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            vector = ir.VectorType(ir.DoubleType(), lanes)
 
-        def spread(value: Any) -> Any:
-            one = builder.insert_element(
-                ir.Constant(four, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+            def place(array: int, offset: Any) -> Any:
+                data = context.make_array(signature.args[array])(context, builder, values[array]).data
+                return builder.bitcast(builder.gep(data, [offset]), vector.as_pointer())
+
+            def spread(value: Any) -> Any:
+                zero = ir.Constant(ir.IntType(32), 0)
+                one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, zero)
+                return builder.shuffle_vector(
+                    one, one, ir.Constant(ir.VectorType(ir.IntType(32), lanes), [0] * lanes)
+                )
+
+            def load(pointer: Any) -> Any:
+                return builder.load(pointer, align=8)
+
+            mixed = builder.fadd(
+                builder.fmul(load(place(2, values[3])), spread(values[5])),
+                builder.fmul(load(place(2, values[4])), spread(values[6])),
             )
-            return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), 4), [0] * 4))
+            goal = place(0, values[1])
+            builder.store(builder.fadd(load(goal), mixed) if adds else mixed, goal, align=8)
+            return context.get_dummy_value()
 
-        def load(pointer: Any) -> Any:
-            return builder.load(pointer, align=8)
+        return signature, generate
 
-        left = place(2, values[3])
-        right = place(2, builder.add(values[3], ir.Constant(values[3].type, 4)))
-        mixed = builder.fadd(
-            builder.fmul(load(left), spread(values[4])), builder.fmul(load(right), spread(values[5]))
-        )
-        goal = place(0, values[1])
-        builder.store(builder.fadd(load(goal), mixed), goal, align=8)
-        return context.get_dummy_value()
+    return mixture
 
-    return signature, generate
+
+_set_four = _mixture(4, adds=False)
+_add_eight = _mixture(8, adds=True)
 
 
 @compiled
@@ -156,6 +167,10 @@ def symmetric(image: Any, weights: Any, blurred: Any) -> None:
             k += 1
 
 
+_ROWS, _COLUMNS = 4, 64
+"""Rows and columns that :func:`zoomed` adds up together, in memory that the nearest cache holds."""
+
+
 @compiled
 def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, mean: Any) -> None:
     """Write the mean of ``image`` and of its bilinear enlargements, added in their order.
@@ -166,37 +181,52 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, 
         parts: (F, H) float64: the lower one's share.
         left: (F, W) int64: the left of the two columns that each column mixes.
         right: (F, W) float64: the right one's share.
-        wide: (H, W + 1, 4) float64, which is written over.
+        wide: (H, W + 1, 4) float64, C-contiguous, which is written over.
         mean: (H, W, 3) float64, the result.
     """
     height, width = image.shape[:2]
     factors = lows.shape[0]
-    # A pixel is four numbers, one machine vector; the fourth stays 0.
+    # A pixel is four numbers, one machine vector; the fourth stays 0. Pixels above each other stand together.
     for y in range(height):
         for x in range(width + 1):
             for c in range(3):
                 wide[y, x, c] = image[y, min(x, width - 1), c]
             wide[y, x, 3] = 0.0
-    rows = wide.reshape(height, (width + 1) * 4)
-    mixed = np.empty((width + 1) * 4)
-    total = np.empty(width * 4)
-    for y in range(height):
-        total[:] = rows[y][: width * 4]
-        for n in range(factors):
-            low = lows[n, y]
-            share = parts[n, y]
-            rest = 1.0 - share
-            first, last = left[n, 0] * 4, (left[n, width - 1] + 2) * 4
-            a, b, out = rows[low][first:last], rows[min(low + 1, height - 1)][first:last], mixed[first:last]
-            for i in range(out.size):
-                out[i] = a[i] * rest + b[i] * share
-            columns, shares = left[n], right[n]
-            for x in range(width):
-                q = shares[x]
-                _add_mixed(total, 4 * x, mixed, 4 * columns[x], 1.0 - q, q)
-        for x in range(width):
-            for c in range(3):
-                mean[y, x, c] = total[4 * x + c] / (factors + 1)
+    pixels, line, column = wide.reshape(wide.size), 4 * (width + 1), 4 * _ROWS
+    mixed, total = np.empty((_COLUMNS + 2) * column), np.empty(_COLUMNS * column)
+    for y in range(0, height, _ROWS):
+        for begin in range(0, width, _COLUMNS):
+            end = min(begin + _COLUMNS, width)
+            for r in range(_ROWS):
+                for x in range(begin, end):
+                    for c in range(4):
+                        total[(x - begin) * column + 4 * r + c] = wide[min(y + r, height - 1), x, c]
+            for n in range(factors):
+                first, last = left[n, begin], left[n, end - 1] + 2
+                for r in range(_ROWS):
+                    row = min(y + r, height - 1)
+                    low, q = lows[n, row], parts[n, row]
+                    p, above, below = 1.0 - q, low * line, min(low + 1, height - 1) * line
+                    for x in range(first, last):
+                        _set_four(
+                            mixed, (x - first) * column + 4 * r, pixels, above + 4 * x, below + 4 * x, p, q
+                        )
+                for x in range(begin, end):
+                    q, start = right[n, x], (left[n, x] - first) * column
+                    for part in range(0, column, 8):
+                        _add_eight(
+                            total,
+                            (x - begin) * column + part,
+                            mixed,
+                            start + part,
+                            start + column + part,
+                            1.0 - q,
+                            q,
+                        )
+            for r in range(min(_ROWS, height - y)):
+                for x in range(begin, end):
+                    for c in range(3):
+                        mean[y + r, x, c] = total[(x - begin) * column + 4 * r + c] / (factors + 1)
 
 
 @compiled
@@ -241,24 +271,131 @@ def diamonds(side: Any, rough: Any, decay: Any, draws: Any) -> Any:
 
 
 @compiled
-def swap(order: Any, width: Any, reach: Any, down: Any, across: Any) -> None:
+def swap(order: Any, width: Any, reach: Any, shifts: Any) -> None:
     """Swap every place of ``order``, from the last row and column, with its partner, in place.
 
     Args:
-        order: (H * W,) int64.
+        order: (H * W,) integers.
         width: W.
         reach: Distance from the edge of the places that are visited.
-        down: Rows from a place to its partner, one for each place.
-        across: Columns likewise.
+        shifts: (2, places) rows and columns from a place to its partner, plus ``reach``.
     """
     height = order.size // width
     n = 0
     for y in range(height - reach, reach, -1):
         for x in range(width - reach, reach, -1):
             place = y * width + x
-            partner = place + down[n] * width + across[n]
+            partner = place + (shifts[0, n] - reach) * width + shifts[1, n] - reach
             order[place], order[partner] = order[partner], order[place]
             n += 1
+
+
+@compiled
+def words(key: Any, position: Any, drawn: Any) -> Any:
+    """Fill ``drawn`` (uint32) with the next numbers of the Mersenne Twister, as ``RandomState`` draws them.
+
+    Args:
+        key: (624,) uint32 of the state, which is written over.
+        position: Position in ``key``.
+        drawn: uint32, the result.
+
+    Returns:
+        The position after them.
+    """
+    n, count = 0, drawn.size
+    while n < count:
+        if position == 624:
+            for k in range(227):
+                key[k] = key[k + 397] ^ _twist(key[k], key[k + 1])
+            for k in range(227, 623):
+                key[k] = key[k - 227] ^ _twist(key[k], key[k + 1])
+            key[623] = key[396] ^ _twist(key[623], key[0])
+            position = 0
+        more = min(624 - position, count - n)
+        old, new = key[position : position + more], drawn[n : n + more]
+        for i in range(more):
+            y = old[i]
+            y ^= y >> np.uint32(11)
+            y ^= (y << np.uint32(7)) & np.uint32(0x9D2C5680)
+            y ^= (y << np.uint32(15)) & np.uint32(0xEFC60000)
+            new[i] = y ^ (y >> np.uint32(18))
+        n += more
+        position += more
+    return position
+
+
+@compiled
+def choices(key: Any, position: Any, work: Any, most: Any, drawn: Any) -> Any:
+    """Fill ``drawn`` with whole numbers of 0 to ``most``, as ``RandomState.randint`` draws them.
+
+    Args:
+        key: As in :func:`words`.
+        position: As in :func:`words`.
+        work: uint32, as long as ``drawn``; written over.
+        most: The largest of them, below 2 to the power of 16.
+        drawn: (N,) uint16, the result.
+
+    Returns:
+        The position after them.
+    """
+    mask = np.uint32(1)
+    while mask < most:
+        mask = (mask << np.uint32(1)) | np.uint32(1)
+    n = 0
+    while n < drawn.size:  # never more words than are left to draw, so that none is wasted
+        some = work[: drawn.size - n]
+        position = words(key, position, some)
+        for i in range(some.size):
+            drawn[n] = some[i] & mask
+            n += (some[i] & mask) <= most
+    return position
+
+
+@compiled
+def normals(key: Any, position: Any, work: Any, keep: Any, drawn: Any) -> Any:
+    """Fill ``drawn`` with standard normal numbers, as ``RandomState.normal`` draws them.
+
+    Args:
+        key: As in :func:`words`.
+        position: As in :func:`words`.
+        work: uint32, twice as long as ``drawn``; written over.
+        keep: False where only the stream is to go on, past as many numbers as ``drawn`` has.
+        drawn: (2 * N,) float64, the result.
+
+    Returns:
+        The position after them.
+    """
+    n, unit = 0, 9007199254740992.0
+    while n < drawn.size:  # never more words than are certain to be needed
+        some = work[: 2 * (drawn.size - n)]
+        position = words(key, position, some)
+        for i in range(0, some.size, 4):
+            x = 2.0 * (((some[i] >> 5) * 67108864.0 + (some[i + 1] >> 6)) / unit) - 1.0
+            y = 2.0 * (((some[i + 2] >> 5) * 67108864.0 + (some[i + 3] >> 6)) / unit) - 1.0
+            square = x * x + y * y
+            if 0.0 < square < 1.0:
+                if keep:
+                    scale = math.sqrt(-2.0 * math.log(square) / square)
+                    drawn[n], drawn[n + 1] = scale * y, scale * x
+                n += 2
+    return position
+
+
+@compiled
+def noisy(image: Any, noise: Any, deviation: Any) -> Any:
+    """Return uint8 ``image`` plus ``noise`` times ``deviation``, rounded to float32, clipped and cut.
+
+    Args:
+        image: uint8, C-contiguous.
+        noise: float64 of as many values.
+        deviation: Factor of the noise.
+    """
+    result = np.empty(image.shape, np.uint8)
+    old, new = image.ravel(), result.ravel()
+    for i in range(new.size):
+        value = np.float32(old[i] + noise[i] * deviation)
+        new[i] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))
+    return result
 
 
 @compiled
@@ -300,3 +437,9 @@ def _pad(line: Any, row: Any, radius: Any, channels: Any) -> None:
 @compiled
 def _shifted(padded: Any, y: Any, start: Any, length: Any) -> Any:
     return padded[min(max(y, 0), padded.shape[0] - 1)][start : start + length]
+
+
+@compiled
+def _twist(high: Any, low: Any) -> Any:
+    y = (high & np.uint32(0x80000000)) | (low & np.uint32(0x7FFFFFFF))
+    return (y >> np.uint32(1)) ^ ((y & np.uint32(1)) * np.uint32(0x9908B0DF))

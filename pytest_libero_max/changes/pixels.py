@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from statistics import NormalDist
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,20 +99,23 @@ class PublishedSensorCorruption:
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         if camera not in CAMERAS:
             return image  # the authors' observations hold no other
+        from pytest_libero_max.changes import image_loops
+
         height, width = image.shape[:2]
         side = math.sqrt(self.occlusion_fraction)
         tall, wide = max(1, round(height * side)), max(1, round(width * side))
-        room = (height - tall + 1, width - wide + 1) if self.occlusion_fraction else None
-        noise, corner, _ = _published_draws(
-            (self.seed + step) % 2**32, self.noise_std, image.shape, room, CAMERAS.index(camera)
-        )
-        work = image.astype(np.float32)
-        if noise is not None:
-            work += noise
+        stream = np.random.RandomState((self.seed + step) % 2**32)
+        noise, top, left = np.empty(0), 0, 0
+        for name in CAMERAS[: CAMERAS.index(camera) + 1]:
+            if self.noise_std:
+                noise = _normals(stream, image.size, name == camera)
+            if self.occlusion_fraction:
+                top, left = stream.randint(height - tall + 1), stream.randint(width - wide + 1)
+        corrupted = image.copy()
+        if self.noise_std:
+            corrupted = image_loops.noisy(np.ascontiguousarray(image), noise, self.noise_std)
         if self.occlusion_fraction:
-            top, left = corner
-            work[top : top + tall, left : left + wide] = 0.0
-        corrupted: Image = work.clip(0, 255).astype(np.uint8)
+            corrupted[top : top + tall, left : left + wide] = 0
         return corrupted
 
 
@@ -168,12 +171,10 @@ class Glare:
     radius: float
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
-        height, width = image.shape[:2]
-        rows, columns = np.mgrid[0:height, 0:width]
-        away = ((columns + 0.5) / width - self.across) ** 2 + ((rows + 0.5) / height - self.up) ** 2
-        veil = self.strength * np.exp(-away / self.radius**2)[..., None]
-        veiled: Image = np.rint(image + (255.0 - image) * veil).astype(np.uint8)
-        return veiled
+        veiled = np.subtract(255.0, image, out=image_corruptions.scratch("work", image.shape))
+        veiled *= _veil(self, *image.shape[:2])
+        veiled += image
+        return np.rint(veiled, out=veiled).astype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -316,6 +317,15 @@ class SetGlare(ManifestFields):
         return self if s == 1.0 else replace(self, strength=self.strength * s)
 
 
+@lru_cache(maxsize=2)
+def _veil(glare: Glare, height: int, width: int) -> image_corruptions.Picture:
+    """Return the share of white in every pixel, (height, width, 1)."""
+    rows, columns = np.mgrid[0:height, 0:width]
+    away = ((columns + 0.5) / width - glare.across) ** 2 + ((rows + 0.5) / height - glare.up) ** 2
+    veil: image_corruptions.Picture = glare.strength * np.exp(-away / glare.radius**2)[..., None]
+    return veil
+
+
 @cache
 def _normal_quantiles() -> NDArray[np.float32]:
     """Return the 65,536 equally likely values that stand for a standard normal variable."""
@@ -323,24 +333,12 @@ def _normal_quantiles() -> NDArray[np.float32]:
     return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)
 
 
-@lru_cache(maxsize=len(CAMERAS))
-def _published_draws(
-    seed: int, noise_std: float, shape: tuple[int, ...], room: tuple[int, int] | None, camera: int
-) -> tuple[NDArray[np.float64] | None, tuple[int, int], dict[str, Any]]:
-    """Return a camera's noise and rectangle's corner, and the stream's state after them.
+def _normals(stream: np.random.RandomState, count: int, keep: bool) -> image_corruptions.Picture:
+    """Return ``count`` standard normal numbers; with ``keep`` off, what they are is left open."""
+    if count % 2:  # NumPy draws them in twos and keeps the other one
+        return stream.standard_normal(count)
+    from pytest_libero_max.changes import image_loops
 
-    The draws of the cameras before it are made, or taken from the last request for them.
-
-    Args:
-        seed: Seed of the stream.
-        noise_std: Standard deviation of the noise, grey levels.
-        shape: (H, W, 3) of every camera's image.
-        room: Numbers of rows and of columns at which the rectangle can begin; None without a rectangle.
-        camera: Index in :data:`CAMERAS`.
-    """
-    stream = np.random.RandomState(seed)
-    if camera:
-        stream.set_state(_published_draws(seed, noise_std, shape, room, camera - 1)[2])
-    noise = stream.normal(0.0, noise_std, size=shape) if noise_std else None
-    corner = (stream.randint(room[0]), stream.randint(room[1])) if room else (0, 0)
-    return noise, corner, stream.get_state(legacy=False)
+    drawn = image_corruptions.scratch("work", (count,))
+    image_corruptions.spend(stream, image_loops.normals, 2 * count, keep, drawn)
+    return drawn
