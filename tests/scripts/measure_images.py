@@ -10,7 +10,7 @@ has a line for each image; a scene that it has is not measured again. Processor 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from time import process_time
@@ -65,17 +65,19 @@ class Drawn(NamedTuple):
     unequal: int
 
 
-def cases_of(suite: str, task: int) -> Iterator[Case]:
-    """Yield the cases of a scene: the events that it can host, from different states, variants in turn."""
-    for number, event in enumerate(BENCHMARK_EVENTS):
+def cases_of(suite: str, task: int, events: Sequence[str]) -> Iterator[Case]:
+    """Yield the cases of a scene: those events that it can host, from different states, variants in turn."""
+    for number, event in enumerate(events):
         if eligible(event, task_metadata(suite, task)):
             yield make_case(event, suite, task, number, variant=VARIANTS[(task + number) % 2])
 
 
-def measure(substrate: LiberoSubstrate, suite: str, task: int, size: int) -> Iterator[Drawn]:
+def measure(
+    substrate: LiberoSubstrate, suite: str, task: int, size: int, events: Sequence[str] = BENCHMARK_EVENTS
+) -> Iterator[Drawn]:
     """Yield every image of a scene."""
     rng = np.random.default_rng(task)
-    for case in cases_of(suite, task):
+    for case in cases_of(suite, task, events):
         world = substrate.world(case)
         begin_world(case, world)
         for _ in range(_STEPS):

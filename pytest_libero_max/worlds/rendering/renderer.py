@@ -251,6 +251,16 @@ class Renderer:
             self._uploaded.release()
             self._uploaded = self._scene = None
 
+    def rest(self, *, shareable: bool) -> None:
+        """Let what is uploaded go: now, or if another renderer can share it, where that one cannot after all.
+
+        It is uploaded again if it is used again.
+        """
+        if self._uploaded is not None:
+            self._uploaded.resting = True
+            if not shareable:
+                self._uploaded.free()
+
     def _prepare(self, size: int) -> None:
         _shared_context().make_current()
         shadows = bool(self._model.light_castshadow.any())
@@ -301,6 +311,8 @@ class _Uploaded:
         context: MuJoCo's handle of them.
         model: The model that asked last; earlier ones need not stay in memory.
         users: Renderers that draw with it; without any it is freed.
+        resting: True if the next upload may free it.
+        freed: True if it cannot be used any more.
 
     Args:
         model: Model with the textures and meshes.
@@ -315,6 +327,7 @@ class _Uploaded:
         self.model, self._side, self._shadows = model, side, shadows
         self._shapes = _shapes(model)
         self.users = 0
+        self.resting = self.freed = False
         try:
             self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except mujoco.FatalError as error:
@@ -324,7 +337,7 @@ class _Uploaded:
 
     def suits(self, size: int, shadows: bool) -> bool:
         """Return True if images of this size can be drawn, with shadows or without."""
-        return size <= self._side and shadows == self._shadows
+        return not self.freed and size <= self._side and shadows == self._shadows
 
     def holds(self, model: mujoco.MjModel) -> bool:
         """Return True if a model has these very textures, meshes and other shapes."""
@@ -334,6 +347,7 @@ class _Uploaded:
 
     def use_for(self, model: mujoco.MjModel) -> None:
         """Draw a model next."""
+        self.resting = False
         # The framebuffer in use belongs to the GL context, and another renderer may have drawn last.
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
         # The context keeps its own copy of which texture a material shows, and how.
@@ -345,6 +359,12 @@ class _Uploaded:
         """Count one renderer less, and free the buffers without any."""
         self.users -= 1
         if self.users == 0:
+            self.free()
+
+    def free(self) -> None:
+        """Free the buffers."""
+        if not self.freed:
+            self.freed = True
             _in_use.discard(self)
             _shared_context().make_current()
             self.context.free()
@@ -394,6 +414,8 @@ def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
     known = (one for one in _in_use if one.suits(side, shadows) and one.holds(model))
     found = next(known, None)
     if found is None:
+        for one in [one for one in _in_use if one.resting]:
+            one.free()
         found = _Uploaded(model, side, shadows)
         _in_use.add(found)
     found.model = model
