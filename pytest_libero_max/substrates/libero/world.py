@@ -388,6 +388,11 @@ class LiberoWorld(RobosuiteWorld):
         # A look out of turn is taken from the environment inside the wrapper, which adds the noise.
         return image if self._noise is None or self._fresh else self._noise(image, camera, self._steps)
 
+    def rest(self, *, shareable: bool) -> None:
+        """See :meth:`.Renderer.rest`."""
+        if self._renderer is not None:
+            self._renderer.rest(shareable=shareable)
+
     def close(self) -> None:
         # robosuite would collect the garbage of the whole process here; it is collected once, before a build.
         self._env.sim = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Image, ImageSize, height_and_width
 from pytest_libero_max.worlds.rendering import egl, gl
-from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part, hulls_of
+from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part, Pieces, hulls_of
 
 gl.prepare()
 
@@ -41,7 +42,7 @@ A narrower one leaves the map's own texels as shadows on everything."""
 _LEFT_OUT = 5
 """Geom group of what is out of view, while a scene is put together."""
 
-_SHAPE_WORK, _IMAGE_WORK = 1000, 15000
+_SHAPE_WORK, _IMAGE_WORK = 1000, 22000
 """Triangles in whose time a box is drawn, and an image that shows nothing."""
 
 _OUT_OF_VIEW = 0.4
@@ -83,7 +84,7 @@ class Renderer:
         self.thrifty = thrifty
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
-        self._hulls: NDArray[np.object_] | None = None  # found when they are needed
+        self._close: tuple[NDArray[np.object_], Pieces] | None = None  # found when they are needed
 
     def render(self, camera: str, size: ImageSize) -> Image:
         """One image, (H, W, 3) uint8, freshly allocated, bottom row first.
@@ -150,11 +151,27 @@ class Renderer:
         reflectors = self._reflectors(geoms) if self._reflections else _NOTHING
         if reflectors.size and (reflectors.size > 1 or model.geom_type[reflectors] != _BOX):
             return all_of_it
-        if self._hulls is None:
-            self._hulls = hulls_of(model)
-        boxes = Boxes.of(model, data, geoms, self._hulls)
+        if self._close is None:
+            self._close = hulls_of(model), Pieces.of(model)
+        hulls, pieces = self._close
+        boxes = Boxes.of(model, data, geoms, hulls)
         screens = boxes.chosen(self._are_screens(geoms) & boxes.wide)
-        seen = _seen(boxes, screens, camera.image, camera)
+        screens = screens.chosen(screens.may_be_in(camera.image, camera))
+        here = np.flatnonzero(np.isin(pieces.geoms, geoms))
+        places = np.searchsorted(geoms, pieces.geoms[here])
+
+        def among(found: NDArray[np.bool_], test: Callable[[Boxes], NDArray[np.bool_]]) -> NDArray[np.bool_]:
+            """Return which of the geoms found remain where large ones are looked at piece by piece."""
+            closer = np.flatnonzero(found[places])
+            remaining = test(pieces.placed(here[closer], data))
+            found[places[closer]] = False
+            found[places[closer[remaining]]] = True
+            return found
+
+        def seen_in(part: Part) -> NDArray[np.bool_]:
+            return among(_seen(boxes, screens, part, camera), lambda some: _seen(some, screens, part, camera))
+
+        seen = seen_in(camera.image)
         direct = _Pass(geoms[~seen], False)
         if not reflectors.size or reflectors[0] in direct.unseen:
             return [direct]
@@ -169,7 +186,8 @@ class Renderer:
         if left >= right or bottom >= top:
             return [direct]
         shown = boxes.mirrored(mirror).may_be_in(part, camera)
-        near = _seen(boxes, screens, part, camera)
+        shown = among(shown, lambda some: some.mirrored(mirror).may_be_in(part, camera))
+        near = seen_in(part)
         work = self._work(geoms)
         again = work[near].sum() + _OUT_OF_VIEW * work[shown ^ near].sum() + _IMAGE_WORK
         if again > _OUT_OF_VIEW * work[shown ^ seen].sum():
@@ -233,6 +251,16 @@ class Renderer:
             self._uploaded.release()
             self._uploaded = self._scene = None
 
+    def rest(self, *, shareable: bool) -> None:
+        """Let what is uploaded go: now, or if another renderer can share it, where that one cannot after all.
+
+        It is uploaded again if it is used again.
+        """
+        if self._uploaded is not None:
+            self._uploaded.resting = True
+            if not shareable:
+                self._uploaded.free()
+
     def _prepare(self, size: int) -> None:
         _shared_context().make_current()
         shadows = bool(self._model.light_castshadow.any())
@@ -283,6 +311,8 @@ class _Uploaded:
         context: MuJoCo's handle of them.
         model: The model that asked last; earlier ones need not stay in memory.
         users: Renderers that draw with it; without any it is freed.
+        resting: True if the next upload may free it.
+        freed: True if it cannot be used any more.
 
     Args:
         model: Model with the textures and meshes.
@@ -297,6 +327,7 @@ class _Uploaded:
         self.model, self._side, self._shadows = model, side, shadows
         self._shapes = _shapes(model)
         self.users = 0
+        self.resting = self.freed = False
         try:
             self.context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except mujoco.FatalError as error:
@@ -306,7 +337,7 @@ class _Uploaded:
 
     def suits(self, size: int, shadows: bool) -> bool:
         """Return True if images of this size can be drawn, with shadows or without."""
-        return size <= self._side and shadows == self._shadows
+        return not self.freed and size <= self._side and shadows == self._shadows
 
     def holds(self, model: mujoco.MjModel) -> bool:
         """Return True if a model has these very textures, meshes and other shapes."""
@@ -316,6 +347,7 @@ class _Uploaded:
 
     def use_for(self, model: mujoco.MjModel) -> None:
         """Draw a model next."""
+        self.resting = False
         # The framebuffer in use belongs to the GL context, and another renderer may have drawn last.
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.context)
         # The context keeps its own copy of which texture a material shows, and how.
@@ -327,6 +359,12 @@ class _Uploaded:
         """Count one renderer less, and free the buffers without any."""
         self.users -= 1
         if self.users == 0:
+            self.free()
+
+    def free(self) -> None:
+        """Free the buffers."""
+        if not self.freed:
+            self.freed = True
             _in_use.discard(self)
             _shared_context().make_current()
             self.context.free()
@@ -376,6 +414,8 @@ def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
     known = (one for one in _in_use if one.suits(side, shadows) and one.holds(model))
     found = next(known, None)
     if found is None:
+        for one in [one for one in _in_use if one.resting]:
+            one.free()
         found = _Uploaded(model, side, shadows)
         _in_use.add(found)
     found.model = model

@@ -1,8 +1,8 @@
 """Which geoms may show in a part of an image, so that the others need not be drawn.
 
 A geom is drawn triangle by triangle, each by itself, so leaving one out changes no pixel where all of it lies
-beside the image or behind something opaque. What is decided here is decided for boxes around geoms, and with
-margins far above what a processor or a GPU rounds.
+beside the image or behind something opaque. What is decided here is decided for boxes around geoms and around
+pieces of large meshes, and with margins far above what a processor or a GPU rounds.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ _SCREEN_M = 0.2
 """Half the length of a side from which on the face of a box may hide others, as that of a table does."""
 
 _MANY_TRIANGLES = 2000
+_PIECE_M, _PIECES_ALONG = 0.06, 12
+"""Least side of a piece of a mesh, about, and the most pieces along it."""
+
 _MESH = 7
 """``mjGEOM_MESH``."""
 
@@ -241,6 +244,80 @@ def hulls_of(model: Any) -> NDArray[np.object_]:
         corners = _hulls[key]
         found[geom] = None if corners is None else corners - model.geom_aabb[geom, :3]
     return found
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Boxes that cover the meshes of many triangles, each of them the boxes of its pieces.
+
+    Attributes:
+        geoms: (n,) the geom that each piece is of.
+        centres: (n, 3) m, in the frame of the geom.
+        half_m: (n, 3) half the length of the sides, m.
+    """
+
+    geoms: NDArray[np.intp]
+    centres: Array
+    half_m: Array
+
+    @classmethod
+    def of(cls, model: Any) -> Pieces:
+        """Return the pieces of a model's meshes."""
+        meshes = np.flatnonzero(model.geom_type == _MESH)
+        geoms = meshes[model.mesh_facenum[model.geom_dataid[meshes]] >= _MANY_TRIANGLES]
+        found = [_covered(model, model.geom_dataid[geom]) for geom in geoms]
+        low, high = np.concatenate([np.empty((0, 2, 3)), *found]).swapaxes(0, 1)
+        owners = np.repeat(geoms, [len(boxes) for boxes in found])
+        return cls(owners, (low + high) / 2, (high - low) / 2)
+
+    def placed(self, which: NDArray[Any], data: Any) -> Boxes:
+        """Return some of the boxes where their geoms are, which is up to date."""
+        geoms = self.geoms[which]
+        rotations = data.geom_xmat[geoms].reshape(-1, 3, 3)
+        offsets = (rotations @ self.centres[which, :, None])[..., 0]
+        nothing = np.full(geoms.size, None, np.object_)
+        return Boxes(data.geom_xpos[geoms] + offsets, rotations, self.half_m[which], nothing)
+
+
+_boxes: dict[bytes, Array] = {}
+
+
+def _covered(model: Any, mesh: int) -> Array:
+    """Return the lowest and the highest corner of boxes that cover a mesh, (n, 2, 3) m, in its frame."""
+    vertices, faces = (
+        values[first[mesh] : first[mesh] + count[mesh]]
+        for values, first, count in (
+            (model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum),
+            (model.mesh_face, model.mesh_faceadr, model.mesh_facenum),
+        )
+    )
+    key = blake2b(vertices.tobytes() + faces.tobytes(), digest_size=16).digest()
+    if key not in _boxes:
+        _boxes[key] = _cover(vertices[faces].astype(np.float64))
+    return _boxes[key]
+
+
+def _cover(triangles: Array) -> Array:
+    """Return the lowest and the highest corner of boxes that cover triangles (n, 3, 3), (k, 2, 3) m.
+
+    Long triangles are cut into quarters, so that each box is small.
+    """
+    side = max(_PIECE_M, np.ptp(triangles, axis=(0, 1)).max() / _PIECES_ALONG)
+    parts = [triangles]
+    while (long := np.ptp(parts[-1], axis=1).max(axis=1) > side).any():
+        a, b, c = parts[-1][long].swapaxes(0, 1)
+        parts[-1] = parts[-1][~long]
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        parts.append(np.concatenate([np.stack(quarter, axis=1) for quarter in quarters]))
+    small = np.concatenate(parts)
+    cells = np.floor(small.mean(axis=1) / side).astype(np.int64)
+    _, which = np.unique(cells, axis=0, return_inverse=True)
+    order = np.argsort(which, kind="stable")
+    firsts = np.flatnonzero(np.diff(which[order], prepend=-1))
+    low = np.minimum.reduceat(small.min(axis=1)[order], firsts)
+    high = np.maximum.reduceat(small.max(axis=1)[order], firsts)
+    return np.stack([low, high], axis=1)
 
 
 def _hull(points: NDArray[np.float32]) -> Array | None:

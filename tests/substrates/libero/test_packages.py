@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -25,6 +26,8 @@ from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
 from pytest_libero_max.worlds.rendering.renderer import Renderer
 from tests.construction.test_official import MANIFEST, OFFICIAL
+from tests.scripts import measure_images
+from tests.scripts.measure_memory import resident_bytes
 from tests.substrates.libero.made_up import pro_case
 
 PACKAGE = Path(pytest_libero_max.__file__).parent
@@ -90,6 +93,34 @@ def test_two_seeds_of_a_task_share_an_upload_and_leave_out_nothing_visible(
     world.model.tex_data[-1] ^= 1
     assert not uploaded.holds(world.model)
     plain.close()
+    substrate.close()
+
+
+@pytest.mark.parametrize(
+    ("suite", "task", "events"),
+    [
+        ("libero_10", 2, ("camera_shift", "target_relocation")),
+        ("libero_spatial", 0, ("obstacle_insertion",)),
+        ("libero_object", 1, ("distractor_burst", "visual_theme_switch")),
+    ],
+)
+def test_images_before_and_after_an_event_leave_out_nothing_visible(
+    suite: str, task: int, events: tuple[str, ...]
+) -> None:
+    """``tests.scripts.measure_images`` does it for all scenes and events."""
+    substrate = LiberoSubstrate()
+    drawn = list(measure_images.measure(substrate, suite, task, 96, events))
+    substrate.close()
+    assert {one.event for one in drawn} == {*events, measure_images.ALTERED}
+    assert [one for one in drawn if one.unequal] == []
+
+
+def test_a_built_scene_leaves_no_copy_of_its_textures_and_meshes_in_mujoco() -> None:
+    substrate = LiberoSubstrate()
+    substrate.task_world("libero_object", 2, 0)
+    before = resident_bytes()
+    mujoco.MjModel.from_xml_string("<mujoco/>")  # in the place of the last document
+    assert before - resident_bytes() < 50e6
     substrate.close()
 
 

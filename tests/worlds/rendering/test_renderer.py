@@ -139,6 +139,27 @@ def test_scenes_with_the_same_textures_and_meshes_share_them() -> None:
     assert uploads() == before
 
 
+@pytest.mark.parametrize("shareable", [True, False])
+def test_what_rests_goes_where_another_scene_shares_nothing(shareable: bool) -> None:
+    before = uploads()
+    one, _ = drawer()
+    other, _ = drawer(red=0.5)
+    shown = one.render("eye", 64)
+    one.rest(shareable=shareable)
+    assert uploads() == before + shareable
+    other.render("eye", 64)
+    assert uploads() == before + 1
+    assert np.array_equal(one.render("eye", 64), shown)
+    assert uploads() == before + 2
+    one.rest(shareable=True)
+    same, _ = drawer(place=0.5)
+    assert np.array_equal(same.render("eye", 64), alone(place=0.5))
+    assert uploads() == before + 2
+    for drawn in (one, other, same):
+        drawn.close()
+    assert uploads() == before
+
+
 def test_a_scene_that_nobody_closes_leaves_nothing_behind() -> None:
     gc.collect()
     before = uploads()

@@ -99,6 +99,17 @@ def test_meshes_that_are_looked_at_more_closely_change_no_pixel(
     assert sum(left_out for *_, left_out, _ in found) > boxes
 
 
+def test_pieces_cover_a_mesh_and_are_small() -> None:
+    rng = np.random.default_rng(0)
+    triangles = rng.uniform(-0.3, 0.3, (60, 3, 3))
+    triangles[30:] = triangles[30:, :1] + rng.uniform(-0.01, 0.01, (30, 3, 3))
+    low, high = visibility._cover(triangles).swapaxes(0, 1)
+    assert (high - low).max() < 3 * visibility._PIECE_M
+    points = np.concatenate([rng.dirichlet(np.ones(3), 200) @ triangle for triangle in triangles])
+    inside = ((points[:, None] >= low - 1e-9) & (points[:, None] <= high + 1e-9)).all(axis=2)
+    assert inside.any(axis=1).all()
+
+
 @pytest.mark.parametrize("how", [{"shadows": True}, {"mirrors": 2}])
 def test_everything_is_drawn_where_shadows_or_a_second_mirror_could_show_it(how: dict[str, Any]) -> None:
     found = drawings(scene(0, **how))
