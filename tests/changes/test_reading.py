@@ -122,6 +122,7 @@ OPTIONAL = {
     },
     "place_camera": {"blend"},
     "offset_arm": {"keep_clear"},
+    "delay_answers": {"latency"},
     "set_lamps": set(VALID["set_lamps"]),
     "cover_entity": {"texture"},
     "corrupt_picture": {"blend"},
