@@ -9,7 +9,7 @@ from pytest_libero_max.changes.inputs import FreezeImages, HideInputs
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import DelayAnswers, Nothing
 from pytest_libero_max.changes.pixels import (
     Brightness,
     CorruptPicture,
@@ -20,6 +20,7 @@ from pytest_libero_max.changes.pixels import (
     SetSensorCorruption,
 )
 from pytest_libero_max.changes.poses import (
+    BumpObject,
     InsertDistractors,
     InsertObstacle,
     MoveObject,
@@ -35,9 +36,11 @@ from pytest_libero_max.changes.robot import OffsetArm, OpenGripper
 __all__ = [
     "OPERATIONS",
     "Brightness",
+    "BumpObject",
     "Change",
     "CorruptPicture",
     "CoverEntity",
+    "DelayAnswers",
     "Evidence",
     "Factor",
     "FreezeImages",

@@ -1,13 +1,17 @@
-"""Changes that leave the world as it is: the empty one, and new seeds for the policy."""
+"""Changes that leave the world as it is: the empty one, new seeds for the policy, and late answers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+from pytest_libero_max.benchmark.latency import Latency
+from pytest_libero_max.benchmark.structs import rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, strength_of
+from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, strength_of
 from pytest_libero_max.worlds.contract import AlterableWorld
+
+_STEPS = rule("steps, for example 4steps or 4steps,sync", pattern=r"^(0|[1-9][0-9]{0,2})steps(,sync)?$(?!\n)")
 
 
 @dataclass(frozen=True)
@@ -41,3 +45,31 @@ class ReseedPolicy(Nothing):
     """
 
     operation: ClassVar[str] = "reseed_policy"
+
+
+@dataclass(frozen=True)
+class DelayAnswers(Nothing):
+    """Leave the world as it is, and let it go on while the policy is asked, from the next query on.
+
+    The runner sees it among the entries that have happened
+    (:meth:`pytest_libero_max.pairing.trajectory.Trajectory.latency_of`).
+
+    Attributes:
+        latency: Time that a query takes, for example ``4steps`` or ``4steps,sync``; None for that of the arm.
+    """
+
+    operation: ClassVar[str] = "delay_answers"
+
+    latency: Annotated[str, _STEPS] | None = None
+
+    def takes(self, usual: Latency) -> Latency:
+        """Return the time that a query takes, given that of the arm."""
+        return usual if self.latency is None else Latency.parse(self.latency)
+
+    def reverted(self, evidence: Evidence) -> DelayAnswers:
+        check_evidence(self, evidence)
+        return DelayAnswers()
+
+    def scaled(self, strength: float) -> Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()

@@ -31,6 +31,8 @@ from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 _FAR_ABOVE_M = 1.0
 
+_Speed = Annotated[float, between(-10.0, 10.0)]
+
 
 @dataclass(frozen=True)
 class MoveObject(ManifestFields):
@@ -89,6 +91,61 @@ class MoveObject(ManifestFields):
         x, y, z = self.delta_position_m
         distance = None if self.distance_m is None else self.distance_m * s
         return replace(self, delta_position_m=(x * s, y * s, z * s), distance_m=distance)
+
+
+@dataclass(frozen=True)
+class BumpObject(ManifestFields):
+    """Give an object a velocity at once, also in the hand, whose grip then stops it within millimetres.
+
+    Attributes:
+        object: The object.
+        velocity_m_s: Added to its linear velocity, world frame.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "bump_object"
+
+    object: Text
+    velocity_m_s: tuple[_Speed, _Speed, _Speed]
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return pose_factors([self.object])
+
+    def apply(self, world: AlterableWorld) -> Evidence:
+        require_in_scene(world, self.operation, "object", self.object)
+        if world.entities[self.object].kind != "object":
+            raise ChangeError.seen(
+                "bump_object.object", self.object, f" is none. {did_you_mean(self.object, _objects(world))}"
+            )
+        before = self._measure(world)
+        if any(self.velocity_m_s):
+            world.push(self.object, self.velocity_m_s)
+        return Evidence(self.operation, tuple(self.factors), before, self._measure(world))
+
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        first = world.model.body(world.entities[self.object].body).dofadr[0]
+        return {
+            **measure_poses(world, [self.object]),
+            "velocity_m_s": world.data.qvel[first : first + 3].tolist(),
+            "fingers": world.fingers_on(self.object),
+        }
+
+    def reverted(self, evidence: Evidence) -> Reversal:
+        """Refuse: the object has moved since.
+
+        Raises:
+            ChangeError: Always.
+        """
+        raise ChangeError(f"{self.operation} cannot be taken back: the object has moved. Leave it out.")
+
+    def scaled(self, strength: float) -> BumpObject:
+        """Return the change with its velocity multiplied by ``strength``."""
+        s = strength_of(self.operation, strength)
+        x, y, z = self.velocity_m_s
+        return replace(self, velocity_m_s=(x * s, y * s, z * s))
 
 
 @dataclass(frozen=True)

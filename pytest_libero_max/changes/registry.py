@@ -18,9 +18,10 @@ from pytest_libero_max.changes.instruction import (
 )
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
-from pytest_libero_max.changes.nothing import Nothing, ReseedPolicy
+from pytest_libero_max.changes.nothing import DelayAnswers, Nothing, ReseedPolicy
 from pytest_libero_max.changes.pixels import CorruptPicture, SetGlare, SetSensorCorruption
 from pytest_libero_max.changes.poses import (
+    BumpObject,
     InsertDistractors,
     InsertObstacle,
     MoveObject,
@@ -60,6 +61,8 @@ _KINDS = (
     HideInputs,
     FreezeImages,
     OpenGripper,
+    BumpObject,
+    DelayAnswers,
     # What the authors' pairs that are scored by intent use.
     ReplaceInstruction,
     CancelInstruction,

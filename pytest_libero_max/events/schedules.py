@@ -10,8 +10,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from msgspec import Struct
+
 from pytest_libero_max.benchmark.cases import Case, Event
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.identity import seed_of
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.benchmark.programs import BASE as BASE
 from pytest_libero_max.benchmark.programs import BASE_AGAIN as BASE_AGAIN
@@ -25,11 +28,15 @@ from pytest_libero_max.benchmark.programs import (
 )
 from pytest_libero_max.benchmark.programs import SHAM as SHAM
 from pytest_libero_max.benchmark.programs import SHAM_DYNAMIC as SHAM_DYNAMIC
+from pytest_libero_max.benchmark.structs import Positive, checked
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.triggers import StepsAfter, Trigger, trigger_from_dict
 
 if TYPE_CHECKING:
     from pytest_libero_max.changes.change import Change
+
+DRAWN = "drawn"
+"""``{"drawn": [LEAST, MOST]}`` in a trigger of a program stands for a number drawn from the case's seed."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +134,14 @@ class Arm:
             if isinstance(entry.action, Revert):
                 _check_reversal(entry.action, self.schedule[:index], reversed_entries, where)
 
+    @property
+    def is_late(self) -> bool:
+        """True if queries take time, from the start or from a change on."""
+        from pytest_libero_max.changes.nothing import DelayAnswers
+
+        changes = any(isinstance(entry.action, DelayAnswers) for entry in self.schedule)
+        return changes or self.latency != NO_LATENCY
+
     def to_dict(self) -> Json:
         """Return the arm as a program spells it."""
         values: Json = {"name": self.name, "schedule": [entry.to_dict() for entry in self.schedule]}
@@ -164,12 +179,46 @@ def schedule_from_list(
     """
     if not isinstance(raw, list):
         raise ManifestError(f"{where} must be a list of entries, not {type(raw).__name__}.")
-    entries = [(_entry(item, f"{where}[{index}]", event, strength), item) for index, item in enumerate(raw)]
-    return tuple(entry for entry, item in entries for _ in range(item.get("times", 1)))
+    schedule: list[Entry] = []
+    for index, item in enumerate(raw):
+        values, at = check_entry(item, f"{where}[{index}]"), f"{where}[{index}]"
+        times = range(values.get("times", 1))
+        if event is None or not _draws(values["trigger"]):
+            schedule += [_entry(values, at, event, strength)] * len(times)
+            continue
+        for _ in times:
+            trigger = _drawn(values["trigger"], (event.seed, len(schedule)), f"{at}.trigger")
+            schedule.append(_entry({**values, "trigger": trigger}, at, event, strength))
+    return tuple(schedule)
 
 
-def _entry(raw: Any, where: str, event: Event | None, strength: float) -> Entry:
-    values = check_entry(raw, where)
+def _draws(trigger: Any) -> bool:
+    return isinstance(trigger, dict) and any(
+        isinstance(value, dict) and DRAWN in value for value in trigger.values()
+    )
+
+
+def _drawn(trigger: Json, seed: tuple[int, int], where: str) -> Json:
+    """Return a trigger with a number in the place of each ``{"drawn": [LEAST, MOST]}``."""
+    numbers: Json = {}
+    for key, value in trigger.items():
+        if isinstance(value, dict) and DRAWN in value:
+            least, most = checked(value, _Drawn, f"{where}.{key}", ManifestError).drawn
+            if least > most:
+                raise ManifestError.seen(
+                    f"{where}.{key}", value, ", but the first number is the least. Exchange the two."
+                )
+            numbers[key] = least + seed_of(*seed, key) % (most - least + 1)
+    return {**trigger, **numbers}
+
+
+class _Drawn(Struct, frozen=True, forbid_unknown_fields=True):
+    """A whole number of a trigger, any from the first to the second, drawn from the seed of the case."""
+
+    drawn: tuple[Positive, Positive]
+
+
+def _entry(values: Json, where: str, event: Event | None, strength: float) -> Entry:
     own = ({}, {}) if event is None else (event.trigger, event.change)
     trigger = trigger_from_dict(_filled(values["trigger"], *own, f"{where}.trigger"), f"{where}.trigger")
     if "reverts" in values:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.errors import ActionError, AdapterError, ProtocolError
 from pytest_libero_max.events.schedules import BASE, Arm
 from pytest_libero_max.pairing.probes.probe import Probes
@@ -85,10 +84,10 @@ class ArmEnv:
         base: RolloutResult | None = None,
     ) -> None:
         self._arm = Arm(BASE) if arm is None else arm
-        if self._arm.latency != NO_LATENCY:
+        if self._arm.is_late:
             raise AdapterError(
-                f"latency={self._arm.latency} of arm {self._arm.name!r}, but whoever steps an environment "
-                "decides how late its actions are. Leave the latency out."
+                f"arm {self._arm.name!r} has a latency, but whoever steps an environment decides "
+                "how late its actions are. Leave the latency out."
             )
         self._stage = Stage(case, world, _Outside(replace(spec, repeatable=False)), probes=probes)
         self._base = base

@@ -42,6 +42,7 @@ from pytest_libero_max.benchmark.structs import (
     shown,
     to_builtins,
 )
+from pytest_libero_max.changes.nothing import DelayAnswers
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
@@ -129,7 +130,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         probes: Columns of ``stages`` and of each probe that was asked for, by its name. Version 2 had none.
         latency: Time that a query took, for example ``4steps``; absent where the world waited for the policy.
         held_steps: Steps in which the robot had no action to execute and waited for an answer; absent without
-            latency.
+            latency, of the arm or of a change in its schedule.
     """
 
     NOUN: ClassVar[str] = "arm"
@@ -195,7 +196,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
             notes=_summed(rollout.queries[rollout.firings[0].queries if rollout.firings else 0 :]),
             returned=_span(rollout.queries),
             probes={name: dict(columns) for name, columns in seen.items() if name not in _OWN_FIELDS},
-            **({} if arm.latency == NO_LATENCY else _waiting(rollout)),
+            **_waiting(arm, rollout),
         )
 
     def to_dict(self) -> Json:
@@ -214,11 +215,12 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         return arm
 
 
-def _waiting(rollout: RolloutResult) -> dict[str, Any]:
-    trajectory = rollout.trajectory
+def _waiting(arm: Arm, rollout: RolloutResult) -> dict[str, Any]:
+    if not arm.is_late:
+        return {}
     return {
-        "latency": str(trajectory.latency),
-        "held_steps": sum(step.held for step in trajectory.executed),
+        "latency": None if arm.latency == NO_LATENCY else str(arm.latency),
+        "held_steps": sum(step.held for step in rollout.trajectory.executed),
     }
 
 
@@ -636,7 +638,9 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
             f"schedule={shown(list(arm.schedule))} of the arm, but must be a list of entries with a trigger, "
             "and a change or a reversal."
         )
-    if (arm.latency is None) != (arm.held_steps is None):
+    changes = [entry.get("change", {}) for entry in arm.schedule]
+    delayed = [one.get("latency") for one in changes if one.get("operation") == DelayAnswers.operation]
+    if (arm.latency is None and not delayed) != (arm.held_steps is None):
         raise ReportError(
             f"latency={shown(arm.latency)} and held_steps={arm.held_steps} of an arm, but it has both "
             "or neither."
@@ -661,11 +665,10 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
             f"response_step={arm.response_step}, but the event was at step {event} and the arm took "
             f"{arm.steps} steps: a response comes after the event."
         )
-    delays = (0,) if arm.latency is None else Latency.parse(arm.latency).delays
-    ends = {
-        arm.steps if arm.response_step is None else min(arm.steps, arm.response_step + delay)
-        for delay in delays
-    }
+    texts = [text if fits(text, LatencyText) else str(NO_LATENCY) for text in (arm.latency, *delayed)]
+    delays = sorted({delay for text in texts for delay in Latency.parse(text).delays})
+    answered = arm.steps if arm.response_step is None else arm.response_step
+    ends = {min(arm.steps, answered + delay) for delay in delays}
     stale = sorted(end - event for end in ends)
     if arm.stale_actions not in stale:
         late = f" of which the answer takes {_either(delays)} steps" if any(delays) else ""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.changes.instruction import CancelInstruction
-from pytest_libero_max.changes.nothing import ReseedPolicy
+from pytest_libero_max.changes.nothing import DelayAnswers, ReseedPolicy
 from pytest_libero_max.events.schedules import Entry
 from pytest_libero_max.pairing.changing import Applied
 from pytest_libero_max.policies.check import Actions
@@ -132,7 +132,7 @@ class Trajectory:
         queries: The queries.
         firings: The entries of the schedule that happened, in order.
         seen: The state of each probe, in the order of the probes.
-        latency: Time that a query takes.
+        latency: Time that a query takes, unless a change says otherwise (:meth:`latency_of`).
     """
 
     query_interval: int
@@ -200,13 +200,20 @@ class Trajectory:
         """Number of times that the policy was given new seeds."""
         return sum(isinstance(firing.applied.change, ReseedPolicy) for firing in self.firings)
 
+    def latency_of(self, number: int) -> Latency:
+        """Return the time that a query takes: of those made since answers were delayed, if they were."""
+        for firing in reversed(self.firings):
+            if firing.queries <= number and isinstance(firing.applied.change, DelayAnswers):
+                return firing.applied.change.takes(self.latency)
+        return self.latency
+
     @property
     def queued(self) -> int:
         """Number of actions that will be executed before the next query, held ones included."""
         if not self.queries:
             return 0
         last = len(self.queries) - 1
-        return self.queries[last].step + self.latency.interval(self.query_interval, last) - self.step
+        return self.queries[last].step + self.latency_of(last).interval(self.query_interval, last) - self.step
 
     @property
     def pending(self) -> Actions:
@@ -214,8 +221,8 @@ class Trajectory:
         if not self.queries:
             return np.empty((0, 0))
         number = len(self.queries)
-        left = self.queries[-1].step + self.latency.delay(number - 1) - self.step
-        return self._queue()[: left if left > 0 else self.queued + self.latency.delay(number)]
+        left = self.queries[-1].step + self.latency_of(number - 1).delay(number - 1) - self.step
+        return self._queue()[: left if left > 0 else self.queued + self.latency_of(number).delay(number)]
 
     @property
     def next_action(self) -> NDArray[np.float64] | None:
@@ -226,15 +233,16 @@ class Trajectory:
     def _queue(self) -> Actions:
         """Return the (k, 7) actions that are left of the last chunk whose answer is there."""
         done, number = len(self.executed), len(self.queries) - 1
-        chunk, delay = self.queries[number], self.latency.delay(number)
+        latency = self.latency_of(number)
+        chunk, delay = self.queries[number], latency.delay(number)
         if done < chunk.step + delay:  # its answer is under way
             if number == 0:
                 return chunk.actions[:0]
-            chunk, delay = self.queries[number - 1], self.latency.delay(number - 1)
+            chunk, delay = self.queries[number - 1], self.latency_of(number - 1).delay(number - 1)
         there = chunk.step + delay
         # Actions executed since the observation were in the place of the chunk's first ones; waiting is not.
         dropped = delay - sum(step.held for step in self.executed[chunk.step : there])
-        end = self.query_interval if self.latency.runner == "sync" else len(chunk.actions)
+        end = self.query_interval if latency.runner == "sync" else len(chunk.actions)
         return chunk.actions[dropped + done - there : end]
 
     @property

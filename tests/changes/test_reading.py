@@ -81,6 +81,8 @@ VALID: dict[str, Json] = {
     "hide_inputs": {"cameras": ["agentview"], "state": True},
     "freeze_images": {"cameras": ["agentview"], "height": 64, "width": 64},
     "open_gripper": {},
+    "bump_object": {"object": "milk_1", "velocity_m_s": [0.5, 0.0, -1.0]},
+    "delay_answers": {"latency": "4steps,sync"},
     "set_task": {"instruction": "take the milk", "goal": [["on", "milk_1", "plate_1"]]},
     "replace_instruction": {
         "instruction": "take the milk",
@@ -120,6 +122,7 @@ OPTIONAL = {
     },
     "place_camera": {"blend"},
     "offset_arm": {"keep_clear"},
+    "delay_answers": {"latency"},
     "set_lamps": set(VALID["set_lamps"]),
     "cover_entity": {"texture"},
     "corrupt_picture": {"blend"},

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.changes import (
+    BumpObject,
     Change,
     CorruptPicture,
     CoverEntity,
@@ -61,6 +62,7 @@ CHANGES: dict[str, tuple[Change, set[str]]] = {
     "glare": (SetGlare(0.8, 0.5, 0.5, 0.3), {"filters"}),
     "arm": (OffsetArm(ARM, keep_clear=True), PHYSICS),
     "open": (OpenGripper(), {"physics", "controller"}),
+    "bump": (BumpObject(BOWL, (0.5, 0.0, 0.2)), {"physics", "qvel"}),
     "put": (PutObject(BOWL, "main_table", (0.1, -0.02), "cookies_1"), PHYSICS),
     "turn": (TurnObject(BOWL, 45.0), PHYSICS),
     "words": (SetInstruction("grab the bowl"), set()),
@@ -92,7 +94,8 @@ def test_it_writes_nothing_but_its_factors_and_a_reset_undoes_it(world: Embedded
     assert differing(fresh, full_state(world)) <= may_write
     assert differing(fresh, full_state(world)) or world.assigned != (None, None)
     moved = {entity for entity in poses if pose_bytes(world, entity) != poses[entity]}
-    assert moved == {f.removeprefix("pose:") for f in change.factors if f.startswith("pose:")}
+    declared = {f.removeprefix("pose:") for f in change.factors if f.startswith("pose:")}
+    assert moved == (set() if name == "bump" else declared)  # what is bumped into moves in the steps after
     assert (world.language != words) == ("instruction" in change.factors)
     play(world, [NOOP_ACTION] * 2)
     world.reset(1)
@@ -192,6 +195,21 @@ def test_a_joint_beyond_its_limit_is_refused(world: EmbeddedWorld) -> None:
     world.reset(0)
     with pytest.raises(SubstrateError, match="within the joints' limits"):
         OffsetArm((0.0, 0.0, 0.0, 2.9, 0.0, 0.0, 0.0)).apply(world)
+
+
+def test_a_bump_adds_a_velocity_to_an_object_and_is_not_taken_back(world: EmbeddedWorld) -> None:
+    world.reset(0)
+    bump = BumpObject(BOWL, (0.5, 0.0, 0.2))
+    evidence = bump.apply(world)
+    gained = np.subtract(evidence.after["velocity_m_s"], evidence.before["velocity_m_s"])
+    assert gained.tolist() == pytest.approx([0.5, 0.0, 0.2])
+    at = world.position(BOWL)
+    world.step(NOOP_ACTION)
+    assert world.position(BOWL)[0] > at[0] + 0.005
+    with pytest.raises(ChangeError, match="cannot be taken back"):
+        bump.reverted(evidence)
+    with pytest.raises(ChangeError, match=r"bump_object\.object='main_table' is none\. .*akita"):
+        BumpObject("main_table", (0.5, 0.0, 0.2)).apply(world)
 
 
 def test_an_opened_gripper_closes_again_within_eight_steps(world: EmbeddedWorld) -> None:

@@ -14,7 +14,14 @@ from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.programs import find_program, parse_program, program_names
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.changes import MoveObject, SetInstruction, SetTask, ShiftCamera, change_from_dict
+from pytest_libero_max.changes import (
+    BumpObject,
+    MoveObject,
+    SetInstruction,
+    SetTask,
+    ShiftCamera,
+    change_from_dict,
+)
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import check_cases
 from pytest_libero_max.events.schedules import (
@@ -243,7 +250,7 @@ def test_a_program_of_the_package_can_be_built_in_every_case_of_lite_that_it_fit
     assert changed
 
 
-@pytest.mark.parametrize("name", ["instruction_switch", "later", "slip"])
+@pytest.mark.parametrize("name", ["bump", "instruction_switch", "later", "slip"])
 def test_the_scene_of_a_case_has_what_a_program_of_the_package_names(name: str) -> None:
     """Objects that are lifted are no fixtures, and those of a new goal are there."""
     program = find_program(name)
@@ -287,3 +294,55 @@ def test_a_case_that_its_own_program_does_not_fit_is_refused() -> None:
     odd = replace(case.program, only={"suite": ("libero_goal",)}, because="It needs a stove.")
     with pytest.raises(ManifestError, match=r"its program 'tried' does not fit it: It needs a stove\."):
         check_cases([replace(case, program=odd)])
+
+
+def test_drawn_times_follow_from_the_seed_of_the_case() -> None:
+    spans, seen = [], {}
+    for case in load_track("lite").playing(find_program("recurrent_seeded")):
+        if case.program is None:
+            continue
+        _, dynamic, regular, lasting = arms_of(case)
+        assert arms_of(replace(case, policy_seed=1, case_id="other"))[1] == dynamic
+        assert regular.schedule[0] == lasting.schedule[0] == dynamic.schedule[0]
+        times = [entry.trigger.steps for entry in dynamic.schedule if isinstance(entry.trigger, StepsAfter)]
+        spans += times
+        seen[case.event.seed] = times
+    assert set(spans) == set(range(5, 16))
+    assert sum(spans) / len(spans) == pytest.approx(10, abs=0.3)
+    assert len(set(map(tuple, seen.values()))) > 0.99 * len(seen)
+
+
+def test_each_of_several_entries_draws_its_own_number() -> None:
+    later = {"type": "steps_after", "steps": {"drawn": [1, 1000]}}
+    case = laid(
+        {"trigger": "event", "change": "event"},
+        {"trigger": later, "change": "event", "times": 3},
+        name="dynamic",
+    )
+    times = [entry.trigger.steps for entry in arms_of(case)[1].schedule[1:]]  # type: ignore[attr-defined]
+    assert len(set(times)) == 3
+    other = replace(case, event=replace(case.event, seed=case.event.seed + 1))
+    assert arms_of(other)[1] != arms_of(case)[1]
+
+
+@pytest.mark.parametrize(
+    ("drawn", "message"),
+    [
+        ([9, 3], r"steps={'drawn': \[9, 3\]}, but the first number is the least"),
+        ([0, 3], r"steps\.drawn\[0\]=0, but must be an integer of at least 1"),
+        ([3], r"steps\.drawn"),
+        ("5-15", r"steps\.drawn"),
+    ],
+)
+def test_a_draw_that_is_spelled_wrong_is_refused_before_anything_is_played(drawn: Any, message: str) -> None:
+    later = {"type": "steps_after", "steps": {"drawn": drawn}}
+    case = laid({"trigger": "event", "change": "event"}, {"trigger": later, "reverts": 0})
+    with pytest.raises(ManifestError, match=rf"arms\[0\]\.schedule\[1\]\.trigger\.{message}"):
+        check_cases([case])
+
+
+def test_an_object_is_bumped_into_at_a_step_at_which_it_is_held() -> None:
+    for case in load_track("smoke").playing(find_program("bump")):
+        for arm in arms_of(case)[1:] if case.program is not None else ():
+            bumps = [entry for entry in arm.schedule if isinstance(entry.action, BumpObject)]
+            assert [entry.trigger for entry in bumps] == [AfterGrasp(case.event.entity)]

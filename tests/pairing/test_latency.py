@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
+from pytest_libero_max.changes import DelayAnswers
 from pytest_libero_max.errors import AdapterError, ReportError
-from pytest_libero_max.events.schedules import Arm, arms_of
+from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of
+from pytest_libero_max.events.triggers import Proximity, StepsAfter
 from pytest_libero_max.pairing.environment import ArmEnv
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import Rollout
@@ -200,6 +202,44 @@ def test_the_pieces_go_on_with_the_latency_of_the_prefix(world: TinyWorld) -> No
     assert continue_rollout(branch, case, world, policy).actions.tobytes() == whole.dynamic.actions.tobytes()
 
 
+@QUIET
+@given(
+    policy=st.builds(Approaching, wait=st.just(2), horizon=st.integers(4, 8), interval=st.integers(1, 4)),
+    steps=st.integers(1, 9),
+    runner=st.sampled_from(["", ",sync"]),
+    usual=st.sampled_from([NO_LATENCY, Latency(2)]),
+    back=st.integers(0, 12),
+    prefix=st.sampled_from(["fork", "replay"]),
+)
+def test_answers_are_late_from_an_entry_of_the_schedule_on(
+    world: TinyWorld, policy: Approaching, steps: int, runner: str, usual: Latency, back: int, prefix: str
+) -> None:
+    case = make_case("target_relocation", distance_m=0.25)
+    delay = DelayAnswers(f"{steps}steps{runner}")
+    schedule = (Entry(Proximity("box_1", 0.3), delay), Entry(StepsAfter(max(back, 1)), Revert(0)))
+    arms = (Arm("base", latency=usual), Arm("dynamic", schedule[: 1 + (back > 0)], latency=usual))
+    pair = measure_pair(case, world, policy, PairSettings(prefix), arms=arms)
+    base, dynamic = (pair.rollouts[name].trajectory for name in ("base", "dynamic"))
+    assert PairRecord.from_dict(pair.record.to_dict()) == pair.record
+    start, end = (*(firing.queries for firing in dynamic.firings), len(dynamic.queries))[:2]
+    late = Latency.parse(delay.latency or "")
+    for before, query in pairwise(dynamic.queries):
+        takes = late if start <= before.index < end else usual
+        assert query.step - before.step == takes.interval(policy.spec.query_interval, before.index)
+    firing = dynamic.firings[0]
+    assert firing.link.hex() == firing.proof  # the world is as it was
+    shared = min(dynamic.queries[start].step, base.step) if start < len(dynamic.queries) else base.step
+    assert [step.link for step in dynamic.executed[:shared]] == [step.link for step in base.executed[:shared]]
+    arm = pair.record.arms["dynamic"]
+    assert arm.latency == (None if usual == NO_LATENCY else "2steps")
+    assert arm.held_steps == sum(step.held for step in dynamic.executed)
+    if start < len(dynamic.queries):
+        there = dynamic.queries[start].step + late.delay(start)
+        assert arm.stale_actions == min(there, BUDGET) - firing.step
+    with pytest.raises(AdapterError, match="arm 'dynamic' has a latency"):
+        ArmEnv(case, world, arms[1])
+
+
 def test_a_rollout_that_is_driven_from_outside_is_asked_at_the_same_steps(world: TinyWorld) -> None:
     policy, arm = Approaching(horizon=8, interval=4), Arm("base", latency=Latency(6))
     case = make_case("target_relocation", distance_m=0.25)
@@ -209,7 +249,7 @@ def test_a_rollout_that_is_driven_from_outside_is_asked_at_the_same_steps(world:
         asked.append(query.step)
         rollout.answer(policy.predict(rollout.observed(), query))
     assert asked == list(range(0, BUDGET, 6))
-    with pytest.raises(AdapterError, match="latency=6steps of arm 'base'"):
+    with pytest.raises(AdapterError, match="arm 'base' has a latency"):
         ArmEnv(case, world, arm)
 
 

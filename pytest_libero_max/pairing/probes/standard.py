@@ -101,7 +101,7 @@ class Response(Probe[None]):
         response, last = next(after, None), trajectory.step
         if response is None:
             return {"response_step": None, "stale_actions": last - event.step}
-        last = min(last, response.step + trajectory.latency.delay(response.index))
+        last = min(last, response.step + trajectory.latency_of(response.index).delay(response.index))
         return {"response_step": response.step, "stale_actions": last - event.step}
 
 
