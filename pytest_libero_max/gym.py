@@ -32,6 +32,7 @@ from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.benchmark.sampling import stratified
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.benchmark.tracks import is_manifest_path, load_cases
+from pytest_libero_max.construction.case_text import find_case
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, did_you_mean
 from pytest_libero_max.events.registry import check_cases
 from pytest_libero_max.events.schedules import BASE, Arm, arms_of
@@ -75,6 +76,7 @@ class PairedRun:
             error.
         cases: A track, the path of a manifest, or a manifest.
         limit: At most so many cases of it, spread evenly; None: all.
+        only: Ids of the cases to play, as reports and manifests write them; none: all.
         substrate: Name of the substrate.
         options: Its options.
         traces: Pairs whose traces are kept, from which ``libero-max film`` makes films: ``none``,
@@ -85,8 +87,8 @@ class PairedRun:
 
     Raises:
         ReportError: The folder holds another run.
-        OptionError: The folder cannot be written to, another run is in progress in it, or the track is
-            unknown.
+        OptionError: The folder cannot be written to, another run is in progress in it, or the track or
+            a case is unknown.
         ManifestError: The manifest cannot be read.
     """
 
@@ -99,12 +101,14 @@ class PairedRun:
         substrate: str = DEFAULT,
         options: SubstrateOptions | None = None,
         traces: str = "none",
+        only: Sequence[str] = (),
     ) -> None:
         if traces not in TRACE_MODES:
             raise OptionError.seen("traces", traces, f", but must be one of {', '.join(TRACE_MODES)}.")
         manifest = load_cases(cases) if isinstance(cases, str) else cases
         check_cases(manifest.cases)
-        planned = Order().of(manifest.cases if limit is None else stratified(manifest.cases, limit))
+        chosen = tuple(dict.fromkeys(find_case(manifest, name) for name in only)) or manifest.cases
+        planned = Order().of(chosen if limit is None else stratified(chosen, limit))
         provenance = collect(
             policy={"reference": policy.name, "code": OUTSIDE, "horizon": None, "query_interval": None},
             substrate=describe_substrate(substrate, options),
@@ -113,7 +117,7 @@ class PairedRun:
             selection=Selection.choose(
                 (case.case_id for case in planned),
                 len(manifest),
-                [] if limit is None else [f"limit={limit}"],
+                [*([] if limit is None else [f"limit={limit}"]), *(f"only={name}" for name in only)],
             ).to_dict(),
             protocol={"prefix": "replay", "noise_floor": None},
             command=sys.argv,

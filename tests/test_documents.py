@@ -15,6 +15,7 @@ from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.pairing.actors import make_case, shorten
+from tests.policies.forgetting import forget_adapter
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("pytest_libero_max", "cases", "fixtures", "reports", "tests", ".github")
@@ -150,6 +151,7 @@ def test_the_adapter_of_the_readme_plays_a_pair(tmp_path: Path) -> None:
     (tmp_path / "my_model.py").write_text(MODEL)
     policy = load_policy(str(tmp_path / "adapter.py"))
     record = play_pair(shorten(make_case(distance_m=1.0)), TinyWorld(), policy)
+    forget_adapter()  # sessions in this process have an adapter.py of their own
     assert record.triggered
     assert record.policy["name"] == "my-vla"
 

@@ -94,6 +94,20 @@ def test_a_loop_of_ones_own_writes_the_records_of_the_runner(
     capsys.readouterr()
 
 
+def test_a_case_is_selected_by_either_of_its_ids(tmp_path: Path) -> None:
+    policy = Approaching().spec
+    wanted = CASES.cases[1]
+    for number, name in enumerate((wanted.case_id, wanted.item_id)):
+        run = PairedRun(tmp_path / str(number), policy, CASES, substrate="tiny", only=[name])
+        assert run.cases == (wanted,)
+        run.close()
+        stored = read_pairs(tmp_path / str(number)).run
+        assert [pair.case_id for pair in stored.planned] == [wanted.case_id]
+        assert stored.provenance["selection"]["asked"] == [f"only={name}"]
+    with pytest.raises(OptionError, match=r"camera_shif. is not in tiny\. "):
+        PairedRun(tmp_path / "wrong", policy, CASES, substrate="tiny", only=["case-camera_shif"])
+
+
 def test_a_run_of_another_loop_is_filmed_from_its_traces_and_says_where_its_pairs_are_played_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -38,6 +38,7 @@ GROUPS = {
         "trend",
         "bisect",
         "audit",
+        "monitors",
         "watch",
         "merge",
         "report",

@@ -30,6 +30,8 @@ class ArmTrace:
         entity: (n, 3) m, world frame: the trigger entity after each step.
         joints: (n, nq) positions of all joints of the world after each step, in single precision, from which
             a film is drawn; None where the run was to make none.
+        answers: (q, H, 7) float64, all that the policy answered at each query, executed or not, NaN behind
+            the end of a shorter answer; None in traces of an early version.
     """
 
     actions: NDArray[np.float64]
@@ -37,6 +39,7 @@ class ArmTrace:
     end_effector: NDArray[np.float64]
     entity: NDArray[np.float64]
     joints: NDArray[np.float32] | None = None
+    answers: NDArray[np.float64] | None = None
 
 
 def traces_of(pair: Pair) -> dict[str, ArmTrace]:
@@ -53,8 +56,8 @@ def write_trace(folder: Path, pair: Pair) -> Path:
     """Write ``<item id>.npz``.
 
     It holds ``trigger_step``, -1 where the event never fired, and for each arm that was played
-    ``<arm>_actions``, ``<arm>_query_steps``, ``<arm>_end_effector`` and ``<arm>_entity``
-    (:class:`ArmTrace`), with ``<arm>_joints`` where they were kept.
+    ``<arm>_actions``, ``<arm>_query_steps``, ``<arm>_end_effector``, ``<arm>_entity`` and
+    ``<arm>_answers`` (:class:`ArmTrace`), with ``<arm>_joints`` where they were kept.
 
     Args:
         folder: Made if missing.
@@ -101,7 +104,7 @@ def read_trace(path: Path, record: PairRecord) -> dict[str, ArmTrace]:
 
 def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDArray[Any]]) -> ArmTrace:
     shapes = {"actions": (steps, 7), "end_effector": (steps, 3), "entity": (steps, 3)}
-    parts = {part: arrays.get(f"{name}_{part}") for part in (*shapes, "query_steps", "joints")}
+    parts = {part: arrays.get(f"{name}_{part}") for part in (*shapes, "query_steps", "joints", "answers")}
     for part, shape in shapes.items():
         values = parts[part]
         # What an arm without a step holds has no columns.
@@ -115,14 +118,22 @@ def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDA
         raise ReportError(f"{path}: {name}_joints has {len(parts['joints'])} steps, but the record {steps}.")
     if parts["query_steps"] is None:
         raise ReportError(f"{path} has no {name}_query_steps: it is no trace of a pair.")
+    answers, queries = parts["answers"], parts["query_steps"].shape
+    if answers is not None and (answers.ndim != 3 or answers.shape[::2] != (*queries, 7)):
+        raise ReportError(f"{path}: {name}_answers has shape {answers.shape}, but of queries {queries}.")
     return ArmTrace(**{part: values for part, values in parts.items() if values is not None})
 
 
 def _trace(rollout: RolloutResult) -> ArmTrace:
+    answers = [query.actions for query in rollout.queries]
+    padded = np.full((len(answers), max(map(len, answers), default=0), 7), np.nan)
+    for row, answer in zip(padded, answers, strict=True):
+        row[: len(answer)] = answer
     return ArmTrace(
         actions=rollout.actions,
         query_steps=np.array([query.step for query in rollout.queries], dtype=np.int64),
         end_effector=rollout.end_effector,
         entity=rollout.entity,
         joints=rollout.joints,
+        answers=padded,
     )

@@ -796,12 +796,21 @@ def _value(config: pytest.Config, option: Option) -> Any:
     return _parsed(option, text, where)
 
 
-_OF_FILES = ("libero_max_policy", "libero_max_profile", "libero_max_manifest", "libero_max_program")
-"""Options whose value may be a file; from the ini file it is one beside that file."""
+_OF_FILES = (
+    "libero_max_policy",
+    "libero_max_profile",
+    "libero_max_manifest",
+    "libero_max_program",
+    "libero_max_latency",
+)
+"""Options whose value may be a file, or the folder of a run; from the ini file it is one beside that file."""
 
 
 def _beside_ini_file(config: pytest.Config, text: str) -> str:
     """Return a value with the path from the working directory, if it names a file beside the ini file."""
+    if text.startswith(read.RECORDED) and config.inipath is not None:
+        run = config.inipath.parent / Path(text.removeprefix(read.RECORDED)).expanduser()
+        return f"{read.RECORDED}{os.path.relpath(run, config.invocation_params.dir)}"
     ending = next((ending for ending in (".py", ".toml", ".json.gz", ".json") if ending in text), None)
     if config.inipath is None or ending is None:
         return text

@@ -230,10 +230,11 @@ def _is_inside(name: str, folder: Path) -> bool:
 
 
 def _found_elsewhere(name: str) -> bool:
-    """Return True if a module would be found without the adapter's folder."""
+    """Return True if the same module would be found without the adapter's folder."""
     module = sys.modules.pop(name, None)
     try:
-        return find_spec(name) is not None
+        spec = find_spec(name)
+        return spec is not None and (module is None or spec.origin == getattr(module, "__file__", None))
     finally:
         if module is not None:
             sys.modules[name] = module

@@ -12,6 +12,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.events.schedules import Arm, arms_of
+from pytest_libero_max.pairing.probes.registry import probes_called
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.pairing.trace import ArmTrace, traces_of, write_trace
@@ -62,6 +63,7 @@ def play(
     policy: Policy | None = None,
     event: str = "target_relocation",
     films: bool = False,
+    probes: tuple[str, ...] = (),
 ) -> Played:
     """Play the first case of a manifest of tiny cases, which is written into the folder."""
     manifest = folder / "tiny.json"
@@ -69,7 +71,9 @@ def play(
     case = load_manifest(manifest).cases[0]
     world = tiny.TinyWorld()
     policy = Approaching(wait, horizon=5, interval=3) if policy is None else policy
-    settings = PairSettings(fingerprints=tiny.TinySubstrate().fingerprint(), films=films)
+    settings = PairSettings(
+        fingerprints=tiny.TinySubstrate().fingerprint(), films=films, probes=probes_called(probes)
+    )
     return Played(case, world, measure_pair(case, world, policy, settings, arms=arms or arms_of(case)))
 
 

@@ -181,6 +181,11 @@ def test_recorded_delays_are_written_out_so_that_they_can_be_played_again(
     again = run(first, f"--libero-max-latency={written}", "--libero-max-output=again")
     again.assert_outcomes(passed=2)
     assert [record["arms"] for record in results("again")[0]] == [record["arms"] for record in records]
+    inner = pytester.mkdir("configured")
+    (inner / "pytest.ini").write_text("[pytest]\nlibero_max_latency = recorded:../measured,sync\n")
+    run(first, "-c", "configured/pytest.ini", "--libero-max-output=beside").assert_outcomes(passed=2)
+    beside, _ = results("beside")
+    assert {arm["latency"] for record in beside for arm in record["arms"].values()} == {written}
     wrong = run(first, "--libero-max-latency=recorded:nowhere")
     assert wrong.ret == pytest.ExitCode.USAGE_ERROR
     wrong.stderr.fnmatch_lines(["*--libero-max-latency='recorded:nowhere': expected the folder of a run*"])

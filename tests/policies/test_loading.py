@@ -152,6 +152,19 @@ def test_two_adapters_may_each_have_a_helper_of_the_same_name(write: Writer) -> 
     assert [load_policy(str(path)).skill for path in paths] == ["one", "two"]  # type: ignore[attr-defined]
 
 
+def test_a_helper_is_forgotten_also_where_another_of_its_name_can_be_imported(write: Writer) -> None:
+    write("NAME = 'importable'", "importable/skills.py")
+    write("NAME = 'own'", "own/skills.py")
+    text = SOUND + "import skills\nSound.skill = skills.NAME\npolicy = Sound"
+    first, second = write(text, "own/adapter.py"), write(text, "other/adapter.py")
+    assert load_policy(str(first)).skill == "own"  # type: ignore[attr-defined]
+    sys.path.insert(0, str(first.parents[1] / "importable"))
+    try:
+        assert load_policy(str(second)).skill == "importable"  # type: ignore[attr-defined]
+    finally:
+        del sys.path[0], sys.modules["skills"]
+
+
 def test_an_adapter_called_random_hides_nothing(write: Writer) -> None:
     path = write("import random, json\n" + SOUND + "Sound.module = random\npolicy = Sound", "random.py")
     write("raise AssertionError('not the real one')", "json.py")

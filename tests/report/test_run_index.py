@@ -35,6 +35,7 @@ def _publish(folder: Path, name: str, lost: int, *, pairs: int = 32, policy: str
     """Publish a run in which Base succeeds in all pairs, and Dynamic in all but so many."""
     planned = plan()[:pairs]
     provenance: Any = PROVENANCE | {"case_set": {"name": f"manifest {name[0]}.json", "digest": "0" * 64}}
+    provenance["fingerprint"] = "bc025597906d" if name == "a-good" else None
     store = PairStore(folder / f"run-{name}", Run(tuple(planned), provenance))
     for number, pair in enumerate(planned):
         store.append(structs.replace(record_of(pair, True, number >= lost), policy=POLICY | {"name": policy}))
@@ -124,6 +125,17 @@ def test_names_of_policies_are_text_and_links_lead_to_the_runs(published: Path, 
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
     for link in re.findall(r"href='([^']*)'", text):
         assert (page.parent / link).is_file()
+
+
+def test_the_installation_of_a_run_stands_beside_the_digest_of_its_pairs(published: Path) -> None:
+    folders = published_in([published])
+    text = index_html(run_index(folders, {}), published)
+    words = [word.strip() for word in re.split(r"<[^>]*>", text) if word.strip()]
+    digests = {folder.name: pairs_digest(folder)[:12] for folder in folders}
+    known = {digest: words[words.index(digest) - 1] for digest in digests.values()}
+    assert known == {
+        digest: "bc025597906d" if name == "a-good" else "not taken" for name, digest in digests.items()
+    }
 
 
 def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,37 @@ def test_what_differs_is_said_in_all_and_by_scene() -> None:
         "| there | 0/1 | 1 | 1, by at most 1 | 1, 3 | 1, 3 | 1, 3 | 1/1, 100.00% of pixels, by at most 7 |",
         "s/0: there from state 0",
     ]
+
+
+def test_where_a_scene_parts_is_said_with_the_largest_difference() -> None:
+    first, other = episode(0.0, 0.1, 0.2), episode(0.0, 0.1002, 0.205, 9.0)
+    lines = ["| Scene | same | other |", "|---|---|---|", "| s/0 | equal | 2, 0.005 |"]
+    assert list(versions.divergences(first, {"same": first, "other": other}, 1e-4)) == lines
+    assert list(versions.divergences(first, {"other": other}, 1e-3))[2:] == ["| s/0 | 3, 0.005 |"]
+
+
+@pytest.mark.parametrize("first", [1, 2, 3, 4, 5, 6, None])
+def test_the_release_that_moved_a_scene_is_bisected(
+    first: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played: list[str] = []
+
+    def run(options: object, release: str, file: Path, *scene: object) -> None:
+        moved = first is not None and int(release) >= first
+        if not file.exists():
+            played.append(release)
+        np.savez(file, **{"s/0/0/path": np.array([[0.0], [0.5 if moved else 0.0]])})
+
+    monkeypatch.setattr(versions, "run_release", run)
+    options = argparse.Namespace(
+        folder=tmp_path, releases=[*"0123456"], bound=1e-3, suites=["s"], tasks=[0], inits=1
+    )
+    expected = "none" if first is None else f"{first} | 2, 0.5"
+    assert list(versions.bisect(options)) == [f"| s/0 | {expected} |"]
+    assert len(played) == (2 if first is None else len({*played})) <= 5
+    before = len(played)
+    assert list(versions.bisect(options)) == [f"| s/0 | {expected} |"]
+    assert len(played) == before
 
 
 def test_a_file_is_gone_on_with_by_the_same_versions_alone(tmp_path: Path) -> None:

@@ -6,13 +6,18 @@ keeps actions and joint positions of every episode and a picture of every task. 
 the actions that are kept there, whatever the policy would do. ``--loop package`` leaves each control step to
 the package's own environment instead of ours. Interrupted, the same command goes on where it stopped, task
 by task; a file of another version or policy is refused. ``python -m tests.scripts.versions compare here.npz
-there.npz...`` says in what each other file differs from the first: in all, and by scene.
+there.npz...`` says in what each other file differs from the first: in all, and by scene; with ``--steps``
+where each scene parts and how far it goes. ``python -m tests.scripts.versions bisect FOLDER --package mujoco
+--releases 3.4.0 3.5.0 ...`` makes an environment for each release that it needs, beside this one and with
+everything else of it, and names the release that moved each scene; the same command goes on.
 """
 
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
+import sysconfig
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
@@ -91,7 +96,8 @@ def play(options: argparse.Namespace) -> Iterator[str]:
     """Play Base on every task and keep what happened; a line for each task, then the total."""
     policy, recorded = blind(str(options.policy)), np.load(options.replay) if options.replay else {}
     made = (
-        f"MuJoCo {version('mujoco')}, robosuite {version('robosuite')}, {options.loop} loop, {options.policy}"
+        f"MuJoCo {version('mujoco')}, robosuite {version('robosuite')}, NumPy {version('numpy')}, "
+        f"{options.loop} loop, {options.policy}"
     )
     kept = begun(options.file, made)
     solved = played = 0
@@ -230,6 +236,95 @@ def flipped(first: Mapping[str, Array], other: Mapping[str, Array], episodes: It
     return [one for one in episodes if bool(first[f"{one}/success"]) != bool(other[f"{one}/success"])]
 
 
+def divergences(
+    first: Mapping[str, Array], others: Mapping[str, Mapping[str, Array]], bound: float
+) -> Iterator[str]:
+    """A table: for each scene and file, the first step beyond a bound, and the largest difference of all."""
+    yield f"| Scene | {' | '.join(others)} |"
+    yield f"|---|{'---|' * len(others)}"
+    scenes: dict[str, list[str]] = {}
+    for name in first:
+        if name.endswith("/path"):
+            episode = name.removesuffix("/path")
+            scenes.setdefault(episode.rpartition("/")[0], []).append(episode)
+    for scene, episodes in scenes.items():
+        cells = [parting(first, other, episodes, bound) or "equal" for other in others.values()]
+        yield f"| {scene} | {' | '.join(cells)} |"
+
+
+def parting(
+    first: Mapping[str, Array], other: Mapping[str, Array], episodes: Iterable[str], bound: float
+) -> str:
+    """The first step beyond a bound and the largest difference, of some episodes; empty where none is."""
+    pairs = [(first[f"{one}/path"], other[f"{one}/path"]) for one in episodes if f"{one}/path" in other]
+    steps = [step for pair in pairs if (step := first_beyond(*pair, bound)) is not None]
+    size = max((np.abs(one[: len(two)] - two[: len(one)]).max(initial=0.0) for one, two in pairs), default=0)
+    return f"{min(steps)}, {size:.1g}" if steps else ""
+
+
+def bisect(options: argparse.Namespace) -> Iterator[str]:
+    """A line for each scene: the release that moved it, the first step, and the largest difference."""
+    options.folder.mkdir(parents=True, exist_ok=True)
+    for suite, task in ((suite, task) for suite in options.suites for task in options.tasks):
+        yield f"| {suite}/{task} | {moved_by(options, suite, task)} |"
+
+
+def moved_by(options: argparse.Namespace, suite: str, task: int) -> str:
+    """The release that moved a scene, and how; all are compared with the first one."""
+    reference = options.folder / f"{options.releases[0]}.npz"
+    run_release(options, options.releases[0], reference, suite, task)
+    episodes = [f"{suite}/{task}/{init}" for init in range(options.inits)]
+    parted: dict[int, str] = {}
+
+    def moved(number: int) -> bool:
+        release = options.releases[number]
+        file = options.folder / f"{release}-replayed.npz"
+        run_release(options, release, file, suite, task, "--replay", str(reference))
+        parted[number] = parting(np.load(reference), np.load(file), episodes, options.bound)
+        return bool(parted[number])
+
+    number = first_moved(len(options.releases), moved)
+    return "none" if number is None else f"{options.releases[number]} | {parted[number]}"
+
+
+def first_moved(count: int, moved: Callable[[int], bool]) -> int | None:
+    """Number of the first release that is moved, by bisection; None where the last one is not.
+
+    The first one is the reference, and what has moved is taken to stay so.
+    """
+    low, high = 0, count - 1
+    if not moved(high):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if moved(middle) else (middle, high)
+    return high
+
+
+def run_release(
+    options: argparse.Namespace, release: str, file: Path, suite: str, task: int, *more: str
+) -> None:
+    """Play one scene with a release, in an environment that has everything else of this one.
+
+    Raises:
+        CalledProcessError: The release cannot be installed, or the scene not be played.
+    """
+    done = np.load(file) if file.exists() else {}
+    if all(f"{suite}/{task}/{init}/success" in done for init in range(options.inits)):
+        return
+    python = options.folder / f"{options.package}-{release}" / "bin" / "python"
+    if not python.with_name("made").exists():
+        subprocess.run([sys.executable, "-m", "venv", python.parents[1]], check=True)
+        wanted = f"{options.package}=={release}"
+        subprocess.run([python, "-m", "pip", "install", "--quiet", "--no-deps", wanted], check=True)
+        (found,) = python.parents[1].glob("lib/python*/site-packages")
+        (found / "beside.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+        python.with_name("made").touch()
+    scene = ("--suites", suite, "--tasks", str(task), "--inits", str(options.inits))
+    command = [python, "-m", "tests.scripts.versions", "play", file, "--substrate", "embedded", *scene, *more]
+    subprocess.run([*command, "--policy", options.policy], check=True, stdout=subprocess.DEVNULL)
+
+
 def lengths(first: Mapping[str, Array], other: Mapping[str, Array], episodes: Iterable[str]) -> str:
     """How many episodes have another length, and by how much at most."""
     changed = [abs(len(first[f"{one}/path"]) - len(other[f"{one}/path"])) for one in episodes]
@@ -280,9 +375,25 @@ def main() -> None:
     player.add_argument("--loop", choices=("ours", "package"), default="ours", help="whose control step")
     comparer = commands.add_parser("compare", help="say in what files differ from the first")
     comparer.add_argument("files", nargs="+", type=Path)
+    comparer.add_argument("--steps", type=float, metavar="BOUND", help="say where each scene parts by this")
+    bisecter = commands.add_parser("bisect", help="name the release that moved each embedded scene")
+    bisecter.add_argument("folder", type=Path, help="for environments and trajectories")
+    bisecter.add_argument("--package", default="mujoco", choices=("mujoco", "robosuite", "numpy"))
+    bisecter.add_argument("--releases", nargs="+", required=True, help="in their order, the first to compare")
+    bisecter.add_argument("--bound", type=float, default=0.0, help="m or rad (default: %(default)s)")
+    bisecter.add_argument("--policy", default=EXPERT, help="as for play")
+    bisecter.add_argument("--suites", nargs="+", default=["libero_spatial"])
+    bisecter.add_argument("--tasks", nargs="+", type=int, default=range(10))
+    bisecter.add_argument("--inits", type=int, default=1)
     options = parser.parse_args()
     if options.command == "compare":
-        lines = compare({file.stem: np.load(file) for file in options.files})
+        files = {file.stem: np.load(file) for file in options.files}
+        lines = compare(files)
+        if options.steps is not None:
+            (_, first), *others = files.items()
+            lines = divergences(first, dict(others), options.steps)
+    elif options.command == "bisect":
+        lines = bisect(options)
     else:
         lines = play(options)
     for line in lines:

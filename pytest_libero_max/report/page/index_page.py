@@ -17,7 +17,7 @@ from pytest_libero_max.report.writers.summary import policy_title
 
 HEAD = (
     "Policy", "Base success", "Dynamic success", "Paired change", "Base successes lost", "Event fired",
-    "Played with", "Fingerprint of the pairs", "Verified",
+    "Played with", "Fingerprint of the installation", "Digest of the pairs", "Verified",
 )  # fmt: skip
 
 
@@ -66,7 +66,7 @@ def index_html(index: RunIndex, beside: Path) -> str:
 
 def _row(run: IndexedRun, beside: Path) -> Sequence[Any]:
     result, report = run.report.overall, run.report
-    fired = result.trigger_coverage
+    fired, taken = result.trigger_coverage, str(report.provenance.get("fingerprint") or "")
     return [
         Cell(
             policy_title(report), policy_title(report), quote(f"{_way(run.folder, beside)}/{MARKDOWN_NAME}")
@@ -77,6 +77,7 @@ def _row(run: IndexedRun, beside: Path) -> Sequence[Any]:
         Cell(count_text(result.conditional_regression), _number(result.conditional_regression.value)),
         Cell(count_text(fired), _number(fired.value)),
         Cell(run.versions, run.versions),
+        Cell(taken or "not taken", taken),
         Cell(run.digest[:DIGITS], run.digest),
         _verified(run),
     ]
