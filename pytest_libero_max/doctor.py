@@ -49,7 +49,7 @@ def diagnose(options: SubstrateOptions | None = None) -> list[Finding]:
         options: Installations to check; by default those of ``import libero``.
     """
     options = options or SubstrateOptions()
-    return [*_packages(), *_rendering(), *_resources(), *_installations(options)]
+    return [*_packages(), *_rendering(), *_compiled(), *_resources(), *_installations(options)]
 
 
 def _packages() -> Iterator[Finding]:
@@ -82,6 +82,19 @@ def _rendering() -> Iterator[Finding]:
         return  # MuJoCo is missing, which has been said
     except LiberoMaxError as error:
         yield Finding("missing", f"images: {error}")
+
+
+def _compiled() -> Iterator[Finding]:
+    try:
+        from pytest_libero_max.worlds.compiling import kept_in
+    except ImportError:
+        return  # Numba is missing, which has been said
+    folder = kept_in()
+    if folder is not None:
+        yield Finding("ok", f"loops are compiled once and kept in {folder}")
+    else:
+        cure = "name a folder that can be written with NUMBA_CACHE_DIR"
+        yield Finding("note", f"every process compiles its loops, 5 to 10 s: {cure}")
 
 
 def _resources() -> Iterator[Finding]:

@@ -2,14 +2,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.doctor import diagnose
+from pytest_libero_max.doctor import _compiled, diagnose
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.libero import installation
+from pytest_libero_max.worlds.compiling import kept_in
 from pytest_libero_max.worlds.versions import version_notes
 from tests.substrates.libero.test_installation import checkout
 
@@ -49,6 +51,24 @@ def test_a_machine_without_a_libero_is_healthy(
     assert lines[0].startswith("ok      pytest-libero-max ")
     assert f"Python {sys.version_info.major}.{sys.version_info.minor}" in lines[0]
     assert [line for line in lines if "LIBERO is" in line] == ["note    No LIBERO is installed."]
+
+
+def test_the_folder_of_compiled_loops_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import numba
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert [str(one) for one in _compiled()] == [f"ok      loops are compiled once and kept in {kept_in()}"]
+    assert str(kept_in()).startswith(str(tmp_path))
+    njit = numba.njit
+
+    def cannot_write(*functions: Any, cache: bool = False) -> Any:
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return njit(*functions)
+
+    monkeypatch.setattr(numba, "njit", cannot_write)
+    assert kept_in() is None
+    assert ["note" in str(one) and "NUMBA_CACHE_DIR" in str(one) for one in _compiled()] == [True]
 
 
 @pytest.mark.parametrize(

@@ -192,7 +192,8 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, 
             for c in range(3):
                 wide[y, x, c] = image[y, min(x, width - 1), c]
             wide[y, x, 3] = 0.0
-    pixels, line, column = wide.reshape(wide.size), 4 * (width + 1), 4 * _ROWS
+    pixels, line = wide.reshape(wide.size), 4 * (width + 1)
+    column = 4 * _ROWS
     mixed, total = np.empty((_COLUMNS + 2) * column), np.empty(_COLUMNS * column)
     for y in range(0, height, _ROWS):
         for begin in range(0, width, _COLUMNS):
@@ -208,21 +209,14 @@ def zoomed(image: Any, lows: Any, parts: Any, left: Any, right: Any, wide: Any, 
                     low, q = lows[n, row], parts[n, row]
                     p, above, below = 1.0 - q, low * line, min(low + 1, height - 1) * line
                     for x in range(first, last):
-                        _set_four(
-                            mixed, (x - first) * column + 4 * r, pixels, above + 4 * x, below + 4 * x, p, q
-                        )
+                        at = (x - first) * column + 4 * r
+                        _set_four(mixed, at, pixels, above + 4 * x, below + 4 * x, p, q)
+                columns, shares = left[n], right[n]
                 for x in range(begin, end):
-                    q, start = right[n, x], (left[n, x] - first) * column
+                    q, start = shares[x], (columns[x] - first) * column
                     for part in range(0, column, 8):
-                        _add_eight(
-                            total,
-                            (x - begin) * column + part,
-                            mixed,
-                            start + part,
-                            start + column + part,
-                            1.0 - q,
-                            q,
-                        )
+                        at, near = (x - begin) * column + part, start + part
+                        _add_eight(total, at, mixed, near, near + column, 1.0 - q, q)
             for r in range(min(_ROWS, height - y)):
                 for x in range(begin, end):
                     for c in range(3):

@@ -73,11 +73,12 @@ def choose_grasp(view: View) -> Grasp:
     of the rest of their cost, up to the first that costs more without it than the best one with it.
     """
     best, least = None, math.inf
-    efforts = [(_cost(view, grasp), grasp) for grasp in _candidates(view)]
-    for effort, grasp in sorted(efforts, key=itemgetter(0)):
+    grasps = ((grasp, release_pose(view, grasp)) for grasp in _candidates(view))
+    efforts = [(_cost(view, grasp, end), grasp, end) for grasp, end in grasps]
+    for effort, grasp, end in sorted(efforts, key=itemgetter(0)):
         if effort >= least:
             break
-        cost = _cost(view, grasp, _crowding_of(view, grasp))
+        cost = _cost(view, grasp, end, _crowding_of(view, grasp, end))
         if cost < least:
             best, least = grasp, cost
     assert best is not None, "every target offers a grasp"
@@ -104,7 +105,7 @@ def _candidates(view: View) -> Iterator[Grasp]:
 
 def _box_grasps(view: View) -> Iterator[Grasp]:
     """Grasps of an object without parts, or one that has fallen over: across its box, or at its rim."""
-    corners = view.target.corners().reshape(-1, 3)
+    corners = view.target.corners.reshape(-1, 3)
     local = corners @ view.axes
     low, high = local.min(axis=0), local.max(axis=0)
     middle = view.axes @ ((low + high) / 2)
@@ -138,9 +139,8 @@ def _both_wrist_angles(
             yield Grasp(position, turn, tilt, heading)
 
 
-def _cost(view: View, grasp: Grasp, crowded: float = 0.0) -> float:
+def _cost(view: View, grasp: Grasp, end: Grasp, crowded: float = 0.0) -> float:
     """Return the cost of a grasp: its crowding, and how far the hand must turn, travel and reach."""
-    end = release_pose(view, grasp)
     turning = abs(grasp.angle - view.hand.angle) + abs(grasp.angle - WRIST_MIDDLE_RAD)
     twist = 5 * max(0.0, abs(end.angle - WRIST_MIDDLE_RAD) - math.radians(95))
     away = float(np.linalg.norm(grasp.position - view.hand.position))
@@ -151,9 +151,8 @@ def _cost(view: View, grasp: Grasp, crowded: float = 0.0) -> float:
     return crowded + turning / 3 + twist + 5 * away + 20 * aside + 20 * stretch + lid
 
 
-def _crowding_of(view: View, grasp: Grasp) -> float:
+def _crowding_of(view: View, grasp: Grasp, end: Grasp) -> float:
     """Return the crowding around the hand where it takes hold, twice, and where it lets go."""
-    end = release_pose(view, grasp)
     return 2 * crowding(view, grasp, True) + (0.0 if grasp.tilt else crowding(view, end, False))
 
 

@@ -111,8 +111,16 @@ class RunController:
                 gl.check()
             self.substrate = describe_substrate(self.settings.substrate, self.settings.substrate_options)
             self._require_support()
+            if self.settings.resume and not only_lists(config):
+                require_free(self.settings.output)
+                self._read_to_resume()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
+
+    @property
+    def has_all(self) -> bool:
+        """True if a resumed run holds all pairs already, so that no worker is needed."""
+        return self.cases.keys() <= set(self.measured)
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -175,7 +183,6 @@ class RunController:
             require_free(self.settings.output)
             require_disk_space(self.settings.output, len(self.cases))
             self._require_usable_gates()
-            self._read_to_resume()
             self._check_rule()
         except LiberoMaxError as error:
             raise pytest.UsageError(str(error)) from None
@@ -208,7 +215,7 @@ class RunController:
             raise OptionError(f"--libero-max-stop={settings.stop.text}: {error}") from None
 
     def _read_to_resume(self) -> None:
-        self._before = read_to_resume(self.settings.output) if self.settings.resume else None
+        self._before = read_to_resume(self.settings.output)
         if self._before is not None:
             self.end.lines += damage_said(self._before.damaged)
             self.config.stash[MEASURED] = tuple(record.item_id for record in self._before.records)

@@ -53,6 +53,8 @@ def _be_controller(config: pytest.Config) -> None:
 
     controller = RunController(config)
     settings, cases = controller.settings, controller.cases
+    if controller.has_all:
+        config.option.tx = []
     for plugin in (controller, controller.progress, controller.stop, controller.end):
         config.pluginmanager.register(plugin)
     if settings.ray is not None:

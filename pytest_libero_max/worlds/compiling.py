@@ -17,3 +17,11 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(cache=True)(function)  # type: ignore[no-any-return]
     except RuntimeError:  # no folder: each process compiles for itself
         return numba.njit(function)  # type: ignore[no-any-return]
+
+
+def kept_in() -> str | None:
+    """Return the folder in which loops of this package are kept; None where no folder is writable."""
+
+    def nothing() -> None: ...
+
+    return compiled(nothing).stats.cache_path  # type: ignore[attr-defined,no-any-return]

@@ -245,9 +245,10 @@ def test_a_merged_run_is_resumed(run: Run) -> None:
     for number in "12":
         run(f"--libero-max-shard={number}/2", f"--libero-max-output={number}")
     assert main(["merge", "1", "2", "--output=merged"]) == 0
-    result = run("--libero-max-output=merged", "--libero-max-resume")
+    result = run("--libero-max-output=merged", "--libero-max-resume", "-n2", subprocess=True)
     assert result.ret == 0
     result.stdout.fnmatch_lines(["*16 of 16 planned pairs played"])
+    result.stdout.no_fnmatch_line("*2 workers*")  # nothing is left for them
 
 
 def test_resuming_a_finished_run_plays_nothing_and_is_fine(run: Run) -> None:

@@ -446,7 +446,7 @@ def require_images() -> None:
 
 
 _ONE_BALL = """<mujoco><worldbody>
-  <light pos="0 0 3"/><camera name="eye" pos="0 0 2"/><geom size="0.5" group="1"/>
+  <light pos="0 0 3" castshadow="false"/><camera name="eye" pos="0 0 2"/><geom size="0.5" group="1"/>
 </worldbody></mujoco>"""
 
 
