@@ -117,12 +117,12 @@ def _bisect(options: argparse.Namespace) -> int:
     if not 0 < options.level <= 0.5:
         raise OptionError.seen("--level", options.level, ", but must be above 0 and at most 0.5.")
     revisions = _checkpoints(options) if options.checkpoints else _commits(options.good, options.bad)
-    games = Games(options, revisions)
-    games.begin()
-    good = games.end(revisions[0], options.good_run, None)
-    good_folder = options.good_run or games.folder(revisions[0])
+    runs = Runs(options, revisions)
+    runs.begin()
+    good = runs.end(revisions[0], options.good_run, None)
+    good_folder = options.good_run or runs.folder(revisions[0])
     rule = f"worse_than:{options.level:g},{Path(good_folder).absolute()}"
-    bad = games.end(revisions[-1], options.bad_run, rule)
+    bad = runs.end(revisions[-1], options.bad_run, rule)
     lost = Lost.between(good, bad)
     counts = (
         f"{len(lost.case_ids)} lost and {lost.gains} gained of {lost.pairs} pairs, p = {lost.p_value:.2g}"
@@ -138,12 +138,12 @@ def _bisect(options: argparse.Namespace) -> int:
         )
         return GATE_FAILED
     say([f"{revisions[-1].short} is worse than {revisions[0].short}: {counts}."])
-    cases = games.write_cases(good, lost)
+    cases = runs.write_cases(good, lost)
     stop = [f"--libero-max-stop=anytime:{options.level:g}", f"--libero-max-gate={GATE}"]
     verdicts: dict[int, Verdict] = {0: "good", len(revisions) - 1: "bad"}
 
     def judge(number: int) -> Verdict:
-        found = games.play(revisions[number], [*stop, *cases], by_rule=True)
+        found = runs.play(revisions[number], [*stop, *cases], by_rule=True)
         verdicts[number] = "cannot be played" if found is None else verdict_of(found)
         say([f"{revisions[number].short}: {verdicts[number]}"])
         return verdicts[number]
@@ -152,24 +152,22 @@ def _bisect(options: argparse.Namespace) -> int:
     ends = {0: good, len(revisions) - 1: bad}
     for number in sorted({low, high} - ends.keys()):
         # The rule knew the majority. Which cases a revision loses takes all of them.
-        found = games.play(revisions[number], ["--override-ini=libero_max_gate=", *cases], by_rule=False)
+        found = runs.play(revisions[number], ["--override-ini=libero_max_gate=", *cases], by_rule=False)
         if found is None:
-            raise OptionError(games.trouble(revisions[number]))
+            raise OptionError(runs.trouble(revisions[number]))
         ends[number] = found
     looked = [
-        _looked(games, revisions[number], ends.get(number), verdicts[number], lost)
+        _looked(runs, revisions[number], ends.get(number), verdicts[number], lost)
         for number in sorted(verdicts)
     ]
     say(_outcome(revisions, looked, low, high, ends, lost))
     return 0
 
 
-def _looked(
-    games: Games, revision: Revision, stored: StoredRun | None, verdict: Verdict, lost: Lost
-) -> Looked:
+def _looked(runs: Runs, revision: Revision, stored: StoredRun | None, verdict: Verdict, lost: Lost) -> Looked:
     from pytest_libero_max.report.bisection import Looked, completed
 
-    stored = stored or games.stored(revision)
+    stored = stored or runs.stored(revision)
     found = {} if stored is None else completed(stored, lost.case_ids)
     pairs = 0 if stored is None else len(stored.records)
     return Looked(revision.short, pairs, verdict, sum(found.values()), len(found), revision.note)
@@ -261,7 +259,7 @@ def _git(*words: str) -> str:
 
 
 @dataclass
-class Games:
+class Runs:
     """The runs of a bisection: each in a folder of its own, played by pytest in a process of its own.
 
     Attributes:

@@ -218,6 +218,6 @@ def _tell(work: Work, before: int, files: int, record: PairRecord, step: int) ->
         record: The pair that is being played again.
         step: Policy steps of it that are drawn.
     """
-    steps = max(arm.steps or 0 for arm in record.arms.values())
+    steps = max(arm.steps for arm in record.arms.values())
     left = work.left(before + step / max(steps, 1), files)
     work.show(f"{before + 1} of {files}, step {step} of {steps}{left}: {record.item_id}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +30,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _runs(options: argparse.Namespace) -> int:
+    from pytest_libero_max.report.table import aligned
     from pytest_libero_max.runs.status import Follower
 
     folder: Path = options.folder
@@ -44,7 +44,7 @@ def _runs(options: argparse.Namespace) -> int:
             found.append((_began(seen), _row(name, seen)))
         except ReportError as error:
             unreadable.append(f"cannot be read: {error}")
-    lines = list(_table([_HEAD, *(row for _, row in sorted(found))])) if found else []
+    lines = aligned([_HEAD, *(row for _, row in sorted(found))]) if found else []
     say([*lines, *unreadable] or [f"There is no run below {folder}."])
     return int(bool(unreadable))
 
@@ -90,9 +90,3 @@ def _status(seen: Seen) -> str:
     if seen.stopped is not None:
         return f"stopped, {count}"
     return f"complete, {seen.progress.done} pairs" if seen.complete else f"incomplete, {count}"
-
-
-def _table(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

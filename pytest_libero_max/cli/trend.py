@@ -41,6 +41,7 @@ def _trend(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
     from pytest_libero_max.report.comparison.compare_text import with_short_names
     from pytest_libero_max.report.studies.study_figures import success_plot
+    from pytest_libero_max.report.table import aligned
     from pytest_libero_max.report.writers.report_files import write_text
 
     if len(options.folders) < 2:
@@ -55,7 +56,7 @@ def _trend(options: argparse.Namespace) -> None:
         [
             f"{len(causes)} runs on {pairs.common} common cases"
             + (f"; left out: {', '.join(left_out)}" if left_out else ""),
-            *_table([_HEAD, *map(_row, comparison.runs, causes)]),
+            *aligned([_HEAD, *map(_row, comparison.runs, causes)]),
         ]
     )
     if options.csv:
@@ -95,13 +96,6 @@ def _row(run: ComparedRun, causes: Counter[str]) -> tuple[str, ...]:
         count_text(run.conditional_regression),
         ", ".join(f"{cause} {count}" for cause, count in causes.most_common(_CAUSES)),
     )
-
-
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
 
 
 def _write_csv(file: Path, runs: Sequence[ComparedRun], causes: Sequence[Counter[str]]) -> None:

@@ -81,8 +81,8 @@ def counted(record: PairRecord) -> Counted:
     for arm in record.arms.values():
         if arm.shares is None:
             shared_steps, shared_calls = _shared(arm)
-            steps += (arm.steps or 0) - shared_steps
-            calls += (arm.queries or 0) - shared_calls
+            steps += arm.steps - shared_steps
+            calls += arm.queries - shared_calls
     if record.triggered and "asked_again_s" in record.timings:
         calls += 2
     return Counted(steps, calls)

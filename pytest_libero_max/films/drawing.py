@@ -65,7 +65,7 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
         shared_until: Policy steps that all arms of the film share.
     """
     arm = record.arms[name]
-    steps = arm.steps or 0
+    steps = arm.steps
     found: list[Label] = []
     if step < shared_until:
         found.append(Label("shared prefix", MUTED))
@@ -128,13 +128,13 @@ def shared_steps(record: PairRecord, names: Sequence[str]) -> int:
     if len({arm.repetition for arm in arms}) > 1 or len(arms) == 1:
         return 0
     firings = [firing.step for arm in arms for firing in arm.firings]
-    return min([*firings, *(arm.steps or 0 for arm in arms)])
+    return min([*firings, *(arm.steps for arm in arms)])
 
 
 def _names_of_entries(record: PairRecord, name: str) -> list[str]:
     """Return the words for each entry of an arm's schedule when it happens."""
     names = []
-    for index, entry in enumerate(record.arms[name].schedule or ()):
+    for index, entry in enumerate(record.arms[name].schedule):
         if "reverts" in entry:
             names.append("EVENT taken back")
         elif name == DYNAMIC and index == 0 and PROGRAM not in record.fingerprints:
@@ -153,7 +153,7 @@ class _Canvas:
         self._record, self._size, self._caption = record, size, caption
         self._names = distinct_arms(record)
         self._shared = shared_steps(record, self._names)
-        self._steps = max(record.arms[name].steps or 0 for name in self._names)
+        self._steps = max(record.arms[name].steps for name in self._names)
         self._distances = {name: _distances(traces[name]) for name in self._names}
         self._ways: dict[str, list[tuple[float, float]]] = {}
         self._queries = {name: traces[name].query_steps.tolist() for name in self._names}
@@ -166,7 +166,7 @@ class _Canvas:
     def follow(self, tick: Tick) -> None:
         """Take a moment into the curves. Moments come in their order."""
         for name, view in tick.views.items():
-            if tick.step <= (self._record.arms[name].steps or 0):
+            if tick.step <= self._record.arms[name].steps:
                 self._openings[name].append((tick.step, view.opening_m))
 
     def is_new(self, shown: Tick, tick: Tick) -> bool:
@@ -221,11 +221,11 @@ class _Canvas:
         arm, (x, y), size = self._record.arms[name], corner, self._size
         color = self._color(name)
         self._write(pen, (x + 4, y), _TITLES.get(name, name), color)
-        count = f"{min(tick.step, arm.steps or 0)}"
+        count = f"{min(tick.step, arm.steps)}"
         self._write(pen, (x + size - 4 - self._length(count), y), count, MUTED)
         y += self._line_px + 4
         top = y
-        ended = tick.step >= (arm.steps or 0)
+        ended = tick.step >= arm.steps
         view = tick.views[name]
         for camera, image in view.images.items():
             picture = Picture.fromarray(_faded(image) if ended else np.ascontiguousarray(image))

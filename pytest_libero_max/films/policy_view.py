@@ -127,7 +127,7 @@ def policy_look(
     is_seeing = shown.every_step or (record.policy.get("memory") == "frames" and shown.policy is None)
 
     def look(name: str, step: int, world: World, before: View | None) -> View:
-        is_over, is_query = step >= (record.arms[name].steps or 0), step in number[name]
+        is_over, is_query = step >= record.arms[name].steps, step in number[name]
         if is_over or not (is_query or is_seeing):
             opening = opening_m(world.observe((), 1))
             return View(before.images, opening, before.words) if before else View({}, opening)

@@ -139,11 +139,6 @@ class _Player:
     def __init__(
         self, name: str, record: ArmRecord, trace: ArmTrace, item_id: str, link: bytes, state: WorldState
     ) -> None:
-        if record.schedule is None or record.proof is None or record.steps is None:
-            raise ReportError(
-                f"{item_id}: the record of arm {name!r} is of an early version and does not say what "
-                "happened when. Play the pair again."
-            )
         self.name, self.item_id = name, item_id
         self.steps, self.proof = record.steps, record.proof
         self.actions = trace.actions

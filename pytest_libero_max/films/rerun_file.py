@@ -158,7 +158,7 @@ class _Writer:
             for name in self._arms:
                 scene = tick.views[name]
                 assert isinstance(scene, Scene)
-                if tick.step <= (record.arms[name].steps or 0):
+                if tick.step <= record.arms[name].steps:
                     self._write_scene(name, scene)
             done = tick.step
 

@@ -126,7 +126,7 @@ def poses_of(world: World, record: PairRecord, ticks: Iterable[Tick]) -> Recorde
         for name in names:
             view = tick.views[name]
             assert isinstance(view, Posed)
-            if tick.step <= (record.arms[name].steps or 0):
+            if tick.step <= record.arms[name].steps:
                 arms[name].append(view)
     poses = {name: np.stack([view.bodies for view in views]) for name, views in arms.items()}
     moving = _moving(list(poses.values()))

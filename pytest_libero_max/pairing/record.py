@@ -1,14 +1,13 @@
 """The pair record: the only thing that leaves the simulator. JSON with a schema version.
 
-Version 3 holds one entry an arm, and in it the columns of probes. Version 2 had no probes, version 1 held one
-pair as flat fields; both are still read.
+It holds one entry an arm. Version 2, which is still read, had no columns of probes.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import Meta, field
 from msgspec.structs import force_setattr, replace
@@ -46,7 +45,6 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
-from pytest_libero_max.pairing.version_1 import from_version_1
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.rollout import RolloutResult
@@ -54,7 +52,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.policies.contract import MemoryKind, PolicySpec
 
 RECORD_VERSION = 3
-READABLE_VERSIONS = (1, 2, 3)
+READABLE_VERSIONS = (2, 3)
 Version = Annotated[int, Meta(ge=2, le=3)]
 """Versions of the fields below; one that is read is a record of :data:`RECORD_VERSION` from then on."""
 
@@ -102,7 +100,7 @@ class FiringRecord(Document, frozen=True, kw_only=True):
 
 
 class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
-    """One arm of a measured case. A value that version 1 of the record did not hold is None.
+    """One arm of a measured case.
 
     Attributes:
         schedule: Entries of the arm, as
@@ -136,18 +134,18 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
 
     NOUN: ClassVar[str] = "arm"
 
-    schedule: tuple[Json, ...] | None
+    schedule: tuple[Json, ...]
     repetition: Count
     success: Flag
-    steps: Count | None
-    queries: Count | None
+    steps: Count
+    queries: Count
     firings: tuple[FiringRecord, ...]
     response_step: Count | None
     stale_actions: Count | None
-    min_distance_m: Distance | None
-    clipped_components: Count | None
-    contacts: Texts | None
-    proof: Proof | None
+    min_distance_m: Distance
+    clipped_components: Count
+    contacts: Texts
+    proof: Proof
     shares: Text | None
     notes: Counts | None = None
     returned: Span | None = None
@@ -156,10 +154,8 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     held_steps: Count | None = None
 
     @property
-    def clipped_share(self) -> float | None:
+    def clipped_share(self) -> float:
         """Share of the components of the executed actions that were clipped."""
-        if self.clipped_components is None or self.steps is None:
-            return None
         return self.clipped_components / (ACTION_DIM * self.steps) if self.steps else 0.0
 
     @classmethod
@@ -395,12 +391,12 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     @property
     def base_steps(self) -> int:
         """Policy steps Base took."""
-        return _held(self.arm(BASE).steps)
+        return self.arm(BASE).steps
 
     @property
     def dynamic_steps(self) -> int:
         """Policy steps Dynamic took, executed prefix included."""
-        return _held(self.arm(DYNAMIC).steps)
+        return self.arm(DYNAMIC).steps
 
     @property
     def trigger(self) -> FiringRecord | None:
@@ -426,7 +422,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     @property
     def min_distance_m(self) -> float:
         """Smallest such distance over the Base rollout."""
-        return _held(self.arm(BASE).min_distance_m)
+        return self.arm(BASE).min_distance_m
 
     @property
     def response_step(self) -> int | None:
@@ -446,12 +442,12 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     @property
     def base_queries(self) -> int:
         """Policy queries of Base."""
-        return _held(self.arm(BASE).queries)
+        return self.arm(BASE).queries
 
     @property
     def dynamic_queries(self) -> int:
         """Policy queries of Dynamic after the event."""
-        return _held(self.arm(DYNAMIC).queries) - self.trigger.queries if self.trigger else 0
+        return self.arm(DYNAMIC).queries - self.trigger.queries if self.trigger else 0
 
     @property
     def prefix_digest(self) -> str | None:
@@ -461,7 +457,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     @property
     def base_digest(self) -> str:
         """The hash chain over the whole Base rollout."""
-        return _held(self.arm(BASE).proof)
+        return self.arm(BASE).proof
 
     @property
     def dynamic_digest(self) -> str | None:
@@ -476,7 +472,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     @property
     def contacts(self) -> dict[str, list[str]]:
         """Names of everything that touches the trigger entity at the end, by arm."""
-        return {name: list(_held(self.arm(name).contacts)) for name in (BASE, DYNAMIC)}
+        return {name: list(self.arm(name).contacts) for name in (BASE, DYNAMIC)}
 
     @property
     def base_repeat(self) -> Json | None:
@@ -509,20 +505,18 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
     @classmethod
     def from_dict(cls, values: Json) -> PairRecord:
-        """Read what :meth:`to_dict` wrote, now or as version 1.
+        """Read what :meth:`to_dict` wrote.
 
         Raises:
             ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one;
                 or the schema version is not one of :data:`READABLE_VERSIONS`.
         """
         require_version(values, "pair record")
-        if values["schema_version"] == 1:
-            values = {**from_version_1(values), "schema_version": RECORD_VERSION}
         return _consistent(convert(values, cls))
 
     @classmethod
     def from_json(cls, line: bytes) -> PairRecord:
-        """Read a line of ``pairs.jsonl``, version 2 or later; the errors are those of :meth:`from_dict`."""
+        """Read a line of ``pairs.jsonl``; the errors are those of :meth:`from_dict`."""
         return _consistent(decode(line, cls))
 
 
@@ -557,15 +551,6 @@ def require_version(values: Json, what: str) -> None:
             f"{', '.join(map(str, READABLE_VERSIONS[:-1]))} and {READABLE_VERSIONS[-1]}. Read it with the "
             "version of pytest-libero-max that wrote it."
         )
-
-
-_Value = TypeVar("_Value")
-
-
-def _held(value: _Value | None) -> _Value:
-    """Return a value that a record of this arm holds, whatever version wrote it."""
-    assert value is not None
-    return value
 
 
 class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="error"):
@@ -647,19 +632,19 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
     Raises:
         ReportError: It does not.
     """
-    if arm.schedule is not None and not all(map(_is_entry, arm.schedule)):
+    if not all(map(_is_entry, arm.schedule)):
         raise ReportError(
             f"schedule={shown(list(arm.schedule))} of the arm, but must be a list of entries with a trigger, "
-            "and a change or a reversal, or null."
+            "and a change or a reversal."
         )
-    changes = [entry.get("change", {}) for entry in arm.schedule or ()]
+    changes = [entry.get("change", {}) for entry in arm.schedule]
     delayed = [one.get("latency") for one in changes if one.get("operation") == CHANGED_BY]
     if (arm.latency is None and not delayed) != (arm.held_steps is None):
         raise ReportError(
             f"latency={shown(arm.latency)} and held_steps={arm.held_steps} of an arm, but it has both "
             "or neither."
         )
-    if arm.schedule is not None and len(arm.firings) > len(arm.schedule):
+    if len(arm.firings) > len(arm.schedule):
         raise ReportError(
             f"{len(arm.firings)} firings of an arm whose schedule has {len(arm.schedule)} entries."
         )
@@ -670,26 +655,28 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
                 "nothing happened, but must be null."
             )
         return
-    steps = LARGEST if arm.steps is None else arm.steps
     moments = [firing.step for firing in arm.firings]
-    if moments != sorted(moments) or moments[-1] > steps:
-        raise ReportError(f"Firings at the steps {moments} of an arm of {steps} steps, in this order.")
+    if moments != sorted(moments) or moments[-1] > arm.steps:
+        raise ReportError(f"Firings at the steps {moments} of an arm of {arm.steps} steps, in this order.")
     event = moments[0]
-    if arm.response_step is not None and not event <= arm.response_step <= steps:
+    if arm.response_step is not None and not event <= arm.response_step <= arm.steps:
         raise ReportError(
-            f"response_step={arm.response_step}, but the event was at step {event} and the arm took {steps} "
-            "steps: a response comes after the event."
+            f"response_step={arm.response_step}, but the event was at step {event} and the arm took "
+            f"{arm.steps} steps: a response comes after the event."
         )
     texts = [text if fits(text, LatencyText) else str(NO_LATENCY) for text in (arm.latency, *delayed)]
     delays = sorted({delay for text in texts for delay in Latency.parse(text).delays})
-    ends = {steps if arm.response_step is None else min(steps, arm.response_step + delay) for delay in delays}
+    ends = {
+        arm.steps if arm.response_step is None else min(arm.steps, arm.response_step + delay)
+        for delay in delays
+    }
     stale = sorted(end - event for end in ends)
     if arm.stale_actions not in stale:
         late = f" of which the answer takes {_either(delays)} steps" if any(delays) else ""
         raise ReportError(
             f"stale_actions={arm.stale_actions}, but {_either(stale)} actions were executed between the "
             f"event (step {event}) and the next query{late} (response_step={arm.response_step}, "
-            f"steps={steps})."
+            f"steps={arm.steps})."
         )
 
 
@@ -709,26 +696,20 @@ def _require_consistent_pair(record: PairRecord) -> None:
             "horizon, query_interval (Q <= H) and privileged."
         )
     for name, arm in record.arms.items():
-        if arm.steps is not None and arm.steps > record.max_steps:
+        if arm.steps > record.max_steps:
             raise ReportError(f"steps={arm.steps} of arm {name!r}, but max_steps={record.max_steps}.")
         if arm.shares is not None:
             _require_shared(record, name, arm)
     if BASE not in record.arms or DYNAMIC not in record.arms:
         return
     base, dynamic = record.arms[BASE], record.arms[DYNAMIC]
-    for name, arm in ((BASE, base), (DYNAMIC, dynamic)):
-        for held in ("steps", "queries", "contacts", "proof"):
-            if getattr(arm, held) is None:
-                raise ReportError(f"{held}=None of arm {name!r}, which every record holds.")
-    if base.min_distance_m is None:
-        raise ReportError(f"min_distance_m=None of arm {BASE!r}, which every record holds.")
     if base.schedule or base.firings:
         raise ReportError(f"arm {BASE!r} has an event, but nothing happens in Base.")
     event = record.trigger
     if event is None:
         if (base.success, base.proof) != (dynamic.success, dynamic.proof):
             raise ReportError("the event never came, but Base and Dynamic differ.")
-    elif event.step > record.base_steps or event.queries > (dynamic.queries or 0):
+    elif event.step > record.base_steps or event.queries > dynamic.queries:
         raise ReportError(
             f"the event came after {event.step} steps and {event.queries} queries, but Base took "
             f"{record.base_steps} steps and Dynamic {dynamic.queries} queries."

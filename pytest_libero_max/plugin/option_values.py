@@ -14,7 +14,6 @@ from pytest_libero_max.plugin.array_jobs import shard_of_job
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.latency import Latency
     from pytest_libero_max.benchmark.order import Order
-    from pytest_libero_max.events.schedules import Cadence
     from pytest_libero_max.report.gates import Gate
     from pytest_libero_max.report.stopping_rule import NamedRule
 
@@ -37,13 +36,6 @@ def positive(text: str) -> int:
     """Parse an integer of at least 1."""
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ValueError("expected an integer of at least 1")
-    return int(text)
-
-
-def plays(text: str) -> int:
-    """Parse an integer of at least 2."""
-    if not text.isascii() or not text.isdigit() or int(text) < 2:
-        raise ValueError("expected an integer of at least 2, the number of plays of each case")
     return int(text)
 
 
@@ -122,20 +114,6 @@ def latency(text: str) -> Latency:
         return recorded_latency(Path(folder.removesuffix(",sync")).expanduser(), "sync" if waits else "async")
     except ReportError as error:
         raise ValueError(f"expected the folder of a run behind {RECORDED!r}; {error}") from None
-
-
-def delays(text: str) -> tuple[Latency, ...]:
-    """Parse the settings of a sweep over latencies."""
-    from pytest_libero_max.studies.latency_sweep import parse_delays
-
-    return parse_delays(text)
-
-
-def cadence(text: str) -> tuple[Cadence, ...]:
-    """Parse the settings of a sweep."""
-    from pytest_libero_max.studies.cadence_sweep import parse_cadence
-
-    return parse_cadence(text)
 
 
 def order(text: str) -> Order:

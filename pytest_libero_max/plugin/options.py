@@ -220,23 +220,23 @@ OPTIONS = (
     Option(
         "cadence",
         "SETTINGS",
-        "Settings of the study cadence: values of Q, for example 2,4,8, or of H/Q, for example 2/2,4/4,8/8; "
-        "the policy's own cadence is always played",
-        read.cadence,
+        "Play the study cadence with these settings: values of Q, for example 2,4,8, or of H/Q, for example "
+        "2/2,4/4,8/8; the policy's own cadence is always played",
+        read.text,
     ),
     Option(
         "delays",
         "SETTINGS",
-        "Settings of the study latency: steps that a query takes, for example 1,2,4,8, or 4sync for the "
-        "runner that waits; no delay is always played",
-        read.delays,
+        "Play the study latency with these settings: steps that a query takes, for example 1,2,4,8, or 4sync "
+        "for the runner that waits; no delay is always played",
+        read.text,
     ),
     Option(
         "repeats",
         "PLAYS",
         "Play each case so often, with other seeds of the policy, and report the variance between seeds, "
         "cases and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
-        read.plays,
+        read.text,
     ),
     Option(
         "probe",
@@ -674,28 +674,29 @@ def _track(settings: Settings, name: str | None) -> str:
     return supported_track(name, settings.substrate, settings.substrate_options)
 
 
+_SETTINGS = {"cadence": "cadence", "delays": "latency", "repeats": "repeats"}
+"""Options that hold the settings of a study, with its name."""
+
+
 def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     """Return the study that is asked for; the track becomes that of the study where none is named.
 
     Raises:
-        pytest.UsageError: Its settings are missing or those of another study, or it sets strengths itself.
+        pytest.UsageError: Its settings are missing, of another form or those of another study, or it sets
+            strengths itself.
     """
-    settings = {option: values.pop(option) for option in ("cadence", "delays", "repeats")}
-    name = values["study"]
-    if name is None and settings["repeats"] is not None:
-        name = values["study"] = "repeats"
+    given = {option: text for option in _SETTINGS if (text := values.pop(option)) is not None}
+    name = values["study"] = values["study"] or next((_SETTINGS[option] for option in given), None)
+    for option in given:
+        if _SETTINGS[option] != name:
+            raise pytest.UsageError(
+                f"--libero-max-{option} is for the study {_SETTINGS[option]}, but the study is {name}. Take "
+                "one of the two away."
+            )
     if name is None:
-        for option, swept in (("cadence", "cadence"), ("delays", "latency")):
-            if settings[option] is not None:
-                raise pytest.UsageError(
-                    f"--libero-max-{option} is for the study {swept}, but no study is asked for. Add "
-                    f"--libero-max-study={swept}."
-                )
         return None
-    from pytest_libero_max.studies.registry import make_study
-
     try:
-        study = make_study(name, settings["cadence"], settings["delays"], settings["repeats"])
+        study = STUDIES[name].of(next(iter(given.values()), None))
     except OptionError as error:
         raise pytest.UsageError(str(error)) from None
     if name in ("cadence", "latency") and values["adaptive"] is not None:

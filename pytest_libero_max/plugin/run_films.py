@@ -75,7 +75,7 @@ def make_films(
 
 
 def _steps(record: PairRecord) -> int:
-    return sum(arm.steps or 0 for arm in record.arms.values())
+    return sum(arm.steps for arm in record.arms.values())
 
 
 def _film(settings: Settings, cases: Mapping[str, Case], records: Sequence[PairRecord], told: Told) -> None:

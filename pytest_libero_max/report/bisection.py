@@ -8,12 +8,13 @@ completes is fixed, and the order alone is random: the level of the rule assumes
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gates import parse_gates
+from pytest_libero_max.report.table import aligned
 from pytest_libero_max.runs.plan import unsupported_pairs
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.sequential import log_evidence_of_change
@@ -137,12 +138,10 @@ def first_bad(count: int, judge: Callable[[int], Verdict]) -> tuple[int, int]:
     return low, high
 
 
-def table(looked: Sequence[Looked]) -> Iterator[str]:
-    """Yield the lines of the table of revisions, in the order given."""
+def table(looked: Sequence[Looked]) -> list[str]:
+    """Return the lines of the table of revisions, in the order given."""
     rows = [("revision", "pairs", "lost cases completed", "verdict", "")]
     for one in looked:
         share = f"{one.completed} of {one.of}" if one.of else ""
         rows.append((one.name, str(one.pairs), share, one.verdict, one.note))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+    return aligned(rows)

@@ -235,12 +235,8 @@ def _returned(records: Iterable[PairRecord]) -> Returned | None:
 
 
 def _clipped_actions(records: Iterable[PairRecord]) -> ClippedActions | None:
-    """Share of the executed actions that was outside [-1, 1]; None where no record says."""
-    shares = [
-        max(share for arm in record.arms.values() if (share := arm.clipped_share) is not None)
-        for record in records
-        if any(arm.clipped_share is not None for arm in record.arms.values())
-    ]
+    """Share of the executed actions that was outside [-1, 1]; None without a record."""
+    shares = [max(arm.clipped_share for arm in record.arms.values()) for record in records]
     if not shares:
         return None
     return ClippedActions(pairs=sum(share > 0 for share in shares), largest_share=max(shares))

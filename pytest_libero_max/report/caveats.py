@@ -200,7 +200,7 @@ def _unequal_bases(records: Iterable[PairRecord]) -> int:
         ):
             played = frozenset(record.fingerprints.items())
             key = (played, record.policy_seed, record.instruction, record.max_steps)
-            proof = record.arms[BASE].proof or ""
+            proof = record.arms[BASE].proof
             unequal += bases.setdefault(key, proof) != proof
     return unequal
 

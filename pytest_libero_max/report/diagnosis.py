@@ -194,7 +194,7 @@ class _Seen:
     @property
     def steps(self) -> int:
         """Policy steps of the arm."""
-        return self.arm.steps or 0
+        return self.arm.steps
 
     @property
     def thing(self) -> str:
@@ -424,7 +424,7 @@ def _froze_after_event(seen: _Seen) -> str | None:
     there = None if seen.other is None or seen.other.closest_m is None else seen.other.closest_m + _ARRIVED_M
     if there is not None and seen.row.closest_m is not None and seen.row.closest_m <= there:
         return None
-    if stopped > answered + _REACTION_STEPS or (base.steps or 0) <= stopped:
+    if stopped > answered + _REACTION_STEPS or base.steps <= stopped:
         return None
     return (
         f"The hand stopped at step {stopped}, {max(stopped - event.step, 0)} steps after the event, "

@@ -446,8 +446,8 @@ class Report(Block, frozen=True, kw_only=True):
         sham: A sham event on some pairs, whose losses are the policy's own chance; None where none was
             played.
         returned: Numbers of actions that the policy's servers returned; None where no record says.
-        clipped_actions: Action components outside [-1, 1], which the controller clips; None where the records
-            do not say.
+        clipped_actions: Action components outside [-1, 1], which the controller clips; None where no pair
+            was played.
         changed_pairs: Played pairs of which one arm succeeded and the other failed, by item id.
         causes: Number of failed arms of Base and of Dynamic, by cause.
         by: Results by group, for nine ways of grouping: event, family, suite, source, category (source and

@@ -79,8 +79,7 @@ def success_curves(records: Sequence[PairRecord]) -> SuccessCurves | None:
     if not records:
         return None
     ends = {
-        arm: [arm_of.steps or 0 for record in records if (arm_of := record.arms[arm]).success]
-        for arm, _ in _ARMS
+        arm: [arm_of.steps for record in records if (arm_of := record.arms[arm]).success] for arm, _ in _ARMS
     }
     steps = sorted({0, *ends[BASE], *ends[DYNAMIC], max(record.max_steps for record in records)})
     base, dynamic = (
@@ -92,7 +91,7 @@ def success_curves(records: Sequence[PairRecord]) -> SuccessCurves | None:
 def _restricted(record: PairRecord, arm: str) -> int:
     """Return the steps to success; those that the episode may take where there was none."""
     played = record.arms[arm]
-    return played.steps or 0 if played.success else record.max_steps
+    return played.steps if played.success else record.max_steps
 
 
 def _event(record: PairRecord) -> int:
@@ -102,7 +101,7 @@ def _event(record: PairRecord) -> int:
 def _to_success(record: PairRecord, arm: str) -> int | None:
     """Return the steps from the event in Dynamic to success; None without success."""
     played = record.arms[arm]
-    return (played.steps or 0) - _event(record) if played.success else None
+    return played.steps - _event(record) if played.success else None
 
 
 def _to_next_stage(record: PairRecord, arm: str) -> int | None:
@@ -117,7 +116,7 @@ def _to_next_stage(record: PairRecord, arm: str) -> int | None:
         return None
     steps = [step for name in _MILESTONES for step in stages[name] if step is not None]
     if played.success:
-        steps.append(played.steps or 0)
+        steps.append(played.steps)
     return min((step - _event(record) for step in steps if step > _event(record)), default=None)
 
 

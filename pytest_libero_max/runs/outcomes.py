@@ -13,7 +13,7 @@ from msgspec import Raw, Struct
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.pairing.record import RECORD_VERSION, PairRecord
+from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.agreement import Agreement, SamePlay
 from pytest_libero_max.runs.lock import require_ended
@@ -153,7 +153,7 @@ def _fast(path: Path) -> RunOutcomes | None:
         if (
             pair is None
             or pair.case_digest != line.case_digest
-            or line.schema_version not in (2, RECORD_VERSION)
+            or line.schema_version not in READABLE_VERSIONS
         ):
             return None
         if line.line == "error":

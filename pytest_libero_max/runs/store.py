@@ -25,7 +25,7 @@ from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
-from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
+from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairError, PairRecord
 from pytest_libero_max.runs.agreement import Agreement, declare_weights, run_differences
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
@@ -467,7 +467,7 @@ def decode_line(line: bytes) -> Run | PairRecord | PairError | Stopped:
         raise ReportError(f"The line must be an object, but this is {shown(values)}.") from None
     if head.line not in ("run", "pair", "error", "stopped"):
         raise ReportError(f"line={shown(head.line)}, but must be 'run', 'pair', 'error' or 'stopped'.")
-    if head.line == "pair" and head.schema_version in (2, RECORD_VERSION):
+    if head.line == "pair" and head.schema_version in READABLE_VERSIONS:
         return PairRecord.from_json(line)
     values = decode_json(line, "The line is damaged.")
     del values["line"]

@@ -10,19 +10,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Cadence, Entry, change_of, trigger_of
 from pytest_libero_max.policies.cadence import at_cadence
-from pytest_libero_max.studies.study import Study
+from pytest_libero_max.studies.sweep import Sweep
 
 if TYPE_CHECKING:
     from pytest_libero_max.policies.contract import PolicySpec
 
-_SETTING = re.compile(r"(?:([1-9][0-9]{0,3})/)?([1-9][0-9]{0,3})")
 
-
-class CadenceSweep(Study):
+class CadenceSweep(Sweep[Cadence]):
     """Base and Dynamic at the policy's own cadence, and at each of the settings.
 
     Args:
@@ -34,20 +31,28 @@ class CadenceSweep(Study):
 
     name = "cadence"
     title = "Query cadence"
-    track = "lite"
+    option = "cadence"
+    example = "2,4,8 (Q), or --libero-max-cadence=2/2,4/4,8/8 (H/Q)"
+    form = re.compile(r"(?:([1-9][0-9]{0,3})/)?([1-9][0-9]{0,3})")
+    expected = "Q or H/Q, several with commas, for example 2,4,8 or 2/2,4/4,8/8"
 
     def __init__(self, settings: Sequence[Cadence]) -> None:
-        self.settings = tuple(settings)
-        if not self.settings or len(set(self.settings)) < len(self.settings):
-            raise OptionError.seen(
-                "settings", cadence_text(self.settings), ", but give at least one, each once."
-            )
+        super().__init__(settings)
         for setting in self.settings:
             if setting.horizon is not None and setting.query_interval > setting.horizon:
                 raise OptionError(
-                    f"setting {cadence_text((setting,))!r} has Q={setting.query_interval} > "
+                    f"setting {self.write(setting)!r} has Q={setting.query_interval} > "
                     f"H={setting.horizon}: a query returns at most H actions, so Q <= H. Lower Q or raise H."
                 )
+
+    @staticmethod
+    def read(match: re.Match[str]) -> Cadence:
+        horizon, interval = match.groups()
+        return Cadence(int(interval), None if horizon is None else int(horizon))
+
+    @staticmethod
+    def write(setting: Cadence) -> str:
+        return ("" if setting.horizon is None else f"{setting.horizon}/") + str(setting.query_interval)
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
         """``base_q4`` and ``dynamic_q4`` for Q = 4, ``base_h8q4`` and ``dynamic_h8q4`` with H = 8.
@@ -67,39 +72,8 @@ class CadenceSweep(Study):
         for setting in self.settings:
             at_cadence(spec, setting)
 
-    def to_dict(self) -> Json:
-        return {**super().to_dict(), "settings": cadence_text(self.settings)}
-
 
 def setting_arm(name: str, setting: Cadence) -> str:
     """Name of an arm at a setting."""
     horizon = "" if setting.horizon is None else f"h{setting.horizon}"
     return f"{name}_{horizon}q{setting.query_interval}"
-
-
-def parse_cadence(text: str) -> tuple[Cadence, ...]:
-    """Read settings: ``2,4,8`` with the policy's own H, or ``2/2,4/4,8/8`` with another (H/Q).
-
-    Raises:
-        ValueError: The text is of another form; says which is expected.
-    """
-    settings = []
-    for part in text.split(","):
-        match = _SETTING.fullmatch(part.strip())
-        if match is None:
-            raise ValueError("expected Q or H/Q, several with commas, for example 2,4,8 or 2/2,4/4,8/8")
-        horizon, interval = match.groups()
-        settings.append(Cadence(int(interval), None if horizon is None else int(horizon)))
-    try:
-        CadenceSweep(settings)
-    except OptionError as error:
-        raise ValueError(str(error)) from None
-    return tuple(settings)
-
-
-def cadence_text(settings: Sequence[Cadence]) -> str:
-    """Form that :func:`parse_cadence` reads."""
-    return ",".join(
-        ("" if setting.horizon is None else f"{setting.horizon}/") + str(setting.query_interval)
-        for setting in settings
-    )

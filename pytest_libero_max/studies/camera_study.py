@@ -90,7 +90,6 @@ def first_crossing(rollout: RolloutResult, within_m: float) -> int | None:
 def _require_crossing(pair: Pair, name: str) -> None:
     """Check that the event came at the first crossing that the trajectories show, or that there is none."""
     arm = pair.record.arms[name]
-    assert arm.schedule is not None
     trigger = trigger_from_dict(arm.schedule[0]["trigger"])
     assert isinstance(trigger, Proximity)
     logged = arm.firings[0].step if arm.firings else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
@@ -37,11 +37,27 @@ class Repeats(Study):
     name = "repeats"
     title = "Repeats with other policy seeds"
     track = "smoke"
+    option = "repeats"
+    example = str(PLAYS)
 
     def __init__(self, plays: int = PLAYS) -> None:
         if plays < LEAST_PLAYS:
             raise OptionError.seen("repeats", plays, f", but a case is repeated from {LEAST_PLAYS} plays on.")
         self.plays = plays
+
+    @classmethod
+    def of(cls, settings: str | None) -> Self:
+        """Read the number of plays.
+
+        Raises:
+            OptionError: It is no integer of at least 2.
+        """
+        if settings is None:
+            return cls()
+        if not settings.isdecimal() or int(settings) < LEAST_PLAYS:
+            rule = f", but expected an integer of at least {LEAST_PLAYS}, the plays of each case."
+            raise OptionError.seen(f"--libero-max-{cls.option}", settings, rule)
+        return cls(int(settings))
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
         """Return a Base and a Dynamic for each further play, called ``base_2``, ``dynamic_2`` and so on."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.schedules import Arm
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ class Study(ABC):
         track: The track that is played unless another one is asked for.
         about: Effect of the event of its cases, in words that follow "whose event".
         scales: True if the study itself sets strengths, so that a run cannot set one as well.
+        option: The option that holds its settings, without ``--libero-max-``; None if it has none.
+        example: Settings, as they are given on the command line.
     """
 
     name: ClassVar[str]
@@ -33,6 +36,19 @@ class Study(ABC):
     track: ClassVar[str]
     about: ClassVar[str] = "is of any kind"
     scales: ClassVar[bool] = False
+    option: ClassVar[str | None] = None
+    example: ClassVar[str] = ""
+
+    @classmethod
+    def of(cls, settings: str | None) -> Self:
+        """Return the study with settings, in the form that :meth:`to_dict` writes; None for the usual ones.
+
+        Raises:
+            OptionError: They have another form, or the study has none.
+        """
+        if settings is not None:
+            raise OptionError.seen("settings", settings, f", but the study {cls.name} has none.")
+        return cls()
 
     @abstractmethod
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:

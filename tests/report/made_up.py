@@ -17,7 +17,8 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
+from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
 from pytest_libero_max.report.blocks import Block
 from pytest_libero_max.report.report_document import PlayedSelection
 from pytest_libero_max.runs.plan import PlannedPair
@@ -104,9 +105,20 @@ def selected(whole: bool) -> PlayedSelection:
 
 
 def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> PairRecord:
-    """A record of a planned pair with the outcomes given."""
+    """A record of a planned pair with the outcomes given.
+
+    Args:
+        pair: The planned pair.
+        base: Success in Base.
+        dynamic: Success in Dynamic.
+        changes: Fields of the record; values of its Base, event and Dynamic as in :data:`_ARMS`; and
+            ``base_repeat``, the success of a second play of Base and whether it was identical.
+    """
     labels = structs.asdict(pair)
     del labels["task"]
+    arms = {**_ARMS, "base_success": base, "dynamic_success": dynamic}
+    arms |= {name: changes.pop(name) for name in _ARMS if name in changes}
+    repeat: Json | None = changes.pop("base_repeat", None)
     values: dict[str, Any] = {
         **labels,
         "task_index": 0,
@@ -114,28 +126,79 @@ def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> P
         "policy_seed": 195,
         "instruction": "put the bowl on the plate",
         "trigger_entity": "bowl_1",
-        "base_success": base,
-        "dynamic_success": dynamic,
-        "base_steps": 90,
-        "dynamic_steps": 95,
         "max_steps": 220,
-        "trigger_step": 23,
-        "trigger_distance_m": 0.178,
-        "min_distance_m": 0.01,
-        "response_step": 25,
-        "stale_actions": 2,
-        "base_queries": 18,
-        "dynamic_queries": 14,
-        "prefix_digest": "ab" * 32,
-        "base_digest": "cd" * 32,
-        "dynamic_digest": "ef" * 32,
-        "evidence": {"changes": [], "pixels": {"agentview": 3.5}},
-        "contacts": {"base": ["plate_1"], "dynamic": []},
         "policy": POLICY,
         "fingerprints": {"substrate": "embedded"},
         "timings": {"pair_s": 1.25},
+        "arms": _arms(arms, repeat),
     }
-    return PairRecord.from_dict({"schema_version": 1, "base_repeat": None, **values, **changes})
+    return PairRecord.from_dict({"schema_version": RECORD_VERSION, **values, **changes})
+
+
+_ARMS: Json = {
+    "base_success": True,
+    "dynamic_success": True,
+    "base_steps": 90,
+    "dynamic_steps": 95,
+    "trigger_step": 23,
+    "trigger_distance_m": 0.178,
+    "min_distance_m": 0.01,
+    "response_step": 25,
+    "stale_actions": 2,
+    "base_queries": 18,
+    "dynamic_queries": 14,
+    "prefix_digest": "ab" * 32,
+    "base_digest": "cd" * 32,
+    "dynamic_digest": "ef" * 32,
+    "evidence": {"changes": [], "pixels": {"agentview": 3.5}},
+    "contacts": {"base": ["plate_1"], "dynamic": []},
+}
+
+
+def _arms(flat: Json, repeat: Json | None) -> Json:
+    base = {
+        "schedule": [],
+        "repetition": 0,
+        "success": flat["base_success"],
+        "steps": flat["base_steps"],
+        "queries": flat["base_queries"],
+        "firings": [],
+        "response_step": None,
+        "stale_actions": None,
+        "min_distance_m": flat["min_distance_m"],
+        "clipped_components": 0,
+        "contacts": flat["contacts"]["base"],
+        "proof": flat["base_digest"],
+        "shares": None,
+    }
+    event = {"trigger": {"type": "proximity"}, "change": {"operation": "made_up"}}
+    dynamic = {**base, "schedule": [event], "shares": BASE}
+    if flat["trigger_step"] is not None:
+        before = -(-flat["trigger_step"] // POLICY["query_interval"])
+        dynamic |= {
+            "success": flat["dynamic_success"],
+            "steps": flat["dynamic_steps"],
+            "queries": before + flat["dynamic_queries"],
+            "firings": [
+                {
+                    "step": flat["trigger_step"],
+                    "queries": before,
+                    "distance_m": flat["trigger_distance_m"],
+                    "prefix_proof": flat["prefix_digest"],
+                    "evidence": flat["evidence"],
+                }
+            ],
+            "response_step": flat["response_step"],
+            "stale_actions": flat["stale_actions"],
+            "contacts": flat["contacts"]["dynamic"],
+            "proof": flat["dynamic_digest"],
+            "shares": None,
+        }
+    arms = {BASE: base, DYNAMIC: dynamic}
+    if repeat is not None:
+        proof = base["proof"] if repeat["identical"] else "12" * 32
+        arms[BASE_AGAIN] = {**base, "repetition": 1, "success": repeat["success"], "proof": proof}
+    return arms
 
 
 NEVER_TRIGGERED: Json = {

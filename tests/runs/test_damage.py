@@ -22,7 +22,6 @@ from pytest_libero_max.runs.store import PairStore, read_pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 from tests.runs.damage import damaged
 
-VERSION_1 = Path(__file__).parents[1] / "pairing" / "records" / "version_1.jsonl"
 SEEDS = (*range(150), 3675)
 
 
@@ -69,9 +68,8 @@ def _only_our_errors(
     return refused
 
 
-@pytest.mark.parametrize("version", [3, 1])
-def test_damaged_pairs_are_read_or_refused(folder: Path, version: int) -> None:
-    content = (folder / "pairs.jsonl").read_bytes() if version == 3 else VERSION_1.read_bytes()
+def test_damaged_pairs_are_read_or_refused(folder: Path) -> None:
+    content = (folder / "pairs.jsonl").read_bytes()
     sound = folder.parent / "sound"
     sound.mkdir()
     (sound / "pairs.jsonl").write_bytes(content)

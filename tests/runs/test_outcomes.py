@@ -12,8 +12,6 @@ from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, read_pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
-VERSION_1 = Path(__file__).parents[1] / "pairing" / "records" / "version_1.jsonl"
-
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -47,10 +45,6 @@ def test_the_fast_way_says_what_the_records_say(folder: Path, monkeypatch: pytes
     monkeypatch.setattr(outcomes, "read_pairs", lambda path: pytest.fail("all of the records was decoded"))
     assert _same(read_outcomes(folder), expected)
     assert _same(read_outcomes(folder / "pairs.jsonl"), expected)
-
-
-def test_records_of_version_1_are_read_whole() -> None:
-    assert _same(read_outcomes(VERSION_1), RunOutcomes.of(read_pairs(VERSION_1)))
 
 
 @pytest.mark.parametrize(

@@ -320,10 +320,7 @@ def _never_triggered(values: Json) -> None:
         ),
         (lambda values: values.update(variant=True), "variant=True of the pair record, but must be 0 or 1"),
         (lambda values: _base(values).update(success=1), "success=1 of the arm, but must be true or false"),
-        (
-            lambda values: _base(values).update(steps=None),
-            "steps=None of arm 'base', which every",
-        ),
+        (lambda values: _base(values).update(steps=None), "steps=None of the arm, but must be"),
         (lambda values: _base(values).update(steps=221), "steps=221 of arm 'base', but max_steps=220"),
         (_never_triggered, "the event never came, but Base and Dynamic differ"),
         (lambda values: _dynamic(values).update(response_step=22), "a response comes after the event"),

@@ -13,18 +13,17 @@ from hypothesis import strategies as st
 from msgspec import structs
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.latency import Latency
 from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
 from pytest_libero_max.policies.contract import Query, query_seed
 from pytest_libero_max.report.studies.study_results import executed
 from pytest_libero_max.studies.audit import Audit
-from pytest_libero_max.studies.cadence_sweep import CadenceSweep, cadence_text, parse_cadence
+from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraStrength, CameraTiming, first_crossing
 from pytest_libero_max.studies.event_timing import EventTiming
 from pytest_libero_max.studies.playable import require_playable
-from pytest_libero_max.studies.registry import STUDIES, make_study, study_from_dict
+from pytest_libero_max.studies.registry import STUDIES, study_from_dict
 from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.tasks.libero_tasks import tasks
@@ -334,7 +333,7 @@ def test_what_shared_arms_save_is_counted(world: TinyWorld) -> None:
 @pytest.mark.parametrize("prefix", ["fork", "replay"])
 def test_every_setting_is_played_as_a_run_of_that_cadence(world: TinyWorld, prefix: Any) -> None:
     case, how = make_case(distance_m=0.25), PairSettings(prefix)
-    study = CadenceSweep(parse_cadence("2,4,2/2,8/4"))
+    study = CadenceSweep.of("2,4,2/2,8/4")
     policy = Cutting(wait=3, horizon=6, interval=4)
     arms = (*arms_of(case), *study.arms(case, policy.spec))
     assert [arm.name for arm in arms[2:]] == [
@@ -356,7 +355,7 @@ def test_every_setting_is_played_as_a_run_of_that_cadence(world: TinyWorld, pref
 
 def test_a_policy_declares_its_own_cadence_again_after_an_error(world: TinyWorld) -> None:
     case, policy = make_case(distance_m=0.25), Approaching(wait=2, horizon=4, interval=2)
-    arms = CadenceSweep(parse_cadence("2/2")).arms(case, policy.spec)
+    arms = CadenceSweep.of("2/2").arms(case, policy.spec)
     with pytest.raises(AdapterError, match="4 actions > horizon=2"):
         measure_pair(case, world, policy, arms=arms)
     assert (policy.spec.horizon, policy.spec.query_interval) == (4, 2)
@@ -375,15 +374,15 @@ def test_a_spec_that_cannot_be_assigned_is_named(world: TinyWorld) -> None:
 
 def test_a_q_above_h_is_refused_before_anything_is_played() -> None:
     with pytest.raises(AdapterError, match=r"query_interval=8 > horizon=4 \(its own\)"):
-        CadenceSweep(parse_cadence("2,8")).check_policy(Approaching(horizon=4).spec)
-    with pytest.raises(ValueError, match="Q=8 > H=4"):
-        parse_cadence("4/8")
+        CadenceSweep.of("2,8").check_policy(Approaching(horizon=4).spec)
+    with pytest.raises(OptionError, match="Q=8 > H=4"):
+        CadenceSweep.of("4/8")
 
 
 @pytest.mark.parametrize("text", ["", "0", "2,,4", "2;4", "4/", "-2", "2/2/2", "2,2", "1e3", "99999"])
 def test_settings_of_another_form_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match=r"expected Q or H/Q|each once"):
-        parse_cadence(text)
+    with pytest.raises(OptionError, match=r"expected Q or H/Q|each once"):
+        CadenceSweep.of(text)
 
 
 @given(
@@ -397,18 +396,14 @@ def test_settings_of_another_form_are_refused(text: str) -> None:
     )
 )
 def test_settings_are_read_as_they_are_written(cadences: list[Cadence]) -> None:
-    assert parse_cadence(cadence_text(cadences)) == tuple(cadences)
     study = CadenceSweep(cadences)
+    assert CadenceSweep.of(study.to_dict()["settings"]).settings == tuple(cadences)
     assert study_from_dict(study.to_dict()).to_dict() == study.to_dict()
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
-    cadences, delays = {
-        "cadence": ((Cadence(2),), None),
-        "latency": (None, (Latency(2), Latency(2, "sync"))),
-    }.get(name, (None, None))
-    study = make_study(name, cadences, delays)
+    study = STUDIES[name].of({"cadence": "2", "latency": "2,2sync"}.get(name))
     assert type(study_from_dict(study.to_dict())) is STUDIES[name]
     if name == "repeats":
         assert study_from_dict(Repeats(5).to_dict()).to_dict() == {"name": name, "settings": "5"}
@@ -418,12 +413,10 @@ def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
             study_from_dict(damaged)
 
 
-def test_settings_belong_to_the_cadence_study() -> None:
+def test_settings_belong_to_one_study() -> None:
     with pytest.raises(OptionError, match="needs its settings"):
-        make_study("cadence")
-    with pytest.raises(OptionError, match="is for the study cadence"):
-        make_study("camera-timing", (Cadence(2),))
-    with pytest.raises(OptionError, match="--libero-max-repeats is the study repeats, but the study is cad"):
-        make_study("cadence", (Cadence(2),), plays=3)
-    with pytest.raises(OptionError, match="repeats=1, but a case is repeated from 2 plays on"):
-        make_study("repeats", plays=1)
+        STUDIES["cadence"].of(None)
+    with pytest.raises(OptionError, match="the study camera-timing has none"):
+        STUDIES["camera-timing"].of("2")
+    with pytest.raises(OptionError, match="expected an integer of at least 2"):
+        STUDIES["repeats"].of("1")

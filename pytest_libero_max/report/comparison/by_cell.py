@@ -17,6 +17,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.formats import interval_text, p_number, percent, points
+from pytest_libero_max.report.table import aligned
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.outcome_table import Ratio
@@ -186,25 +187,31 @@ def old_less_new_lines(found: OldLessNew) -> list[str]:
     lines = [
         f"Old less new: {old} less {new}, within {found.cells} cells of source, event and variant",
         "",
-        f"{'':<24}{'Old':>18}{'New':>18}   Old less new, score interval",
+        *aligned(
+            [(*_HEAD, "adjusted p"), *((*_cells(arm, row), _p(row)) for arm, row in found.arms.items())],
+            numbers=True,
+        ),
     ]
-    for arm, row in found.arms.items():
-        assert row.adjusted_log10_p is not None
-        lines.append(f"{_line(arm, row)}, adjusted p = {p_number(row.adjusted_log10_p)}")
     for arm in ARMS:
-        lines += ["", f"{arm}, by event (each interval for itself)"]
-        lines += [_line(event, rows[arm]) for event, rows in found.by_event.items()]
+        rows = [_cells(event, rows[arm]) for event, rows in found.by_event.items()]
+        lines += ["", f"{arm}, by event (each interval for itself)", *aligned([_HEAD, *rows], numbers=True)]
     if found.left_out:
         lines += ["", f"{found.left_out} cases are in cells that only one of the runs has, and are left out."]
     return [*lines, "", *_meaning(found)]
 
 
-def _line(name: str, row: Row) -> str:
-    rates = "".join(f"{f'{percent(one.value)} {one.count}/{one.of}':>18}" for one in (row.old, row.new))
+_HEAD = ("", "Old", "New", "Old less new, pp", "score interval")
+
+
+def _cells(name: str, row: Row) -> tuple[str, ...]:
+    rates = (f"{percent(one.value)} {one.count}/{one.of}" for one in (row.old, row.new))
     difference = row.difference
-    return (
-        f"{name:<24}{rates}   {points(difference.value)} pp {interval_text(difference.interval, signed=True)}"
-    )
+    return (name, *rates, points(difference.value), interval_text(difference.interval, signed=True))
+
+
+def _p(row: Row) -> str:
+    assert row.adjusted_log10_p is not None
+    return p_number(row.adjusted_log10_p)
 
 
 def _meaning(found: OldLessNew) -> Iterator[str]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from urllib.parse import urlencode
 
 from msgspec.structs import replace
 
 from pytest_libero_max.report.comparison.compare import CommonCases
-from pytest_libero_max.report.comparison.compare_tables import contrast_tables
+from pytest_libero_max.report.comparison.compare_tables import APART, EVENT, apart_tables, contrast_tables
 from pytest_libero_max.report.comparison.compare_text import (
-    APART,
     OPEN_RANKS,
-    apart_cells,
-    apart_rows,
     comparison_title,
     rank_set_text,
     rank_text,
@@ -24,8 +22,9 @@ from pytest_libero_max.report.formats import change_text, count_text, interval_t
 from pytest_libero_max.report.page.charts import RUN_COLOURS, direction, outcome_bar, runs_by_event
 from pytest_libero_max.report.page.comparison_cases import beside, comparison_cases
 from pytest_libero_max.report.page.events import events_of
-from pytest_libero_max.report.page.page_frame import page
+from pytest_libero_max.report.page.page_frame import Viewed, page
 from pytest_libero_max.report.statements import LIMITS_TITLE
+from pytest_libero_max.report.table import Table
 from pytest_libero_max.runs.store import pairs_file
 
 
@@ -58,12 +57,12 @@ def comparison_html(
         runs=[_run_row(run) for run in sorted(shown.runs, key=_rank)],
         open_ranks=OPEN_RANKS,
         apart_note=APART,
-        apart=[(run.name, [apart_cells(*row) for row in apart_rows(run)]) for run in shown.apart],
+        apart=apart_tables(shown.apart),
         headline=_headline(shown) if len(shown.runs) == 2 else None,
         plot=runs_by_event(shown),
         colours=[(f"run{number % RUN_COLOURS}", run.name) for number, run in enumerate(shown.runs)],
         shares=[(run.name, outcome_bar(run.outcomes)) for run in shown.runs],
-        contrasts=[*contrast_tables(shown)],
+        contrasts=[(table, _rows(table)) for table in contrast_tables(shown)],
         events=[] if common is None else events_of(common.planned),
         limits_title=LIMITS_TITLE,
         statements=comparison.statements.values(),
@@ -81,6 +80,13 @@ def _headline(comparison: Comparison) -> tuple[str, str, str, str]:
         "neutral": "No difference is shown: the interval holds 0.",
     }
     return f"{points(difference.value)} pp", interval_text(difference, signed=True), kind, words[kind]
+
+
+def _rows(table: Table) -> Sequence[Sequence[Viewed | str]]:
+    """Return the rows of a table; the name of an event leads to its cases."""
+    if table.head[0] != EVENT:
+        return table.rows
+    return [(Viewed(event, urlencode({"event": event})), *cells) for event, *cells in table.rows]
 
 
 def _run_row(run: ComparedRun) -> tuple[str, ...]:

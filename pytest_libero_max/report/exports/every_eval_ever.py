@@ -151,7 +151,7 @@ def _lines(run: StoredRun, record: PairRecord) -> Iterator[Json]:
             "evaluation": {
                 "score": float(arm.success),
                 "is_correct": arm.success,
-                "num_turns": max(arm.queries or 1, 1),
+                "num_turns": max(arm.queries, 1),
             },
             "metadata": _metadata(record, name, arm, provenance["substrate"]["name"]),
         }

@@ -86,7 +86,7 @@ def _common_parameters(records: Sequence[PairRecord]) -> Json:
     asked = [
         [
             named
-            for entry in record.arm(DYNAMIC).schedule or ()
+            for entry in record.arm(DYNAMIC).schedule
             for part in ("trigger", "change")
             for named in flat(entry.get(part) or {}, part)
         ]

@@ -88,7 +88,7 @@ def _arms(record: PairRecord) -> Json:
 
 
 def _event(record: PairRecord) -> Iterator[tuple[str, Json]]:
-    schedule = record.arm(DYNAMIC).schedule or ()
+    schedule = record.arm(DYNAMIC).schedule
     trigger = record.trigger
     happened: Json = {"Happened": trigger is not None}
     if trigger is not None:

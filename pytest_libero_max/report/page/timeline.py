@@ -33,7 +33,7 @@ def timeline_of(record: PairRecord, folder: Path | None = None) -> Json:
     arms: Json = {}
     curves = {} if folder is None else _curves(record, folder)
     for name, arm in record.arms.items():
-        if arm.shares is None and arm.steps is not None:
+        if arm.shares is None:
             arms[name] = {
                 "end": arm.steps,
                 "success": arm.success,

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pytest_libero_max.report.blocks import Ratio
 from pytest_libero_max.report.formats import count_text, interval_text, percent, points
-from pytest_libero_max.report.studies.recovery_document import Effect, Group, Recovery
+from pytest_libero_max.report.studies.recovery_document import Effect, Group, Mode, Recovery
+from pytest_libero_max.report.table import aligned
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 
 _QUANTITIES = {"dynamic": "Dynamic gain", "base": "Base gain", "closure": "Gap closure"}
+_MODES = ("Mode", "Base", "Dynamic", "Active, Base", "after the event", "ms a query")
+_EFFECTS = ("Effect", "pp", "exact", "bootstrap", "gained, lost")
 
 
 def recovery_lines(recovery: Recovery) -> list[str]:
@@ -16,28 +19,15 @@ def recovery_lines(recovery: Recovery) -> list[str]:
     unsupported = max(pairs.unsupported.values(), default=0)
     left = f", {unsupported} of them unsupported by the policy" if unsupported else ""
     name = f"{policy['name']} (H={policy['horizon']} Q={policy['query_interval']})"
-    lines = [
+    return [
         f"Recovery: {name} on {recovery.substrate}, {recovery.case_set}",
         f"{pairs.common} common cases of {pairs.planned} planned{left}",
         "",
-        f"{'':8}{'Base':>17}{'Dynamic':>17}{'Active, Base':>18}{'after the event':>18}{'ms a query':>12}",
-    ]
-    for mode, row in recovery.modes.items():
-        active = [_rate(row.active.base), _rate(row.active.dynamic)]
-        cost = row.seconds_per_query
-        lines.append(
-            f"{mode:8}{_rate(row.base):>17}{_rate(row.dynamic):>17}{active[0]:>18}{active[1]:>18}"
-            f"{'-' if cost is None else f'{1000 * cost:.1f}':>12}"
-        )
-    lines += ["", f"{'':34}{'pp':>7}  {'exact':16}{'bootstrap':16}gained, lost"]
-    for effect in recovery.effects:
-        name = f"{effect.mode} - {effect.over}: {_QUANTITIES[effect.quantity]}"
-        lines.append(f"{name:34}{_numbers(effect)}")
-    lines += ["", "Dynamic gain by group"]
-    for group in recovery.groups:
-        name = f"{group.mode}, {group.name} ({group.pairs})"
-        lines.append(f"{name:34}{_numbers(group)}")
-    lines += [
+        *aligned([_MODES, *(_mode(mode, row) for mode, row in recovery.modes.items())], numbers=True),
+        "",
+        *aligned([_EFFECTS, *map(_effect, recovery.effects)], numbers=True),
+        "",
+        *aligned([("Dynamic gain by group", *_EFFECTS[1:]), *map(_group, recovery.groups)], numbers=True),
         "",
         "Gap closure is the Dynamic gain less the Base gain. Intervals: 95%, pointwise; exact for two",
         "conditions; the paper's bootstrap, stratified by source category and clustered by configuration, is",
@@ -45,13 +35,26 @@ def recovery_lines(recovery: Recovery) -> list[str]:
         f"than {LEAST_CHANGED_TASKS} in which a case changed.",
         "Times are of judging and restoring alone; they are no statement on the speed of an episode.",
     ]
-    return lines
 
 
 def _rate(ratio: Ratio | None) -> str:
     return "-" if ratio is None else f"{percent(ratio.value)} {count_text(ratio)}"
 
 
-def _numbers(row: Effect | Group) -> str:
+def _mode(mode: str, row: Mode) -> tuple[str, ...]:
+    cost = row.seconds_per_query
+    rates = (row.base, row.dynamic, row.active.base, row.active.dynamic)
+    return (mode, *map(_rate, rates), "-" if cost is None else f"{1000 * cost:.1f}")
+
+
+def _effect(row: Effect) -> tuple[str, ...]:
+    return (f"{row.mode} - {row.over}: {_QUANTITIES[row.quantity]}", *_numbers(row))
+
+
+def _group(row: Group) -> tuple[str, ...]:
+    return (f"{row.mode}, {row.name} ({row.pairs})", *_numbers(row))
+
+
+def _numbers(row: Effect | Group) -> tuple[str, ...]:
     ends = interval_text(row.exact, signed=True), interval_text(row, signed=True)
-    return f"{points(row.value):>7}  {ends[0]:16}{ends[1]:16}{row.gained}, {row.lost}"
+    return (points(row.value), *ends, f"{row.gained}, {row.lost}")

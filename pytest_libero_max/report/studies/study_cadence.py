@@ -119,7 +119,7 @@ def _delayed(setting: Latency, records: Sequence[PairRecord]) -> LatencySetting:
     own = setting == NO_LATENCY
     base, dynamic = (name if own else delay_arm(name, setting) for name in (BASE, DYNAMIC))
     arms = [record.arm(name) for record in records for name in (base, dynamic)]
-    held = Ratio(sum(arm.held_steps or 0 for arm in arms), sum(arm.steps or 0 for arm in arms))
+    held = Ratio(sum(arm.held_steps or 0 for arm in arms), sum(arm.steps for arm in arms))
     delay = f"d={setting.steps} ({1000 * setting.steps // CONTROL_HZ} ms)"
     return LatencySetting(
         label=delay + (" sync" if setting.runner == "sync" else ""),

@@ -144,10 +144,10 @@ def _entered(record: PairRecord, arm: ArmRecord) -> bool:
     """Return True if the hand came within the distance of the case's trigger in an arm."""
     schedule = record.arm(DYNAMIC).schedule
     within_m: Any = schedule[0]["trigger"].get("distance_m") if schedule else None
-    if arm.min_distance_m is None or not _is_distance(within_m):
+    if not _is_distance(within_m):
         raise ReportError(
-            f"{record.item_id} does not say how near the hand came, or what its event waits for, so it is of "
-            "no camera study. Play it again."
+            f"{record.item_id} does not say what its event waits for, so it is of no camera study. Play it "
+            "again."
         )
     return arm.min_distance_m <= float(within_m)
 

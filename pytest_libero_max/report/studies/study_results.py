@@ -165,4 +165,4 @@ def _own(arm: ArmRecord) -> tuple[int, int]:
         return 0, 0
     first: Any = arm.firings[0] if arm.firings else None
     shared = (0, 0) if first is None else (first.step, first.queries)
-    return (arm.steps or 0) - shared[0], (arm.queries or 0) - shared[1]
+    return arm.steps - shared[0], arm.queries - shared[1]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -35,6 +34,7 @@ from pytest_libero_max.report.studies.study_document import (
     SourceRate,
     Study,
 )
+from pytest_libero_max.report.table import Table, aligned
 from pytest_libero_max.stats.significance import holm, mcnemar
 
 _LISTED = 16
@@ -48,26 +48,7 @@ _LEVEL = 0.05
 _MARKS = {True: "1", False: "0"}
 
 
-@dataclass(frozen=True)
-class StudyTable:
-    """One table of a study.
-
-    Attributes:
-        title: Heading.
-        head: Headings.
-        rows: As many cells as headings in each.
-        note: Help for reading it; empty for none.
-        narrow: Number of its columns that the terminal prints; 0 for no table.
-    """
-
-    title: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    note: str = ""
-    narrow: int = 0
-
-
-def study_tables(study: Study) -> list[StudyTable]:
+def study_tables(study: Study) -> list[Table]:
     """Return the tables of a study, in the order in which they are read.
 
     Args:
@@ -133,7 +114,7 @@ def study_lines(study: Study) -> list[str]:
     lines = ["", f"Study: {study.title}"]
     for table in study_tables(study):
         if table.narrow:
-            lines += ["", *_aligned(table)]
+            lines += ["", *aligned([row[: table.narrow] for row in (table.head, *table.rows)])]
     for note in study_notes(study):
         lines += ["", *wrap(note, 100)]
     return lines
@@ -161,21 +142,13 @@ def _leaves(place: str, value: Any) -> list[tuple[str, Any]]:
     return [leaf for key, item in items for leaf in _leaves(f"{place}.{key}" if place else str(key), item)]
 
 
-def _aligned(table: StudyTable) -> list[str]:
-    rows = [row[: table.narrow] for row in (table.head, *table.rows)]
-    widths = [max(len(row[column]) for row in rows) for column in range(table.narrow)]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
-
-
-def _arms(study: Study) -> Iterator[StudyTable]:
+def _arms(study: Study) -> Iterator[Table]:
     """Yield the tables of arms: success, and the contrasts of all cases and of each event."""
     arms, by_event = study.arms or {}, study.by_event or {}
     rows = [(name, rate_text(rate)) for name, rate in arms.items()]
     note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
-    yield StudyTable("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
-    yield StudyTable(
+    yield Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
+    yield Table(
         "Success by arm and event",
         ("Event", *arms),
         [
@@ -193,7 +166,7 @@ def _arms(study: Study) -> Iterator[StudyTable]:
         )
         for event in dict.fromkeys(row.event for row in contrasts)
     ]
-    yield StudyTable(
+    yield Table(
         "Contrasts of arms",
         ("Event", *names),
         changes,
@@ -215,7 +188,7 @@ _INPUTS = {
 """What is changed in an arm of an audit; the other arms show one camera black."""
 
 
-def _inputs(study: Study) -> StudyTable:
+def _inputs(study: Study) -> Table:
     """Success with an input changed, beside Base over the same cases."""
     arms, contrasts = study.arms or {}, study.contrasts or []
     adjusted = holm([mcnemar(row.losses, row.gains).log10_p for row in contrasts])
@@ -233,7 +206,7 @@ def _inputs(study: Study) -> StudyTable:
         for row, log10_p in zip(contrasts, adjusted, strict=True)
     ]
     base = arms["base"]
-    return StudyTable(
+    return Table(
         "Success without an input",
         ("Arm", "Changed before the first query", "Success", "Less Base", "Lost", "Gained", "p", "Verdict"),
         [("base", "nothing", count_text(base), "", "", "", "", ""), *rows],
@@ -273,7 +246,7 @@ def _change(change: Mean | ConditionContrast) -> str:
     return f"{points(change.value)} pp {_bootstrap(change)}"
 
 
-def _camera(study: Camera) -> list[StudyTable]:
+def _camera(study: Camera) -> list[Table]:
     labels = study.conditions
     sources = sorted(next(iter(study.rates.values())).by_source)
     rates = [
@@ -286,7 +259,7 @@ def _camera(study: Camera) -> list[StudyTable]:
         for arm, rate in study.rates.items()
     ]
     return [
-        StudyTable(
+        Table(
             "Success",
             ("Condition", "All", *sources, _BOOTSTRAP),
             rates,
@@ -300,12 +273,12 @@ def _camera(study: Camera) -> list[StudyTable]:
     ]
 
 
-def _joint(study: Camera) -> StudyTable:
+def _joint(study: Camera) -> Table:
     rows = [
         (*(_MARKS[row.success[arm]] for arm in study.conditions), str(row.cases)) for row in study.outcomes
     ]
     left = len(rows) - _LISTED
-    return StudyTable(
+    return Table(
         "Outcomes together",
         (*study.conditions.values(), "Cases"),
         rows[:_LISTED],
@@ -313,7 +286,7 @@ def _joint(study: Camera) -> StudyTable:
     )
 
 
-def _contrasts(study: Camera, sources: Sequence[str]) -> list[StudyTable]:
+def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
     labels = study.conditions
     rows = [
         (
@@ -326,7 +299,7 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[StudyTable]:
         for row in study.contrasts
     ]
     tables = [
-        StudyTable(
+        Table(
             "Paired contrasts",
             ("Contrast", "Gain", "Loss", "Difference", _BOOTSTRAP),
             rows,
@@ -342,14 +315,14 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[StudyTable]:
         gaps = [(_gap_label(row), row) for row in study.gap_contrasts]
         named += gaps
         tables.append(
-            StudyTable(
+            Table(
                 "Mid-task less Reset, between strengths",
                 ("Contrast", "Difference"),
                 [(label, _change(row)) for label, row in gaps],
             )
         )
     tables.append(
-        StudyTable(
+        Table(
             "Contrasts by source, and over groups of cases",
             ("Contrast", *sources, "Reference tasks", "Tasks of each source", "Configurations"),
             [
@@ -382,13 +355,13 @@ def _group_text(group: GroupInterval) -> str:
     return f"{interval_text(group, signed=True)}  {group.groups} groups"
 
 
-def _approach(study: Camera) -> StudyTable:
+def _approach(study: Camera) -> Table:
     strengths = study.approach
     named = tuple(f"at {_percent(strength)}" for strength in strengths) if len(strengths) > 1 else ("Number",)
     rows = [
         (label, *(str(count(strengths[strength])) for strength in strengths)) for label, count in _APPROACH
     ]
-    return StudyTable("Approach", ("Cases", *named), rows)
+    return Table("Approach", ("Cases", *named), rows)
 
 
 _APPROACH: tuple[tuple[str, Callable[[Approach], int]], ...] = (
@@ -438,7 +411,7 @@ def setting_text(setting: CadenceSetting) -> str:
     return label + (" (own)" if setting.own else "")
 
 
-def _cadence(study: Cadence) -> list[StudyTable]:
+def _cadence(study: Cadence) -> list[Table]:
     rows = []
     for setting in study.settings:
         stale = setting.stale_actions
@@ -455,7 +428,7 @@ def _cadence(study: Cadence) -> list[StudyTable]:
         )
     head = ("Setting", "Base", "Dynamic", "Change", "Lost", "Query after", "Stale")
     return [
-        StudyTable(
+        Table(
             "Settings",
             head,
             rows,
@@ -471,7 +444,7 @@ def _cadence(study: Cadence) -> list[StudyTable]:
     ]
 
 
-def _latency(study: Latencies) -> StudyTable:
+def _latency(study: Latencies) -> Table:
     rows = []
     for setting in study.settings:
         stale = setting.stale_actions
@@ -489,7 +462,7 @@ def _latency(study: Latencies) -> StudyTable:
             )
         )
     head = ("Delay", "Base", "Dynamic", "Change", "Base: cost", "Dynamic: cost", "Lost", "Stale", "Waiting")
-    return StudyTable(
+    return Table(
         "Delays",
         head,
         rows,
@@ -502,7 +475,7 @@ def _latency(study: Latencies) -> StudyTable:
     )
 
 
-def _best(what: str, best: BestSetting) -> StudyTable:
+def _best(what: str, best: BestSetting) -> Table:
     rows = [(best.setting, rate_text(best), "best")]
     rows += [
         (
@@ -512,7 +485,7 @@ def _best(what: str, best: BestSetting) -> StudyTable:
         )
         for name, difference in best.differences.items()
     ]
-    return StudyTable(
+    return Table(
         f"Best setting for {what}",
         (f"Best for {what}", "Success, or less than the best", "Verdict"),
         rows,

@@ -14,6 +14,7 @@ from pytest_libero_max.report.gate_plan import (
     useful_sizes,
 )
 from pytest_libero_max.report.gates import Gate, require_known_groups
+from pytest_libero_max.report.table import aligned
 from pytest_libero_max.report.writers.power_text import TRACK_SIZES
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.gate_power import Chances
@@ -77,19 +78,17 @@ def advice_lines(base: float, chance: float, effect: float) -> list[str]:
         f"Gates that find a loss of {100 * effect:g} points: with it they pass at most {MISS:.0%}, and "
         f"without at least {1 - FALSE_ALARM:.0%}",
         "",
-        f"{'gate':<24} {'pairs':>6}  {'passes without':>14} {'with it':>8}  options",
     ]
+    rows = [("gate", "pairs", "passes without", "with it", "options")]
     for advice in advised(base, chance, effect):
         if advice.pairs is None:
-            lines.append(f"{advice.gate.text:<24}   none of up to {SIZES[-1]} pairs suffices")
+            rows.append((advice.gate.text, "none", "", "", f"none of up to {SIZES[-1]} pairs suffices"))
             continue
         track, size = next(one for one in TRACK_SIZES.items() if one[1] >= advice.pairs)
         limit = f" --libero-max-limit={advice.pairs}" if advice.pairs < size else ""
-        lines.append(
-            f"{advice.gate.text:<24} {advice.pairs:>6}  {advice.without:>14.1%} {advice.hurt:>8.1%}  "
-            f"--libero-max-track={track}{limit}"
-        )
-    return lines
+        passes = (f"{advice.without:.1%}", f"{advice.hurt:.1%}")
+        rows.append((advice.gate.text, str(advice.pairs), *passes, f"--libero-max-track={track}{limit}"))
+    return [*lines, *aligned(rows)]
 
 
 def _of_group(gate: Gate, pairs: Sequence[PlannedPair]) -> Iterator[PlannedPair]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.table import aligned
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
 
 TRACK_SIZES: Mapping[str, int] = {"smoke": 32, "lite": 800, "max": 8000}
@@ -94,36 +95,31 @@ def power_lines(expectations: tuple[Expectation, ...], change: float | None = No
         "Smallest loss (percentage points) that the exact McNemar test resolves at level 0.05,",
         "by track and power; n/a where even losing every Base success would not be resolved",
         "",
-        _row("", "Base", "gain", head),
-    ]
-    for expected in expectations:
-        cells = [_cell(loss, expected.gain, -1) for loss in _losses(expected)]
-        lines.append(_row(expected.name, f"{expected.base:.1%}", f"{expected.gain:.1%}", cells))
-    lines += [
+        *aligned([("", "Base", "gain", *head), *map(_losses, expectations)], numbers=True),
         "",
         "Smallest gain that it resolves; n/a where even gaining every Base failure would not be resolved",
         "",
-        _row("", "Base", "loss", head),
+        *aligned([("", "Base", "loss", *head), *map(_gains, expectations)], numbers=True),
     ]
-    for expected in expectations:
-        cells = [_cell(gain, expected.loss, 1) for gain in _gains(expected)]
-        lines.append(_row(expected.name, f"{expected.base:.1%}", f"{expected.loss:.1%}", cells))
     if change is not None:
         lines += ["", f"Pairs needed to resolve a change of {100 * change:+.1f} points:"]
         lines += [_needed_line(expected, change) for expected in expectations]
     return lines
 
 
-def _losses(expected: Expectation) -> Iterator[float | None]:
-    """Smallest share of regressions that each track resolves."""
-    for pairs, target in _trials(expected):
-        yield detectable_loss(pairs, expected.gain, target, expected.base)
+def _losses(expected: Expectation) -> tuple[str, ...]:
+    """Return the row of an expectation: the smallest share of regressions that each track resolves."""
+    found = (
+        detectable_loss(pairs, expected.gain, target, expected.base) for pairs, target in _trials(expected)
+    )
+    return _row(expected, expected.gain, found, -1)
 
 
-def _gains(expected: Expectation) -> Iterator[float | None]:
-    """Smallest share of gains that each track resolves: McNemar's test does not care which side is which."""
-    for pairs, target in _trials(expected):
-        yield detectable_loss(pairs, expected.loss, target, 1 - expected.base)
+def _gains(expected: Expectation) -> tuple[str, ...]:
+    """Return the row of its gains: McNemar's test does not care which side is which."""
+    most = 1 - expected.base
+    found = (detectable_loss(pairs, expected.loss, target, most) for pairs, target in _trials(expected))
+    return _row(expected, expected.loss, found, 1)
 
 
 def _trials(expected: Expectation) -> Iterator[tuple[int, float]]:
@@ -132,10 +128,6 @@ def _trials(expected: Expectation) -> Iterator[tuple[int, float]]:
         pairs = size if expected.name == "overall" else size // len(BENCHMARK_EVENTS)
         for target in TARGETS:
             yield pairs, target
-
-
-def _cell(share: float | None, by_chance: float, sign: int) -> str:
-    return "n/a" if share is None else f"{sign * 100 * (share - by_chance):+.1f}"
 
 
 def _needed_line(expected: Expectation, change: float) -> str:
@@ -153,5 +145,9 @@ def _needed_line(expected: Expectation, change: float) -> str:
     return f"{expected.name:<22} {', '.join(texts)}"
 
 
-def _row(name: str, base: str, gain: str, cells: list[str]) -> str:
-    return f"{name:<22} {base:>6} {gain:>6} " + " ".join(f"{cell:>9}" for cell in cells)
+def _row(
+    expected: Expectation, by_chance: float, found: Iterable[float | None], sign: int
+) -> tuple[str, ...]:
+    """Return the cells of an expectation, with the change beyond chance of each share that was found."""
+    changes = ("n/a" if one is None else f"{sign * 100 * (one - by_chance):+.1f}" for one in found)
+    return (expected.name, f"{expected.base:.1%}", f"{by_chance:.1%}", *changes)

@@ -21,15 +21,15 @@ POWER = """\
 Smallest loss (percentage points) that the exact McNemar test resolves at level 0.05,
 by track and power; n/a where even losing every Base success would not be resolved
 
-                         Base   gain smoke 80% smoke 90%  lite 80%  lite 90%   max 80%   max 90%
-overall                 80.0%   3.0%     -29.1     -34.5      -3.1      -3.6      -0.8      -1.0
-camera_shift            80.0%   3.0%       n/a       n/a     -12.1     -14.5      -2.7      -3.2
+               Base  gain  smoke 80%  smoke 90%  lite 80%  lite 90%  max 80%  max 90%
+overall       80.0%  3.0%      -29.1      -34.5      -3.1      -3.6     -0.8     -1.0
+camera_shift  80.0%  3.0%        n/a        n/a     -12.1     -14.5     -2.7     -3.2
 
 Smallest gain that it resolves; n/a where even gaining every Base failure would not be resolved
 
-                         Base   loss smoke 80% smoke 90%  lite 80%  lite 90%   max 80%   max 90%
-overall                 80.0%   3.0%       n/a       n/a      +3.1      +3.6      +0.8      +1.0
-camera_shift            80.0%   3.0%       n/a       n/a     +12.1     +14.5      +2.7      +3.2
+               Base  loss  smoke 80%  smoke 90%  lite 80%  lite 90%  max 80%  max 90%
+overall       80.0%  3.0%        n/a        n/a      +3.1      +3.6     +0.8     +1.0
+camera_shift  80.0%  3.0%        n/a        n/a     +12.1     +14.5     +2.7     +3.2
 
 Pairs needed to resolve a change of -5.0 points:
 overall                367 at 80% power, 474 at 90% power
