@@ -18,6 +18,9 @@ when Q actions are executed, and the robot waits, and executes the new chunk fro
 
 MOST_STEPS = 999
 
+CHANGED_BY = "delay_answers"
+"""Operation of the change with which answers begin to come late in the middle of an episode."""
+
 _STEPS = "[1-9][0-9]{0,2}"
 _DRAWN = rf"{_STEPS}:[1-9][0-9]{{0,8}}"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from pytest_libero_max.benchmark.latency import Latency
+from pytest_libero_max.benchmark.latency import CHANGED_BY, Latency
 from pytest_libero_max.benchmark.structs import rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, strength_of
@@ -58,7 +58,7 @@ class DelayAnswers(Nothing):
         latency: Time that a query takes, for example ``4steps`` or ``4steps,sync``; None for that of the arm.
     """
 
-    operation: ClassVar[str] = "delay_answers"
+    operation: ClassVar[str] = CHANGED_BY
 
     latency: Annotated[str, _STEPS] | None = None
 

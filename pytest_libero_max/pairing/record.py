@@ -14,7 +14,7 @@ from msgspec.structs import force_setattr, replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.latency import NO_LATENCY, PATTERN, Latency
+from pytest_libero_max.benchmark.latency import CHANGED_BY, NO_LATENCY, PATTERN, Latency
 from pytest_libero_max.benchmark.structs import (
     LARGEST,
     AnyText,
@@ -42,7 +42,6 @@ from pytest_libero_max.benchmark.structs import (
     shown,
     to_builtins,
 )
-from pytest_libero_max.changes.nothing import DelayAnswers
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
@@ -639,7 +638,7 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
             "and a change or a reversal."
         )
     changes = [entry.get("change", {}) for entry in arm.schedule]
-    delayed = [one.get("latency") for one in changes if one.get("operation") == DelayAnswers.operation]
+    delayed = [one.get("latency") for one in changes if one.get("operation") == CHANGED_BY]
     if (arm.latency is None and not delayed) != (arm.held_steps is None):
         raise ReportError(
             f"latency={shown(arm.latency)} and held_steps={arm.held_steps} of an arm, but it has both "

@@ -218,7 +218,8 @@ def test_answers_are_late_from_an_entry_of_the_schedule_on(
     delay = DelayAnswers(f"{steps}steps{runner}")
     schedule = (Entry(Proximity("box_1", 0.3), delay), Entry(StepsAfter(max(back, 1)), Revert(0)))
     arms = (Arm("base", latency=usual), Arm("dynamic", schedule[: 1 + (back > 0)], latency=usual))
-    pair = measure_pair(case, world, policy, PairSettings(prefix), arms=arms)
+    settings = PairSettings(prefix)  # type: ignore[arg-type]
+    pair = measure_pair(case, world, policy, settings, arms=arms)
     base, dynamic = (pair.rollouts[name].trajectory for name in ("base", "dynamic"))
     assert PairRecord.from_dict(pair.record.to_dict()) == pair.record
     start, end = (*(firing.queries for firing in dynamic.firings), len(dynamic.queries))[:2]
@@ -234,7 +235,7 @@ def test_answers_are_late_from_an_entry_of_the_schedule_on(
     assert arm.latency == (None if usual == NO_LATENCY else "2steps")
     assert arm.held_steps == sum(step.held for step in dynamic.executed)
     if start < len(dynamic.queries):
-        there = dynamic.queries[start].step + late.delay(start)
+        there = dynamic.queries[start].step + (late if start < end else usual).delay(start)
         assert arm.stale_actions == min(there, BUDGET) - firing.step
     with pytest.raises(AdapterError, match="arm 'dynamic' has a latency"):
         ArmEnv(case, world, arms[1])

@@ -89,17 +89,17 @@ def test_what_is_there_or_elsewhere_for_a_while_comes_back_bit_for_bit(
     case, change = shorten(replace(make_case(), event=event)), change_from_dict(event.change)
     moved = sorted(factor.removeprefix("pose:") for factor in change.factors)
     schedule = (Entry(trigger, change), Entry(StepsAfter(steps), Revert(0)))
-    states, bodies, firings = [], [], ()
+    states, bodies, ended = [], [], []
     for arm in (Arm("base"), Arm("dynamic", schedule)):
         stage = Stage(case, WORLD, Approaching(wait=2, horizon=5, interval=4))
-        firings = Rollout.start(stage, (arm,)).advance_to_end().firings
+        ended.append(Rollout.start(stage, (arm,)).advance_to_end())
         states.append(WORLD.snapshot())
         bodies.append(
             [(pose_bytes(WORLD, one), velocity_bytes(WORLD, one), one in WORLD.parked) for one in moved]
         )
-    if len(firings) < 2:
+    if len(ended[1].firings) < 2:
         return
-    there, back = (firing.applied.evidence for firing in firings)
+    there, back = (firing.applied.evidence for firing in ended[1].firings)
     assert back.after == {name: there.before[name] for name in back.after}
     base, dynamic = states
     assert set(base.differing(dynamic)) <= {"physics"}

@@ -77,6 +77,9 @@ is as it was before. A case carries its program under `program`, beside `scenari
   in the records.
 - `strength` beside a `change` is the share of it that happens, above 0, at most 1. `times` makes an entry as
   many entries, one after another; an index counts each.
+- `{{"drawn": [LEAST, MOST]}}` in a trigger, for example as its `steps`, is a whole number between the two,
+  drawn from the seed of the case's event and the index of the entry: another in every case, and the same in
+  every run.
 - An arm other than these two may have a `repetition` above 0, to share nothing with the others, and a
   `cadence`, at which it is played: `query_interval` (Q, the executed actions) and `horizon` (H, the chunk
   size). A `latency` is the time that its queries take, `"4steps"` or `"4steps,sync"`

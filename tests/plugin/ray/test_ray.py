@@ -82,6 +82,32 @@ class Breaking(Reacher):
 policy = Breaking
 """
 
+LOSING = """
+import time
+
+from adapter import Reacher
+from pytest_libero_max import TinyWorld
+
+FIELDS = ("cam_pos", "light_diffuse", "geom_rgba")
+AS_BUILT = {name: getattr(TinyWorld().model, name).copy() for name in FIELDS}
+
+
+def unaltered(world):
+    same = all((getattr(world.model, name) == values).all() for name, values in AS_BUILT.items())
+    return world.steps > 30 and same and not world.filters
+
+
+class Slow(Reacher):
+    def predict(self, observation, query):
+        time.sleep(0.05)
+        return super().predict(observation, query)
+
+
+TinyWorld.succeeded = unaltered
+policy = Slow
+"""
+"""All pairs are lost whose event is only seen."""
+
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
@@ -221,17 +247,31 @@ def test_pairs_are_handed_out_in_order_where_the_order_counts() -> None:
 
 
 @needs_ray
-def test_a_rule_stops_a_run_on_a_cluster_and_the_order_holds(
-    run: Run, results: Results, address: str, pytester: pytest.Pytester
+@pytest.mark.parametrize(
+    ("rule", "policy", "source", "status"),
+    [("errors:2", "breaking.py", BREAKING, 11), ("strata:0.5", "losing.py", LOSING, 0)],
+    ids=["errors", "strata"],
+)
+def test_a_rule_stops_a_run_on_a_cluster_at_the_pair_at_which_it_stops_workers(
+    run: Run,
+    results: Results,
+    address: str,
+    pytester: pytest.Pytester,
+    rule: str,
+    policy: str,
+    source: str,
+    status: int,
 ) -> None:
-    pytester.makepyfile(breaking=BREAKING)
-    arguments = ("--libero-max-stop=errors:2", "--libero-max-order=blocks:7")
-    plain = run(*arguments, policy="breaking.py", subprocess=True)
-    assert plain.ret == 11
-    (*_, expected), _ = results()
-    assert (expected["line"], expected["rule"]) == ("stopped", "errors:2")
-    on_ray = run(*arguments, f"--libero-max-ray={address}", policy="breaking.py", subprocess=True)
-    assert on_ray.ret == 11, on_ray.stdout.str()
-    lines, report = results()
-    assert lines[-1] == expected
-    assert expected["at"] <= report["pairs"]["played"] + report["pairs"]["invalid"] <= expected["at"] + 2
+    pytester.path.joinpath(policy).write_text(source)
+    seen = "camera_shift or illumination or theme or noise"
+    arguments = (f"--libero-max-stop={rule}", "--libero-max-order=blocks:7", "-k", seen)
+    ends = []
+    for workers in ("-n2", f"--libero-max-ray={address}"):
+        spread = run(*arguments, workers, policy=policy, subprocess=True)
+        assert spread.ret == status, spread.stdout.str()
+        (*_, end), report = results()
+        assert (end["line"], end["rule"]) == ("stopped", rule)
+        played = report["pairs"]["played"] + report["pairs"]["invalid"]
+        assert end["at"] <= played <= end["at"] + 2 < end["of"]
+        ends.append(end)
+    assert ends[0] == ends[1]
