@@ -46,15 +46,15 @@ def _number(page: str, pattern: str) -> float:
         ),
         pytest.param(
             "pytest_libero_max/substrates/README.md",
-            r"takes \[3\.2 to (\d) GB of memory\]",
+            r"takes \[2\.1 to ([\d.]+) GiB of memory\]",
             "reports/genuine/README.md",
-            r"come to 3\.2 to (\d) GB each",
+            r"takes 2\.1 to ([\d.]+) GiB",
             0.0,
             id="worker of genuine scenes",
         ),
         pytest.param(
             "pytest_libero_max/substrates/README.md",
-            r"takes \[([\d.]+) to \d GB of memory\]",
+            r"takes \[[\d.]+ to ([\d.]+) GiB of memory\]",
             "pytest_libero_max/substrates/libero/kind.py",
             r"worker_gib=([\d.]+)",
             0.0,

@@ -50,6 +50,7 @@ _OUT_OF_VIEW = 0.4
 
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _NOTHING = np.array([], np.intp)
+_Test = Callable[[Boxes], NDArray[np.bool_]]
 
 
 class Renderer:
@@ -160,16 +161,19 @@ class Renderer:
         here = np.flatnonzero(np.isin(pieces.geoms, geoms))
         places = np.searchsorted(geoms, pieces.geoms[here])
 
-        def among(found: NDArray[np.bool_], test: Callable[[Boxes], NDArray[np.bool_]]) -> NDArray[np.bool_]:
-            """Return which of the geoms found remain where large ones are looked at piece by piece."""
-            closer = np.flatnonzero(found[places])
+        def which(
+            test: Callable[[Boxes], NDArray[np.bool_]], at_side: NDArray[np.bool_]
+        ) -> NDArray[np.bool_]:
+            """Return which geoms pass a test; large ones at a side of the part are tested piece by piece."""
+            found = test(boxes)
+            closer = np.flatnonzero((found & at_side)[places])
             remaining = test(pieces.placed(here[closer], data))
             found[places[closer]] = False
             found[places[closer[remaining]]] = True
             return found
 
         def seen_in(part: Part) -> NDArray[np.bool_]:
-            return among(_seen(boxes, screens, part, camera), lambda some: _seen(some, screens, part, camera))
+            return which(lambda some: _seen(some, screens, part, camera), boxes.cross(part, camera))
 
         seen = seen_in(camera.image)
         direct = _Pass(geoms[~seen], False)
@@ -185,8 +189,10 @@ class Renderer:
         left, bottom, right, top = part.rectangle(camera.size)
         if left >= right or bottom >= top:
             return [direct]
-        shown = boxes.mirrored(mirror).may_be_in(part, camera)
-        shown = among(shown, lambda some: some.mirrored(mirror).may_be_in(part, camera))
+        shown = which(
+            lambda some: some.mirrored(mirror).may_be_in(part, camera),
+            boxes.mirrored(mirror).cross(part, camera),
+        )
         near = seen_in(part)
         work = self._work(geoms)
         again = work[near].sum() + _OUT_OF_VIEW * work[shown ^ near].sum() + _IMAGE_WORK

@@ -180,14 +180,7 @@ class Boxes:
 
     def may_be_in(self, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether some of it may be in a part of the image, (n,)."""
-        sides = np.concatenate([part.sides(3 * _MARGIN_PX), camera.image.sides(_MARGIN_PX)])
-        normals = sides @ camera.pixels @ camera.axes
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True) + np.finfo(np.float64).tiny
-        normals = np.concatenate([normals, camera.axes[2:]])
-        nearest = np.zeros(len(normals))
-        nearest[-1] = camera.near_m
-        reach = (np.abs(normals @ self.rotations) @ self.half_m[..., None])[..., 0]
-        distances = (self.centres - camera.eye) @ normals.T - nearest
+        normals, distances, reach = self._sides(part, camera)
         found: NDArray[np.bool_] = np.logical_and.reduce(distances > -reach - _MARGIN_M, axis=1)
         crossed = distances < reach
         for number in np.flatnonzero(found & crossed.any(axis=1)):
@@ -197,6 +190,27 @@ class Boxes:
                 outermost = (normals[which] @ self.rotations[number] @ hull.T).max(axis=1)
                 found[number] = np.all(distances[number, which] > -outermost - _MARGIN_M)
         return found
+
+    def cross(self, part: Part, camera: Camera) -> NDArray[np.bool_]:
+        """Return for each box whether a side of a part of the image goes through it, (n,)."""
+        _, distances, reach = self._sides(part, camera)
+        found: NDArray[np.bool_] = np.logical_or.reduce(np.abs(distances) < reach, axis=1)
+        return found
+
+    def _sides(self, part: Part, camera: Camera) -> tuple[Array, Array, Array]:
+        """Return planes through the sides of a part of the image, inwards, and how boxes lie to them.
+
+        These are the normals (k, 3), and the distances of the centres and the reach of the boxes (n, k) m.
+        """
+        sides = np.concatenate([part.sides(3 * _MARGIN_PX), camera.image.sides(_MARGIN_PX)])
+        normals = sides @ camera.pixels @ camera.axes
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True) + np.finfo(np.float64).tiny
+        normals = np.concatenate([normals, camera.axes[2:]])
+        nearest = np.zeros(len(normals))
+        nearest[-1] = camera.near_m
+        reach = (np.abs(normals @ self.rotations) @ self.half_m[..., None])[..., 0]
+        distances = (self.centres - camera.eye) @ normals.T - nearest
+        return normals, distances, reach
 
     def hidden_by(self, screens: Boxes, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether a side of another one hides all of it that is in a part of the image.
