@@ -24,7 +24,7 @@ def test_folders_are_numbered_and_each_run_is_compared_with_the_one_before(
         [
             f"{SECOND} (reacher) against {FIRST} (reacher), on 2 common cases",
             f"*{FIRST} *0.0%*0.0%*",
-            "Dynamic success, second against first *",
+            "Dynamic success, contrasts",
             "No case changed.",
             f"More: libero-max compare {FIRST} {SECOND}",
         ]
