@@ -70,11 +70,14 @@ policy = Killing
 
 BREAKING = """
 import os
+import time
+
 from adapter import Reacher
 
 
 class Breaking(Reacher):
     def reset(self, episode):
+        time.sleep(0.3)  # so that a stop takes effect before all is played
         if "-v1]" in os.environ["PYTEST_CURRENT_TEST"]:
             raise RuntimeError("no")
 
@@ -272,6 +275,6 @@ def test_a_rule_stops_a_run_on_a_cluster_at_the_pair_at_which_it_stops_workers(
         (*_, end), report = results()
         assert (end["line"], end["rule"]) == ("stopped", rule)
         played = report["pairs"]["played"] + report["pairs"]["invalid"]
-        assert end["at"] <= played <= end["at"] + 2 < end["of"]
+        assert end["at"] <= played < end["of"]  # what was in flight is kept
         ends.append(end)
     assert ends[0] == ends[1]
