@@ -20,7 +20,7 @@ from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
 from pytest_libero_max.runs.media import FILM_SELECTIONS, MOST_FILMS, TRACE_MODES
-from pytest_libero_max.studies.registry import STUDIES
+from pytest_libero_max.studies.registry import SETTINGS_OPTIONS, STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
@@ -674,10 +674,6 @@ def _track(settings: Settings, name: str | None) -> str:
     return supported_track(name, settings.substrate, settings.substrate_options)
 
 
-_SETTINGS = {"cadence": "cadence", "delays": "latency", "repeats": "repeats"}
-"""Options that hold the settings of a study, with its name."""
-
-
 def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
     """Return the study that is asked for; the track becomes that of the study where none is named.
 
@@ -685,18 +681,19 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
         pytest.UsageError: Its settings are missing, of another form or those of another study, or it sets
             strengths itself.
     """
-    given = {option: text for option in _SETTINGS if (text := values.pop(option)) is not None}
-    name = values["study"] = values["study"] or next((_SETTINGS[option] for option in given), None)
-    for option in given:
-        if _SETTINGS[option] != name:
+    options = SETTINGS_OPTIONS.items()
+    given = {swept: text for swept, option in options if (text := values.pop(option)) is not None}
+    name = values["study"] = values["study"] or next(iter(given), None)
+    for swept in given:
+        if swept != name:
             raise pytest.UsageError(
-                f"--libero-max-{option} is for the study {_SETTINGS[option]}, but the study is {name}. Take "
-                "one of the two away."
+                f"--libero-max-{SETTINGS_OPTIONS[swept]} is for the study {swept}, but the study is {name}. "
+                "Take one of the two away."
             )
     if name is None:
         return None
     try:
-        study = STUDIES[name].of(next(iter(given.values()), None))
+        study = STUDIES[name].of(given.get(name))
     except OptionError as error:
         raise pytest.UsageError(str(error)) from None
     if name in ("cadence", "latency") and values["adaptive"] is not None:

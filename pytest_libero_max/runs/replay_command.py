@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.studies.registry import SETTINGS_OPTIONS
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
@@ -53,7 +54,7 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options.append(("latency", provenance["protocol"].get("latency")))
     study = provenance["protocol"].get("study") or {}
     options += [("strength", provenance["protocol"].get("strength"))]
-    settings = {"latency": "delays", "repeats": "repeats"}.get(str(study.get("name")), "cadence")
+    settings = SETTINGS_OPTIONS.get(str(study.get("name")), "cadence")
     options += [("study", study.get("name")), (settings, study.get("settings"))]
     options += [(name, policy.get(name)) for name in ("restore", "adaptive")]
     options.append(("sham", provenance["protocol"].get("sham")))

@@ -24,6 +24,10 @@ _OWN = {
     "cadence": "cadence_sweep:CadenceSweep",
     "latency": "latency_sweep:LatencySweep",
 }
+
+SETTINGS_OPTIONS: Mapping[str, str] = {"cadence": "cadence", "latency": "delays", "repeats": "repeats"}
+"""By study the option that holds its settings, without ``--libero-max-``."""
+
 _NAME = re.compile(r"[a-z][a-z0-9-]*")
 
 
