@@ -5,7 +5,7 @@ from __future__ import annotations
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
 from pytest_libero_max.changes.change import Change, Evidence, Factor
 from pytest_libero_max.changes.fields import ManifestFields, Vector3, number, strength_of, text, vector3
-from pytest_libero_max.changes.inputs import FreezeImages, HideInputs
+from pytest_libero_max.changes.inputs import FreezeImages, HideInputs, SwapImages
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
 from pytest_libero_max.changes.material import CoverEntity, SetTexture, SetVisualTheme
@@ -70,6 +70,7 @@ __all__ = [
     "SetTexture",
     "SetVisualTheme",
     "ShiftCamera",
+    "SwapImages",
     "TurnObject",
     "Vector3",
     "change_from_dict",

@@ -1,4 +1,4 @@
-"""Inputs taken away from a policy: black images, images that stand still, a state of zeros.
+"""Inputs taken away from a policy: images black, still or of another scene, and a state of zeros.
 
 The scene stays as it is. What remains of a policy's success says what it can do without the input.
 """
@@ -11,15 +11,17 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from pytest_libero_max.benchmark.structs import Flag, Positive, Text, rule
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS
+from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
 from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.changes.reversal import Reversal, added_filters
-from pytest_libero_max.worlds.contract import AlterableWorld, Image, PixelFilter
+from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld, Image, PixelFilter, World
 
 _Cameras = Annotated[tuple[Text, ...], rule("a list of camera names")]
+_SomeCameras = Annotated[_Cameras, rule("a list of at least one camera name", min_length=1)]
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class HiddenInputs:
 
 @dataclass(frozen=True)
 class StillImages:
-    """The images of some cameras as they once were.
+    """The images of some cameras as they were once, here or in another scene.
 
     Attributes:
         digest: SHA-256 of the images, hexadecimal.
@@ -62,6 +64,14 @@ class StillImages:
         )
         shown: Image = still[rows][:, columns]
         return shown
+
+
+def _still_images(world: World, cameras: tuple[str, ...], shape: tuple[int, int]) -> StillImages:
+    """Return the images of the cameras as the world shows them now."""
+    shown = world.observe(cameras, shape)
+    images = tuple((camera, shown[f"{camera}_image"].tobytes()) for camera in cameras)
+    digest = hashlib.sha256(repr(cameras).encode() + b"".join(image for _, image in images))
+    return StillImages(digest.hexdigest(), shape, images)
 
 
 class _InputChange(ManifestFields):
@@ -131,16 +141,50 @@ class FreezeImages(_InputChange):
 
     operation: ClassVar[str] = "freeze_images"
 
-    cameras: Annotated[_Cameras, rule("a list of at least one camera name", min_length=1)]
+    cameras: _SomeCameras
     height: Positive
     width: Positive
 
     def _filter(self, world: AlterableWorld) -> PixelFilter:
-        shown = world.observe(self.cameras, (self.height, self.width))
-        images = tuple((camera, shown[f"{camera}_image"].tobytes()) for camera in self.cameras)
-        digest = hashlib.sha256(repr(self.cameras).encode() + b"".join(image for _, image in images))
-        return StillImages(digest.hexdigest(), (self.height, self.width), images)
+        return _still_images(world, self.cameras, (self.height, self.width))
 
     def scaled(self, strength: float) -> FreezeImages | Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+
+@dataclass(frozen=True)
+class SwapImages(_InputChange):
+    """Show the first images of another task of LIBERO from now on: its scene, settled, before any action.
+
+    Attributes:
+        cameras: Names of the cameras.
+        height: Height of the images that are kept, pixels.
+        width: Width of them, pixels.
+        suite: The suite of the other task.
+        task_index: Its position in the suite, from 0.
+        init_state_index: Its initial state.
+
+    Raises:
+        ChangeError: A value breaks its rule.
+    """
+
+    operation: ClassVar[str] = "swap_images"
+
+    cameras: _SomeCameras
+    height: Positive
+    width: Positive
+    suite: Text
+    task_index: Count
+    init_state_index: Count
+
+    def _filter(self, world: AlterableWorld) -> PixelFilter:
+        other = world.other_task(self.suite, self.task_index)
+        other.reset(self.init_state_index)
+        for _ in range(SETTLE_STEPS):
+            other.step(NOOP_ACTION)
+        return _still_images(other, self.cameras, (self.height, self.width))
+
+    def scaled(self, strength: float) -> SwapImages | Nothing:
         """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
         return self if all_or_nothing(self.operation, strength) else Nothing()

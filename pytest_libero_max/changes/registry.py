@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol, cast
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
 from pytest_libero_max.changes.change import Change
-from pytest_libero_max.changes.inputs import FreezeImages, HideInputs
+from pytest_libero_max.changes.inputs import FreezeImages, HideInputs, SwapImages
 from pytest_libero_max.changes.instruction import (
     CancelInstruction,
     ReplaceInstruction,
@@ -60,6 +60,7 @@ _KINDS = (
     # What only the audit and programs use.
     HideInputs,
     FreezeImages,
+    SwapImages,
     OpenGripper,
     BumpObject,
     DelayAnswers,

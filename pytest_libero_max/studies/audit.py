@@ -34,18 +34,22 @@ class Audit(Study):
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
         """Return one arm for each input that the policy is given in the case."""
-        changes = (*_without_images(spec), *_without_state(), *_other_words(case))
+        changes = (*_without_images(spec, case), *_without_state(), *_other_words(case))
         return tuple(Arm(name, (Entry(AtStart(), change),)) for name, change in changes)
 
 
-def _without_images(spec: PolicySpec) -> Iterator[tuple[str, Change]]:
-    from pytest_libero_max.changes.inputs import FreezeImages, HideInputs
+def _without_images(spec: PolicySpec, case: Case) -> Iterator[tuple[str, Change]]:
+    from pytest_libero_max.changes.inputs import FreezeImages, HideInputs, SwapImages
     from pytest_libero_max.worlds.contract import height_and_width
 
     if not spec.cameras:
         return
+    shown = (spec.cameras, *height_and_width(spec.image_size))
     yield "black_images", HideInputs(spec.cameras, state=False)
-    yield "still_images", FreezeImages(spec.cameras, *height_and_width(spec.image_size))
+    yield "still_images", FreezeImages(*shown)
+    other = _task_elsewhere(case)
+    if other is not None:
+        yield "other_images", SwapImages(*shown, other.suite, other.index, case.init_state_index)
     if len(spec.cameras) > 1:
         for camera in spec.cameras:
             yield f"no_{camera}", HideInputs((camera,), state=False)
@@ -75,6 +79,22 @@ def _other_words(case: Case) -> Iterator[tuple[str, Change]]:
         style = "paraphrase"
         reworded = next(one.words for one in rewordings(task.language) if one.style == style)
         yield "paraphrase", SetInstruction(reworded, style)
+
+
+def _task_elsewhere(case: Case) -> Task | None:
+    """Return the next task of the suite that begins in another scene, cyclically; None for none."""
+    from pytest_libero_max.tasks.libero_tasks import tasks
+
+    task = _task_of(case)
+    if task is None:
+        return None
+    suite = tasks(case.suite)
+    following = (*suite[task.index + 1 :], *suite[: task.index])
+    return next((one for one in following if _scene(one) != _scene(task)), None)
+
+
+def _scene(task: Task) -> tuple[object, ...]:
+    return task.arena, frozenset(task.objects), frozenset(task.start)
 
 
 def _task_of(case: Case) -> Task | None:

@@ -364,6 +364,16 @@ class AlterableWorld(OnMujoco, Protocol):
         """Position (3,) and quaternion (4,) wxyz that a parked entity had when it was parked."""
         ...
 
+    def other_task(self, suite: str, index: int) -> World:
+        """Return a world of another task of LIBERO, as it is without variations, to be looked at.
+
+        It is another simulation. Nobody else plays in it until the next world is asked of the substrate.
+
+        Raises:
+            SubstrateError: There is no such task, it is that of this world, or no substrate built this world.
+        """
+        ...
+
     def add_filter(self, filter: PixelFilter) -> None:
         """Let every later image of every camera pass through ``filter``, after those already there."""
         ...

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple
 from hashlib import blake2b
 from types import MappingProxyType
@@ -31,8 +31,10 @@ from pytest_libero_max.worlds.contract import (
     Goal,
     Image,
     ImageSize,
+    OnMujoco,
     PixelFilter,
     Semantics,
+    World,
     WorldState,
 )
 from pytest_libero_max.worlds.guard import ModelGuard
@@ -109,6 +111,9 @@ class MujocoWorld(ABC):
         data: Its data.
         entities: Entities that a case can name. Objects need exactly one free joint on their root body.
         robot: The names of the robot's parts.
+
+    Attributes:
+        open_task: Returns a world of another task; set by the substrate that built this one.
     """
 
     def __init__(
@@ -132,6 +137,7 @@ class MujocoWorld(ABC):
         self._control: Control = "delta"
         self._renderer: Renderer | None = None
         self._guard: ModelGuard | None = None
+        self.open_task: Callable[[str, int], OnMujoco] | None = None
         # Made once: MuJoCo makes a new array of the same memory whenever it is asked for one.
         self._alterable: dict[str, NDArray[Any]] = {field: getattr(model, field) for field in ALTERABLE}
         self._hashed = [array.reshape(-1).data for array in self._alterable.values()]
@@ -462,6 +468,14 @@ class MujocoWorld(ABC):
             raise SubstrateError(f"{name!r} is not parked. {did_you_mean(name, self._parked)}")
         values = np.array(self._parked[name])
         return values[:3], values[3:]
+
+    def other_task(self, suite: str, index: int) -> World:
+        if self.open_task is None:
+            raise SubstrateError(f"{self._scene} was built without a substrate, so it knows no other task.")
+        other = self.open_task(suite, index)
+        if other.model is self._model:
+            raise SubstrateError(f"task {index} of {suite} is the one of this scene. Name another task.")
+        return other
 
     def add_filter(self, filter: PixelFilter) -> None:
         if " at 0x" in repr(filter):

@@ -26,6 +26,7 @@ from pytest_libero_max.changes import (
     SetLamps,
     SetLighting,
     ShiftCamera,
+    SwapImages,
     TurnObject,
 )
 from pytest_libero_max.errors import ChangeError
@@ -77,6 +78,15 @@ def more_changes() -> st.SearchStrategy[Change]:
         ),
         st.builds(HideInputs, st.just(("agentview",)), st.booleans()),
         st.builds(FreezeImages, st.just(("agentview",)), st.just(16), st.just(16)),
+        st.builds(
+            SwapImages,
+            st.just(("agentview",)),
+            st.just(16),
+            st.just(16),
+            st.just("any"),
+            st.just(0),
+            st.just(1),
+        ),
         st.builds(TurnObject, st.sampled_from(SEEN), angles()),
         st.builds(SetInstruction, st.text("abc", min_size=1)),
         st.just(Nothing()),

@@ -160,6 +160,7 @@ def test_an_audit_changes_one_input_and_nothing_else(world: TinyWorld) -> None:
     assert list(arms) == [
         "black_images",
         "still_images",
+        "other_images",
         "no_agentview",
         "no_robot0_eye_in_hand",
         "no_state",
@@ -184,7 +185,8 @@ def test_an_audit_changes_one_input_and_nothing_else(world: TinyWorld) -> None:
                 "no_robot0_eye_in_hand": {"robot0_eye_in_hand_image"},
             }.get(name, set())
             for key, image in images.items():
-                wanted = seen[0][1][key] if name == "still_images" else base[key] * (key not in dark)
+                still = name in ("still_images", "other_images")  # the tiny world knows one task
+                wanted = seen[0][1][key] if still else base[key] * (key not in dark)
                 assert np.array_equal(image, wanted)
             for key in now.keys() - images.keys():
                 rest = [0.0, 0.0, 0.0, 1.0] if key.endswith("_quat") else 0.0
@@ -205,8 +207,11 @@ def test_an_audit_leaves_out_what_a_case_or_a_policy_does_not_have() -> None:
     record = {"case_id": "case", "task_name": tasks("libero_spatial")[0].name}
     words = ["no_state", "no_instruction", "other_instruction", "paraphrase"]
     assert names(Approaching(), record=record) == words
-    one = Approaching(cameras=("agentview",))
-    assert names(one, record=record) == ["black_images", "still_images", *words]
+    one, images = Approaching(cameras=("agentview",)), ["black_images", "still_images", "other_images"]
+    assert names(one, record=record) == [*images, *words]
+    goal = {"case_id": "case", "task_name": tasks("libero_goal")[0].name}
+    assert names(one, record=goal, suite="libero_goal") == [*images[:2], *words]  # one scene for all tasks
+    assert names(one) == [*images[:2], *words[:2]]
     assert names(Approaching(), record=record, source_category="semantic") == words[:3]
     assert names(Approaching(), record=record, source_category="task") == words[:2]
     assert names(Approaching()) == words[:2]

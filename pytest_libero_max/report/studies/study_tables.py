@@ -180,6 +180,7 @@ def _arms(study: Study) -> Iterator[Table]:
 _INPUTS = {
     "black_images": "all images black",
     "still_images": "all images as at the first query",
+    "other_images": "all images as at the first query of another task",
     "no_state": "robot state of zeros",
     "no_instruction": "no instruction",
     "other_instruction": "instruction of another task of the suite",
@@ -214,8 +215,8 @@ def _inputs(study: Study) -> Table:
         "p-value of the exact McNemar test is adjusted for the number of arms (Holm), and decides at 5%. A "
         "policy that reads the simulator (privileged) can do without any of its inputs. Black images, zeros "
         "and missing words are unlike all that a policy was trained on: a loss says that it uses the input, "
-        "and not how. Where the paraphrase or another task's instruction would be the case's own, the arm is "
-        "not played.",
+        "and not how. Where the paraphrase, another task's instruction or its scene would be the case's own, "
+        "the arm is not played.",
         narrow=4,
     )
 

@@ -172,7 +172,7 @@ class EmbeddedSubstrate:
 
     def world(self, case: Case) -> EmbeddedWorld:
         if case.source == "libero":
-            return self._world(case.suite, case.task_index, _AS_IT_IS)
+            return self._task_world(case.suite, case.task_index)
         return self.varied_world(variation_of(case))
 
     def varied_world(self, variation: Variation) -> EmbeddedWorld:
@@ -194,15 +194,19 @@ class EmbeddedSubstrate:
             starts = partial(self._start, suite, index)
             starts(0)  # now, so that the unmodified scene is not built in the middle of building this one
             world = EmbeddedWorld(remodelled(scene, plan), plan, starts)
+        world.open_task = self._task_world
         self._worlds[key] = world
         while len(self._worlds) > self._limit:
             self._worlds.pop(next(iter(self._worlds))).close()
         return world
 
+    def _task_world(self, suite: str, index: int) -> EmbeddedWorld:
+        return self._world(suite, index, _AS_IT_IS)
+
     def _start(self, suite: str, index: int, init: int) -> Mapping[str, Array]:
         key = (suite, index, init)
         if key not in self._starts:
-            self._starts[key] = self._world(suite, index, _AS_IT_IS).start(init)
+            self._starts[key] = self._task_world(suite, index).start(init)
         return self._starts[key]
 
     def fingerprint(self) -> Mapping[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Literal
 
@@ -169,6 +170,7 @@ class LiberoSubstrate:
             self.semantics,
             noise=noise_of(built, scene),
         )
+        world.open_task = partial(self.task_world, seed=seed)
         self._worlds[scene] = world
         return world
 

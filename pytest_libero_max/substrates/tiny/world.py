@@ -161,6 +161,7 @@ class TinyWorld(MujocoWorld):
         self._fingers = [int(model.joint(name).qposadr[0]) for name in _HAND.finger_joints]
         self._finger_dofs = [int(model.joint(name).dofadr[0]) for name in _HAND.finger_joints]
         self._opening = 0.0
+        self._other: TinyWorld | None = None
         self.reset(0)
 
     def _initial_qpos(self, init: int) -> Array:
@@ -209,6 +210,17 @@ class TinyWorld(MujocoWorld):
     def end_effector(self) -> Array:
         position: Array = self._data.site_xpos[self._site].copy()
         return position
+
+    def other_task(self, suite: str, index: int) -> TinyWorld:
+        """Return another world of the only task, whatever is asked for."""
+        if self._other is None:
+            self._other = TinyWorld()
+        return self._other
+
+    def close(self) -> None:
+        if self._other is not None:
+            self._other.close()
+        super().close()
 
     def _decided(self) -> Mapping[str, Any]:
         return {"goal": [["on", "box_1", "plate_1"]], "control": [STEP_M, _SUBSTEPS, _REACH_M, _HAND_START_M]}
