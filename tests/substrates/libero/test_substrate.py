@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.changes import SwapImages
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.pairing.changing import begin_world
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue, variation_of
 from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.substrates.variation import Variation
+from pytest_libero_max.worlds.contract import CAMERAS
 from tests.substrates.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.substrates.libero.data import DATA, needs_package
 from tests.substrates.libero.made_up import case_of, pro_case
@@ -92,6 +95,25 @@ def test_a_write_under_one_variation_does_not_reach_the_next(own: LiberoSubstrat
     assert following.model is world.model
     assert following.model.opt.gravity[2] == pytest.approx(-9.81)
     assert differing(before, every_array(following.model)) == []
+
+
+@needs_package
+def test_another_task_is_looked_at_while_a_pair_is_played(own: LiberoSubstrate) -> None:
+    there = case_of(None, SUITE, 1)
+    begin_world(there, other := own.world(there))
+    first = other.observe(CAMERAS, 64)
+    own.close()
+    for case in (case_of(None, SUITE, 0), own_case("plus", "Camera Viewpoints")):
+        begin_world(case, world := own.world(case))
+        before, state = every_array(world.model), world.snapshot()
+        SwapImages(CAMERAS, 64, 64, SUITE, 1, 0).apply(world)
+        assert differing(before, every_array(world.model)) == []
+        shown = world.observe(CAMERAS, 64)
+        assert all(np.array_equal(shown[f"{name}_image"], first[f"{name}_image"]) for name in CAMERAS)
+        assert set(world.snapshot().differing(state)) == {
+            "controller",
+            "filters",
+        }  # the next look is a fresh one
 
 
 @needs_package
