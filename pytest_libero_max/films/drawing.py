@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
+from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.films.replay import Tick, distinct_arms
 from pytest_libero_max.pairing.record import PROGRAM, ArmRecord, PairRecord
@@ -72,7 +73,7 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
     happened = Counter(
         what
         for firing, what in zip(arm.firings, _names_of_entries(record, name), strict=False)
-        if firing.step <= step < firing.step + EVENT_STEPS
+        if what is not None and firing.step <= step < firing.step + EVENT_STEPS
     )
     found += [
         Label(what if times == 1 else f"{what}, {times} times", EVENT) for what, times in happened.items()
@@ -131,16 +132,17 @@ def shared_steps(record: PairRecord, names: Sequence[str]) -> int:
     return min([*firings, *(arm.steps for arm in arms)])
 
 
-def _names_of_entries(record: PairRecord, name: str) -> list[str]:
-    """Return the words for each entry of an arm's schedule when it happens."""
-    names = []
+def _names_of_entries(record: PairRecord, name: str) -> list[str | None]:
+    """Return the words for each entry of an arm's schedule when it happens; None for one that only waits."""
+    names: list[str | None] = []
     for index, entry in enumerate(record.arms[name].schedule):
         if "reverts" in entry:
             names.append("EVENT taken back")
         elif name == DYNAMIC and index == 0 and PROGRAM not in record.fingerprints:
             names.append(f"EVENT {record.event} v{record.variant}")
         else:
-            names.append(f"EVENT {entry['change'].get('operation', '')}")
+            operation = entry["change"].get("operation", "")
+            names.append(None if operation == Nothing.operation else f"EVENT {operation.replace('_', ' ')}")
     return names
 
 

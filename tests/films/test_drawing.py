@@ -6,6 +6,7 @@ import numpy as np
 from msgspec.structs import replace
 from PIL import ImageColor
 
+from pytest_libero_max.changes import Nothing
 from pytest_libero_max.events.schedules import Arm, Entry, arms_of, change_of, program_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.drawing import EVENT_STEPS, film_frames, labels, shared_steps, strip_px
@@ -48,19 +49,23 @@ def test_the_words_tell_prefix_event_stale_actions_and_end(played: Played) -> No
     assert name not in _words(record, "dynamic", 4 + EVENT_STEPS)
 
 
-def test_what_a_program_does_several_times_is_one_label_that_names_the_change(tmp_path: Path) -> None:
+def test_what_a_program_does_is_one_label_that_names_the_change(tmp_path: Path) -> None:
     case = play(tmp_path).case
     first = Entry(trigger_of(case), change_of(case, 0.5))
     again = Entry(StepsAfter(1), change_of(case, 0.25))
-    program = program_of("moving", (Arm("dynamic", (first, again, again)),))
+    waiting = Entry(StepsAfter(1), Nothing())
+    program = program_of("moving", (Arm("dynamic", (first, again, again, waiting)),))
     laid = case.playing(program)
     record = play(tmp_path, arms_of(laid)).record
     record = replace(record, fingerprints={**record.fingerprints, PROGRAM: "moving"})
     assert [_words(record, "dynamic", step)[0] for step in (4, 5, 6)] == [
-        "EVENT move_object",
-        "EVENT move_object, 2 times",
-        "EVENT move_object, 3 times",
+        "EVENT move object",
+        "EVENT move object, 2 times",
+        "EVENT move object, 3 times",
     ]
+    assert record.arms["dynamic"].firings[-1].step == 7
+    assert _words(record, "dynamic", 7)[0] == "EVENT move object, 3 times"
+    assert not any("nothing" in word for word in _words(record, "dynamic", 7))
 
 
 def test_an_arm_that_completes_the_task_says_so(played: Played) -> None:
