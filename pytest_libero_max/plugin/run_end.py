@@ -13,7 +13,7 @@ import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, text_of
-from pytest_libero_max.plugin.collection import cases_of, only_lists
+from pytest_libero_max.plugin.collection import asked_for, cases_of, manifest_of, only_lists
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
 from pytest_libero_max.plugin.options import Settings, gates_from
 from pytest_libero_max.plugin.processes.retries import set_aside_lines
@@ -97,6 +97,7 @@ class RunEnd:
             measured_before: True if a resumed run had pairs already.
         """
         if store is None:
+            self._say_why_no_pair(session)
             self._fail_gates_without_pairs(session)
             self.config.stash[END_STATUS] = int(session.exitstatus)
             return
@@ -251,6 +252,17 @@ class RunEnd:
                 raised = f"{class_name(error)}: {text_of(error)}"
         self.lines.append(f"The report has no sections of your own: {raised}")
         return report
+
+    def _say_why_no_pair(self, session: pytest.Session) -> None:
+        """Name the options that leave no case, which pytest says with one process and pytest-xdist never."""
+        asked = asked_for(self.config)
+        if session.exitstatus != pytest.ExitCode.NO_TESTS_COLLECTED or not asked or only_lists(self.config):
+            return
+        limit = "" if self.settings.limit is None else " The limit chooses first, -k and -m among its cases."
+        self.lines.append(
+            f"No pair was chosen: {', '.join(asked)} leave none of {len(manifest_of(self.config))} "
+            f"cases.{limit}"
+        )
 
     def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
         """Fail a session whose gates cannot be decided because it planned no pair."""

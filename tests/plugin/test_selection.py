@@ -129,3 +129,12 @@ def test_a_manifest_like_a_released_one_is_told_from_it_in_header_and_reports(
     assert results()[1]["provenance"]["case_set"]["released_as"] == text
     assert text in (folder / "report.md").read_text()
     assert text.replace("'", "&#39;") in (folder / "report.html").read_text()
+
+
+@pytest.mark.parametrize("workers", [(), ("-n", "1")], ids=["plain", "one worker"])
+def test_options_that_leave_no_case_are_named(run: Run, workers: tuple[str, ...]) -> None:
+    done = run("--libero-max-limit=2", "-k", "nosuch", *workers, subprocess=True)
+    assert done.ret == pytest.ExitCode.NO_TESTS_COLLECTED
+    done.stdout.fnmatch_lines(
+        "No pair was chosen: --libero-max-limit=2, -k nosuch leave none of 16 cases. The limit chooses first*"
+    )
