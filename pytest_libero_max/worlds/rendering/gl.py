@@ -85,17 +85,6 @@ def import_robosuite() -> None:
         importlib.import_module("robosuite")
 
 
-def fingerprint() -> dict[str, str]:
-    """Return the backend and its renderer, for the record: pictures depend on both.
-
-    Raises:
-        OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.
-        SimulatorError: None of EGL's devices answers.
-    """
-    backend = prepare()
-    return {"gl": backend, "gl_device": egl.chosen()[0].name} if backend == "egl" else {"gl": backend}
-
-
 @cache
 def _choice() -> tuple[str, str]:
     """Return the backend settled on, and what ``MUJOCO_GL`` said before."""
