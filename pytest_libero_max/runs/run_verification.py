@@ -86,6 +86,11 @@ def _again(record: PairRecord, command: Sequence[str], folder: Path) -> str:
         except (ReportError, OSError, ValueError):
             lines = done.stdout.decode(errors="replace").strip().splitlines()
             return f"could not be played ({lines[-1] if lines else f'exit status {done.returncode}'})"
+    return _differences(record, again)
+
+
+def _differences(record: PairRecord, again: PairRecord) -> str:
+    """Return what differs in the arms, and the renderers where these differ as well; empty for nothing."""
     different = [text for name in record.arms if (text := _difference(name, record, again))]
     then, now = drawn_by(record.fingerprints), drawn_by(again.fingerprints)
     if different and then and now and then != now:
