@@ -15,6 +15,7 @@ from pytest_libero_max.machine import GIB, available_bytes, free_disk_bytes, mem
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import DEFAULT, SUBSTRATES
 from pytest_libero_max.worlds.rendering import egl, gl
+from pytest_libero_max.worlds.rendering.context import drawn_by, fingerprint
 from pytest_libero_max.worlds.versions import PICTURES, version_notes
 
 if TYPE_CHECKING:
@@ -73,11 +74,12 @@ def _rendering() -> Iterator[Finding]:
     try:
         gl.check()
         backend = gl.require()
-        where = "on {}, of {}".format(*egl.chosen()) if backend == "egl" else ""
+        where = " on {}, of {}".format(*egl.chosen()) if backend == "egl" else ""
         from pytest_libero_max.worlds.rendering.renderer import require_images
 
         require_images()
-        yield Finding("ok", f"images with {gl.VARIABLE}={backend} {where}".rstrip())
+        yield Finding("ok", f"images with {gl.VARIABLE}={backend}{where}")
+        yield Finding("ok", f"images are drawn by {drawn_by(fingerprint(images=True))}")
     except ImportError:
         return  # MuJoCo is missing, which has been said
     except LiberoMaxError as error:

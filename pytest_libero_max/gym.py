@@ -202,7 +202,7 @@ class PairedRun:
 
     def _fingerprints(self, env: ArmOfRun, world: World) -> dict[str, str]:
         return {
-            **self._substrates[env.place].fingerprint(),
+            **self._substrates[env.place].fingerprint(images=bool(self.policy.cameras)),
             **scene_fingerprints(world, env.case.init_state_index),
             "adapter": OUTSIDE,
         }

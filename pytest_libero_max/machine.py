@@ -1,10 +1,12 @@
-"""Resources of this machine for a run: memory and disk space."""
+"""Resources of this machine for a run: memory, disk space, the folder of the user's cache."""
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import resource
+from collections.abc import Iterator
 from pathlib import Path
 
 GIB = 2**30
@@ -12,6 +14,7 @@ GIB = 2**30
 _M_MMAP_THRESHOLD = -3
 _LARGE_BLOCK_BYTES = 2**20
 
+_CACHE_VARIABLE = "XDG_CACHE_HOME"
 _CGROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
@@ -75,3 +78,27 @@ def free_disk_bytes(folder: Path) -> int | None:
             return None
         return status.f_bavail * status.f_frsize
     return None
+
+
+def user_cache() -> Path:
+    """Folder of the user's cache: ``XDG_CACHE_HOME`` where that is an absolute path, else ``~/.cache``.
+
+    So says the XDG Base Directory Specification: an empty variable is as good as none, and a relative path
+    is to be ignored.
+    """
+    named = os.environ.get(_CACHE_VARIABLE, "")
+    return Path(named) if Path(named).is_absolute() else Path.home() / ".cache"
+
+
+@contextlib.contextmanager
+def named_user_cache() -> Iterator[None]:
+    """Let others find :func:`user_cache` in the block: Numba takes an empty variable for the current one."""
+    before = os.environ.get(_CACHE_VARIABLE)
+    if before is None:
+        yield
+        return
+    os.environ[_CACHE_VARIABLE] = str(user_cache())
+    try:
+        yield
+    finally:
+        os.environ[_CACHE_VARIABLE] = before

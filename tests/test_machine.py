@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
-from pytest_libero_max.machine import GIB, memory_bytes
+import pytest
+
+from pytest_libero_max.machine import GIB, memory_bytes, named_user_cache, user_cache
 from tests.scripts.measure_memory import private_bytes, resident_bytes
 
 HOLES = """
@@ -67,3 +71,21 @@ def test_a_process_has_less_than_the_machine() -> None:
     assert private > 0
     assert 0 < resident < memory_bytes()
     assert memory_bytes() > GIB / 4
+
+
+@pytest.mark.parametrize(
+    ("named", "expected"),
+    [(None, "home/.cache"), ("", "home/.cache"), ("relative", "home/.cache"), ("/var/mine", "/var/mine")],
+)
+def test_the_users_cache_is_where_xdg_says(
+    named: str | None, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    if named is None:
+        monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    else:
+        monkeypatch.setenv("XDG_CACHE_HOME", named)
+    assert user_cache() == tmp_path / expected
+    with named_user_cache():
+        assert os.environ.get("XDG_CACHE_HOME") in (None, str(tmp_path / expected))
+    assert os.environ.get("XDG_CACHE_HOME") == named

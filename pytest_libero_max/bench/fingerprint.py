@@ -28,6 +28,7 @@ from pytest_libero_max.worlds.contract import (
     World,
     alterable,
 )
+from pytest_libero_max.worlds.rendering.context import RENDERING
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -84,7 +85,7 @@ def take(substrate: Substrate) -> Json:
         "hash": canonical_digest(layers)[:12],
         "substrate": substrate.name,
         "layers": {name: digest[:12] for name, digest in layers.items()},
-        "versions": {"python": platform.python_version(), **substrate.fingerprint()},
+        "versions": {"python": platform.python_version(), **substrate.fingerprint(images=True)},
         "machine": platform.machine(),
         "timings": {name: round(statistics.median(values), 3) for name, values in times.items()},
         "cases": cases,
@@ -293,7 +294,11 @@ def read_fingerprint(path: Path) -> Json:
 
 def fingerprint_lines(found: Json) -> list[str]:
     """Return a fingerprint as lines: the hash to quote, its layers, versions and timings."""
-    versions = ", ".join(f"{name} {value}" for name, value in found["versions"].items() if len(value) < 40)
+    versions = ", ".join(
+        f"{name} {value}"
+        for name, value in found["versions"].items()
+        if name in RENDERING or len(value) < 40  # no digests
+    )
     times = found["timings"]
     return [
         f"{found['substrate']} {found['hash']}",

@@ -33,6 +33,7 @@ from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import CONTROL_HZ, World
+from pytest_libero_max.worlds.rendering.context import RENDERING
 
 SIZE_PX = 256
 """Side of a picture in a film, unless another is asked for."""
@@ -250,12 +251,13 @@ class RecordedRun:
     def drawn_differently(self) -> str | None:
         """Return the renderers here and of the run, where they differ; None where they do not.
 
-        No digest covers the images: two renderers show the same states in slightly different pixels.
+        Only what the run recorded is compared. No digest covers the images: two renderers show the same
+        states in slightly different pixels.
         """
         if not self.stored.records:
             return None
-        then, now = self.stored.records[0].fingerprints, self.substrate.fingerprint()
-        names = [name for name in ("gl", "gl_device") if then.get(name) != now.get(name)]
+        then, now = self.stored.records[0].fingerprints, self.substrate.fingerprint(images=True)
+        names = [name for name in RENDERING if name in then and then[name] != now.get(name)]
         if not names:
             return None
         told = ", ".join(f"{name} {then.get(name)} then, {now.get(name)} here" for name in names)

@@ -57,9 +57,17 @@ def packed(data: dict[str, Any] | None) -> dict[str, Any] | None:
 
 
 def unpacked(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a report from another process as it was before :func:`packed`."""
+    """Return a report from another process as it was before :func:`packed`.
+
+    Its properties are tuples again, which xdist sends as lists. pytest keeps all of them until the process
+    ends, and Python's garbage collector looks at each list every time, but not at a tuple of two texts.
+    """
     if isinstance(data.get(RESULT_ATTRIBUTE), str):
         data[RESULT_ATTRIBUTE] = json.loads(data[RESULT_ATTRIBUTE])
+    if isinstance(data.get("user_properties"), list):
+        data["user_properties"] = [
+            tuple(one) if isinstance(one, list) else one for one in data["user_properties"]
+        ]
     return data
 
 

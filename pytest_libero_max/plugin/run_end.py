@@ -47,7 +47,7 @@ class RunEnd:
         lines: Lines of the summary, in order; those known before the end come first.
         quiet: Lines of the summary of a quiet run.
         notes: Failures beside the pairs, for example of a film.
-        report: As written; None before that.
+        report: As written; None before that, and again when :meth:`finish` has used it.
     """
 
     def __init__(self, config: pytest.Config, settings: Settings, stop: RunStop) -> None:
@@ -113,6 +113,7 @@ class RunEnd:
             again = self._verify(ended)
         except Exception as error:
             again = [f"Played again: no pair: {_text(error)}"]
+        self._records = ()  # the reports are made from what is on disk, so that memory holds it once
         try:
             self._report()
         except Exception as error:
@@ -123,6 +124,9 @@ class RunEnd:
         said, session.exitstatus = self._status(session, measured_before)
         self.config.stash[END_STATUS] = int(session.exitstatus)
         self.lines += said
+        # pytest and Python look through all objects several times more before the process ends: at 80,000
+        # pairs for more than a minute.
+        self.report = self._run = None
 
     def _film(self, ended: int) -> None:
         """Make the films that the options ask for, unless the user has interrupted the run."""

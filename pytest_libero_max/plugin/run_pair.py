@@ -173,7 +173,7 @@ def _measure(request: pytest.FixtureRequest, case: Case, process: PairProcess, p
         )
         process.enter("setup")
     fingerprints = {
-        **substrate.fingerprint(),
+        **substrate.fingerprint(images=bool(policy.spec.cameras)),
         **scene_fingerprints(world, case.init_state_index),
         "adapter": request.config.stash[ADAPTER_DIGEST],
     }

@@ -7,6 +7,7 @@ number.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import START
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.report.report_document import Caveat
+from pytest_libero_max.worlds.rendering.context import drawn_by
 from pytest_libero_max.worlds.versions import is_later_line
 
 _TOKENS = re.compile(
@@ -171,11 +173,18 @@ UNEQUAL_BASES = (
     "something from episode to episode, so that results depend on what was played before."
 )
 
+OTHER_RENDERERS = (
+    "Their images were drawn by another renderer, or another version of it, than those of most pairs, as the "
+    "records say (gl_renderer, gl_version). Pixels may differ, which is enough for a policy that sees to end "
+    "a pair otherwise. Play all pairs on one renderer."
+)
+
 
 def caveats_of(records: Iterable[PairRecord]) -> list[Caveat]:
-    """Return the rules that concern a pair, with how many they concern; in the order of :data:`RULES`."""
+    """Return the caveats that concern a pair, with how many they concern; :data:`RULES` last, in order."""
     pairs = list(records)
     counts = [("unequal_bases", _unequal_bases(pairs), UNEQUAL_BASES)]
+    counts += [("other_renderers", _drawn_otherwise(pairs), OTHER_RENDERERS)]
     counts += [(rule.name, sum(map(rule.concerns, pairs)), rule.text) for rule in RULES]
     return [
         Caveat(name=name, pairs=count, played=len(pairs), text=text) for name, count, text in counts if count
@@ -203,6 +212,12 @@ def _unequal_bases(records: Iterable[PairRecord]) -> int:
             proof = record.arms[BASE].proof
             unequal += bases.setdefault(key, proof) != proof
     return unequal
+
+
+def _drawn_otherwise(records: Iterable[PairRecord]) -> int:
+    """Count the pairs with another renderer than most; not those whose renderer is not recorded."""
+    drawn = Counter(name for record in records if (name := drawn_by(record.fingerprints)))
+    return drawn.total() - max(drawn.values(), default=0)
 
 
 def caveat_text(caveat: Caveat) -> str:

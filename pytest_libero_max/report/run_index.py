@@ -20,6 +20,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import report_of, write_text
 from pytest_libero_max.report.writers.summary import cases_title
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, read_pairs
+from pytest_libero_max.worlds.rendering.context import DEVICE, drawn_by
 
 DIGITS = 12
 """Hexadecimal digits of a digest that are shown."""
@@ -198,7 +199,7 @@ def _versions(stored: StoredRun) -> str:
     told = sorted(
         {
             f"MuJoCo {record.fingerprints.get('mujoco', 'not recorded')}, "
-            f"{record.fingerprints.get('gl_device', 'renderer not recorded')}"
+            + (drawn_by(record.fingerprints) or record.fingerprints.get(DEVICE, "renderer not recorded"))
             for record in stored.records
         }
     )

@@ -13,11 +13,12 @@ from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.profile import declares_weights
 from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.worlds.rendering.context import RENDERING
 
 _IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in PairRecord.__struct_fields__)
 """Fields that a record has in common with the pair as it was planned."""
 
-MACHINE = ("gl", "gl_device", "blas")
+MACHINE = (*RENDERING, "blas")
 """Fingerprints in which pairs of one measurement may differ: the renderer, and the kind of processor."""
 
 _PROCESSOR = "blas"

@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
+from pytest_libero_max.machine import user_cache
 from pytest_libero_max.runs.provenance import package_versions, processor
 
 _DRAWING = ("MUJOCO_GL", "GALLIUM_DRIVER", "LIBGL_ALWAYS_SOFTWARE", "EGL_PLATFORM", "OPENBLAS_CORETYPE")
@@ -52,8 +53,7 @@ def fingerprint_text(provenance: Json) -> str:
 
 
 def _folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "pytest-libero-max" / "fingerprints"
+    return user_cache() / "pytest-libero-max" / "fingerprints"
 
 
 def _path(substrate: Json) -> Path:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.runs.replay_command import OUTPUT, replay_command
 from pytest_libero_max.runs.store import StoredRun, read_pairs
+from pytest_libero_max.worlds.rendering.context import drawn_by
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.record import PairRecord
@@ -85,7 +86,15 @@ def _again(record: PairRecord, command: Sequence[str], folder: Path) -> str:
         except (ReportError, OSError, ValueError):
             lines = done.stdout.decode(errors="replace").strip().splitlines()
             return f"could not be played ({lines[-1] if lines else f'exit status {done.returncode}'})"
+    return _differences(record, again)
+
+
+def _differences(record: PairRecord, again: PairRecord) -> str:
+    """Return what differs in the arms, and the renderers where these differ as well; empty for nothing."""
     different = [text for name in record.arms if (text := _difference(name, record, again))]
+    then, now = drawn_by(record.fingerprints), drawn_by(again.fingerprints)
+    if different and then and now and then != now:
+        different.append(f"images drawn by {then} then, {now} here")
     return "; ".join(different)
 
 

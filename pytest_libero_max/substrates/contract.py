@@ -37,10 +37,13 @@ class Substrate(Protocol):
         """
         ...
 
-    def fingerprint(self) -> Mapping[str, str]:
+    def fingerprint(self, images: bool = False) -> Mapping[str, str]:
         """Return what could change a result in every scene: package versions, installation, GL backend.
 
         The content of a single scene is in :meth:`~pytest_libero_max.worlds.contract.World.scene_fields`.
+
+        Args:
+            images: True to name as well what draws images, for which a GL context may have to be opened.
         """
         ...
 

@@ -7,14 +7,18 @@ from typing import Any
 
 import numba
 
+from pytest_libero_max.machine import named_user_cache
+
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that Numba compiles at its first call and keeps on disk, where a folder is writable.
 
-    The folder is ``NUMBA_CACHE_DIR``, else that of the function's module, else the user's cache.
+    The folder is ``NUMBA_CACHE_DIR``, else that of the function's module, else the user's cache
+    (:func:`~pytest_libero_max.machine.user_cache`).
     """
     try:
-        return numba.njit(cache=True)(function)  # type: ignore[no-any-return]
+        with named_user_cache():
+            return numba.njit(cache=True)(function)  # type: ignore[no-any-return]
     except RuntimeError:  # no folder: each process compiles for itself
         return numba.njit(function)  # type: ignore[no-any-return]
 

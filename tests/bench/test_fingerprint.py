@@ -15,7 +15,10 @@ from pytest_libero_max.bench import fingerprint
 from pytest_libero_max.bench.fingerprint import LAYERS, comparison_lines, fingerprint_lines
 from pytest_libero_max.cli import main
 from pytest_libero_max.substrates.tiny.world import TinyWorld
+from pytest_libero_max.worlds.rendering.context import RENDERER, VERSION
 from tests.pairing.actors import make_case
+
+MESA = "4.5 (Compatibility Profile) Mesa 22.3.6-1+deb12u2"
 
 
 class Tiny:
@@ -29,8 +32,8 @@ class Tiny:
     def world(self, case: Any) -> TinyWorld:
         return self.opened
 
-    def fingerprint(self) -> dict[str, str]:
-        return {"mujoco": "3.3.7"}
+    def fingerprint(self, images: bool = False) -> dict[str, str]:
+        return {"mujoco": "3.3.7", **({RENDERER: "llvmpipe", VERSION: MESA} if images else {})}
 
     def close(self) -> None:
         self.opened.close()
@@ -69,6 +72,7 @@ def test_an_installation_has_one_hash_and_layers_are_told_apart(
     assert comparison_lines(first, again)[0] == f"{first['hash']} equals {again['hash']}"
     assert not differing(first, again)
     assert fingerprint_lines(first)[0] == f"tiny {first['hash']}"
+    assert f"gl_renderer llvmpipe, gl_version {MESA}; " in fingerprint_lines(first)[2]
 
     drawn = TinyWorld._drawn
     monkeypatch.setattr(TinyWorld, "_drawn", lambda *given: np.minimum(drawn(*given), 254) + 1)

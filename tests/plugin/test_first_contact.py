@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.rendering.context import RENDERING
 from tests.plugin.conftest import REACHER
 
 Run = Callable[..., pytest.RunResult]
-Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
 
 WITHOUT_WEIGHTS = (
     "import os\nif 'NO_WEIGHTS' in os.environ:\n    raise OSError('no weights here')\n" + REACHER
@@ -215,3 +216,18 @@ INTERRUPTS = """
         if pairs.exists() and len(pairs.read_text().splitlines()) > 1:  # the run, and a pair
             raise KeyboardInterrupt
 """
+
+
+def test_each_pair_of_a_policy_that_sees_says_what_drew_its_images(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(sees=REACHER.replace("cameras=()", "cameras=('agentview',)"))
+    assert run("-k", "camera_shift", policy="sees.py").ret == 0
+    first, later = (pair["fingerprints"] for pair in results()[0])
+    assert first["gl_renderer"]
+    assert [later[name] for name in RENDERING] == [first[name] for name in RENDERING]
+    shown = f"{first['gl_renderer']}, OpenGL {first['gl_version']}"
+    assert shown in (pytester.path / "libero-max-results/report.html").read_text()
+    assert run("-k", "camera_shift", "--libero-max-output=blind").ret == 0
+    for pair in results("blind")[0]:
+        assert {"gl_renderer", "gl_version"}.isdisjoint(pair["fingerprints"])

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import re
 from collections.abc import Callable
 from typing import Any
@@ -87,3 +88,11 @@ def test_no_record_stays_in_memory_with_its_report(
     assert done.ret == 0
     done.stdout.fnmatch_lines(["*short test summary info*", "*Base *after*"])
     assert re.search(r"^kept [1-9]\d* 0$", str(done.stdout), re.MULTILINE)
+
+
+def test_properties_that_another_process_sent_are_tuples_which_the_collector_does_not_look_at() -> None:
+    data = unpacked({"outcome": "passed", "user_properties": [["libero_max_outcome", "robust_success"]]})
+    (pair,) = data["user_properties"]
+    assert pair == ("libero_max_outcome", "robust_success")
+    gc.collect()
+    assert not gc.is_tracked(pair)

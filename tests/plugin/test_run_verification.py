@@ -12,8 +12,9 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.runs.run_verification import chosen
+from pytest_libero_max.runs.run_verification import _differences, chosen
 from tests.plugin.conftest import REACHER, tiny_manifest
+from tests.report.made_up import plan, record_of
 
 Run = Callable[..., pytest.RunResult]
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
@@ -135,3 +136,17 @@ def test_each_suite_has_its_turn() -> None:
 def test_a_number_of_pairs_that_is_none_is_refused(run: Run) -> None:
     result = run("--libero-max-verify=some")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
+
+
+def test_a_pair_that_ends_otherwise_on_another_renderer_names_both() -> None:
+    def drawn(mesa: str, dynamic: bool) -> PairRecord:
+        prints = {"gl_renderer": "llvmpipe", "gl_version": f"4.5 Mesa {mesa}"} if mesa else {"gl": "egl"}
+        return record_of(plan()[0], True, dynamic, fingerprints=prints)
+
+    then = drawn("22.3.6", True)
+    other = "dynamic: success True, then False"
+    renderers = "images drawn by llvmpipe, OpenGL 4.5 Mesa 22.3.6 then, llvmpipe, OpenGL 4.5 Mesa 26.2.6 here"
+    assert _differences(then, drawn("26.2.6", False)) == f"{other}; {renderers}"
+    assert _differences(then, drawn("22.3.6", False)) == other
+    assert _differences(drawn("", True), drawn("26.2.6", False)) == other  # not recorded then
+    assert _differences(then, drawn("26.2.6", True)) == ""

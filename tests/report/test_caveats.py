@@ -163,3 +163,12 @@ def test_pairs_with_equal_starts_have_equal_bases() -> None:
     noisy = {**POLICY, "repeatable": False}
     assert names(one, starting("bb", policy=noisy)) == {"not_repeatable": 1}
     assert names(pair(base_digest="aa"), pair(base_digest="bb")) == {}, "records of earlier versions"
+
+
+def test_pairs_that_another_renderer_drew_than_most_are_counted() -> None:
+    def drawn(mesa: str) -> PairRecord:
+        return pair(fingerprints={"gl_renderer": "llvmpipe", "gl_version": f"4.5 Mesa {mesa}"})
+
+    most, other, unknown = drawn("22.3.6"), drawn("26.2.6"), pair()
+    assert names(most, most, other, unknown) == {"other_renderers": 1}
+    assert names(most, unknown) == names(unknown) == names() == {}

@@ -41,6 +41,12 @@ def test_another_kind_of_processor_may_round_a_scene_differently() -> None:
         add({"scene": GOAL, "blas": "Zen"}, {"blas": "Haswell"}, {"scene": other, "blas": "Zen"})
 
 
+def test_pairs_of_other_renderers_and_of_records_without_one_are_of_one_measurement() -> None:
+    old = {"gl": "egl", "gl_device": "software"}
+    new = {**old, "gl_renderer": "llvmpipe", "gl_version": "4.5 Mesa 22.3.6"}
+    add(new, new | {"gl_version": "4.5 Mesa 26.2.6"}, old, {"gl": "osmesa"})
+
+
 def test_digests_of_source_code_agree_with_themselves_alone() -> None:
     add({"assets": "1"}, {"assets": "1"})
     with pytest.raises(OtherRunError, match=r"fingerprints\.assets: '1', '2'\. All pairs"):

@@ -10,6 +10,7 @@ from pytest_libero_max.runs import outcomes
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, read_pairs
+from pytest_libero_max.worlds.rendering.context import RENDERER, VERSION
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 
 
@@ -22,12 +23,16 @@ def _written(folder: Path, seed: int) -> Path:
     pairs = plan()
     store = PairStore(folder, Run(tuple(pairs), PROVENANCE))
     store.append(error_of(pairs[0]))
-    store.append(record_of(pairs[0], True, False))
-    store.append(record_of(pairs[1], True, True, **NEVER_TRIGGERED))
+    store.append(record_of(pairs[0], True, False, fingerprints=_drawn_by("26.2.6")))
+    store.append(record_of(pairs[1], True, True, **NEVER_TRIGGERED, fingerprints=_drawn_by("22.3.6")))
     for record in records_of(pairs[2:], seed):
         store.append(record)
     store.close()
     return folder
+
+
+def _drawn_by(mesa: str) -> dict[str, str]:
+    return {"substrate": "embedded", RENDERER: "llvmpipe", VERSION: f"4.5 Mesa {mesa}"}
 
 
 def _same(one: RunOutcomes, other: RunOutcomes) -> bool:
@@ -36,12 +41,14 @@ def _same(one: RunOutcomes, other: RunOutcomes) -> bool:
         one.run == other.run
         and one.case_ids == other.case_ids
         and one.policy == other.policy
+        and (one.scenes, one.renderers) == (other.scenes, other.renderers)
         and all(np.array_equal(first, second) for first, second in columns)
     )
 
 
 def test_the_fast_way_says_what_the_records_say(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     expected = RunOutcomes.of(read_pairs(folder))
+    assert expected.renderers == ("llvmpipe, OpenGL 4.5 Mesa 22.3.6", "llvmpipe, OpenGL 4.5 Mesa 26.2.6")
     monkeypatch.setattr(outcomes, "read_pairs", lambda path: pytest.fail("all of the records was decoded"))
     assert _same(read_outcomes(folder), expected)
     assert _same(read_outcomes(folder / "pairs.jsonl"), expected)

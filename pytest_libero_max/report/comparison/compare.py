@@ -253,6 +253,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         differences=[
             *_differences(outcomes),
             *_scene_differences(outcomes, [pair.case_id for pair in common.planned]),
+            *_renderer_differences(outcomes),
         ],
         runs=rows,
         apart=[apart_run(name, run) for name, run in apart.items()],
@@ -353,6 +354,13 @@ def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) ->
             values[name] = "recorded"
     if len(set(values.values())) > 1:
         yield RunDifference(field="scenes", values=values)
+
+
+def _renderer_differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
+    """Name what drew the images of each run, where runs differ; null where a run had none or does not say."""
+    values = {name: "; ".join(run.renderers) or None for name, run in runs.items()}
+    if len({*values.values()} - {None}) > 1:
+        yield RunDifference(field="renderers", values=values)
 
 
 def _lowest_event(by_event: Mapping[str, PairedResult]) -> LowestEvent:

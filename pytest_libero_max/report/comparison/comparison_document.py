@@ -50,8 +50,8 @@ class RunDifference(Block, frozen=True, kw_only=True):
     """Something in which the runs differ: beside their policies, or in how these ask.
 
     Attributes:
-        field: Place in the provenance; H, Q or repeatable of the policy; or scenes: what the cases were
-            played in, as their records say.
+        field: Place in the provenance; H, Q or repeatable of the policy; or what the records say: scenes,
+            what the cases were played in, and renderers, what drew their images.
         values: Its value in every run; None where it has none. For scenes, the number of cases that differ
             from the first run.
     """
@@ -320,8 +320,8 @@ class Comparison(Block, frozen=True, kw_only=True):
         pairs: Cases that are compared, and those that are not.
         substrate: The substrate of the runs, and the standing of its scores.
         differences: Everything in which the runs differ beside their policies: substrate with semantics,
-            instruction source, variations and installations; protocol; cases; versions. Of the policies H
-            (chunk size), Q (execution horizon) and whether they are repeatable.
+            instruction source, variations and installations; protocol; cases; versions; renderers. Of the
+            policies H (chunk size), Q (execution horizon) and whether they are repeatable.
         runs: One entry a compared run, in the order given.
         apart: Runs of policies that do not support all suites of the others, where two others are left to
             compare. They change nothing else here.

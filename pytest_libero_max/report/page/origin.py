@@ -9,6 +9,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.query_times import query_times
 from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.worlds.rendering.context import DEVICE, drawn_by
 
 _NOT_RECORDED = "not recorded"
 
@@ -42,10 +43,13 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
     found = {
         f"{name} {record.fingerprints[name]}"
         for record in stored.records
-        for name in ("gl_device", "blas")
+        for name in (DEVICE, "blas")
         if record.fingerprints.get(name)
     }
     yield "machine", ", ".join([*machine, *sorted(found)]) or _NOT_RECORDED
+    drawn = Counter(name for record in stored.records if (name := drawn_by(record.fingerprints)))
+    if drawn:
+        yield "images drawn by", _counted(drawn, "; ") if len(drawn) > 1 else next(iter(drawn))
     git = origin.get("git")
     if git:
         yield "repository", f"{git['commit'][:12]}{', with changes' if git['dirty'] else ''}"
@@ -73,10 +77,14 @@ def _percentile(times: Counter[float], share: float) -> float:
 
 def _servers(stored: StoredRun) -> Iterator[tuple[str, str]]:
     """Yield the servers that answered, with their numbers of pairs; nothing where it was one."""
-    answered = Counter(record.timings.get("server") for record in stored.records)
-    answered.pop(None, None)
+    answered = Counter(name for record in stored.records if (name := record.timings.get("server")))
     if len(answered) > 1:
-        yield "servers", ", ".join(f"{server} ({pairs} pairs)" for server, pairs in sorted(answered.items()))
+        yield "servers", _counted(answered, ", ")
+
+
+def _counted(pairs: Counter[str], separator: str) -> str:
+    """Return names with their numbers of pairs."""
+    return separator.join(f"{name} ({number} pairs)" for name, number in sorted(pairs.items()))
 
 
 def _duration(stored: StoredRun) -> str:

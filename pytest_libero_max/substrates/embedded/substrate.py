@@ -23,7 +23,7 @@ from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Goal
 from pytest_libero_max.worlds.privileged import Fact, GraspablePart, facts
-from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.rendering import context, gl
 from pytest_libero_max.worlds.robosuite_world import RobosuiteWorld
 
 gl.prepare()
@@ -209,19 +209,21 @@ class EmbeddedSubstrate:
             self._starts[key] = self._task_world(suite, index).start(init)
         return self._starts[key]
 
-    def fingerprint(self) -> Mapping[str, str]:
-        """Return the versions of the packages that compute results, the GL backend and the BLAS."""
-        return self._fingerprint
+    def fingerprint(self, images: bool = False) -> Mapping[str, str]:
+        """Return the versions of the packages that compute results, the GL backend and the BLAS.
+
+        Args:
+            images: See :func:`~pytest_libero_max.worlds.rendering.context.fingerprint`.
+        """
+        return {"substrate": NAME, **self._packages, **context.fingerprint(images), **self._blas}
 
     @cached_property
-    def _fingerprint(self) -> Mapping[str, str]:
-        packages = {package: version(package) for package in _RESULT_PACKAGES}
-        return {
-            "substrate": NAME,
-            **packages,
-            **gl.fingerprint(),
-            **threads.fingerprint(),
-        }
+    def _packages(self) -> Mapping[str, str]:
+        return {package: version(package) for package in _RESULT_PACKAGES}
+
+    @cached_property
+    def _blas(self) -> Mapping[str, str]:
+        return threads.fingerprint()
 
     def close(self) -> None:
         for world in self._worlds.values():

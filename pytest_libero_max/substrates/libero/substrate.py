@@ -26,7 +26,7 @@ from pytest_libero_max.substrates.libero.world import LiberoWorld
 from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Semantics
-from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.rendering import context
 from pytest_libero_max.worlds.versions import version_notes
 
 if TYPE_CHECKING:
@@ -185,8 +185,12 @@ class LiberoSubstrate:
                 self._worlds.pop(next(iter(self._worlds))).close()
             gc.collect()
 
-    def fingerprint(self) -> Mapping[str, str]:
-        """Return versions of packages that compute results, the GL backend, digests of the installation."""
+    def fingerprint(self, images: bool = False) -> Mapping[str, str]:
+        """Return versions of packages that compute results, the GL backend, digests of the installation.
+
+        Args:
+            images: See :func:`~pytest_libero_max.worlds.rendering.context.fingerprint`.
+        """
         packages = {package: version(package) for package in _RESULT_PACKAGES}
         installations: dict[str, str] = {
             found.flavour: f"{found.version} sources {found.sources} assets {found.contents}"
@@ -199,7 +203,7 @@ class LiberoSubstrate:
             "source_variations": "installed" if self._variation_of is None else "own",
             **installations,
             **packages,
-            **gl.fingerprint(),
+            **context.fingerprint(images),
             **threads.fingerprint(),
         }
 

@@ -16,6 +16,7 @@ import types
 from functools import cache
 
 from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
+from pytest_libero_max.machine import named_user_cache
 from pytest_libero_max.worlds.rendering import egl
 
 VARIABLE = "MUJOCO_GL"
@@ -79,21 +80,10 @@ def require() -> str:
 
 
 def import_robosuite() -> None:
-    """Import robosuite as :func:`prepare` settles it, whatever device draws."""
+    """Import robosuite as :func:`prepare` settles it, whatever device draws; its loops are kept by Numba."""
     prepare()
-    with egl.unasked():
+    with egl.unasked(), named_user_cache():
         importlib.import_module("robosuite")
-
-
-def fingerprint() -> dict[str, str]:
-    """Return the backend and its renderer, for the record: pictures depend on both.
-
-    Raises:
-        OptionError: ``MUJOCO_EGL_DEVICE_ID`` names a device that does not exist.
-        SimulatorError: None of EGL's devices answers.
-    """
-    backend = prepare()
-    return {"gl": backend, "gl_device": egl.chosen()[0].name} if backend == "egl" else {"gl": backend}
 
 
 @cache

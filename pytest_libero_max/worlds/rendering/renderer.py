@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import atexit
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import LiberoMaxError, SimulatorError, SubstrateError, did_you_mean
+from pytest_libero_max.errors import SimulatorError, SubstrateError, did_you_mean
 from pytest_libero_max.worlds.contract import Image, ImageSize, height_and_width
-from pytest_libero_max.worlds.rendering import egl, gl
+from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.rendering.context import shared_context
 from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part, Pieces, hulls_of
 
 gl.prepare()
@@ -268,7 +267,7 @@ class Renderer:
                 self._uploaded.free()
 
     def _prepare(self, size: int) -> None:
-        _shared_context().make_current()
+        shared_context().make_current()
         shadows = bool(self._model.light_castshadow.any())
         if self._uploaded is not None and not self._uploaded.suits(size, shadows):
             self.close()
@@ -372,7 +371,7 @@ class _Uploaded:
         if not self.freed:
             self.freed = True
             _in_use.discard(self)
-            _shared_context().make_current()
+            shared_context().make_current()
             self.context.free()
 
 
@@ -454,34 +453,3 @@ def require_images() -> None:
 _ONE_BALL = """<mujoco><worldbody>
   <light pos="0 0 3" castshadow="false"/><camera name="eye" pos="0 0 2"/><geom size="0.5" group="1"/>
 </worldbody></mujoco>"""
-
-
-@cache
-def _shared_context() -> Any:
-    """Return the GL context of this process; it needs no size, as all drawing is into framebuffer objects."""
-    backend = gl.require()
-    try:
-        if backend == "egl":
-            from mujoco.egl import GLContext
-
-            with egl.selected():
-                context = GLContext(1, 1)
-        else:
-            from mujoco.osmesa import GLContext
-
-            context = GLContext(1, 1)
-        context.make_current()
-    except LiberoMaxError:
-        raise
-    except Exception as error:  # whatever a driver raises, it means that images cannot be had
-        raise SimulatorError(f"The OpenGL backend {backend!r} gives no context: {error}") from error
-    atexit.register(_free, context)
-    return context
-
-
-def _free(context: Any) -> None:
-    """Free the GL context before the interpreter does, which would come too late and complain about it."""
-    try:
-        context.free()
-    except Exception:  # robosuite, where it has rendered as well, has closed the display already
-        context._context = None

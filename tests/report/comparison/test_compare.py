@@ -444,6 +444,30 @@ def test_many_runs_count_their_contrasts_by_event() -> None:
     assert cells.count(["camera_shift", "0", "of", "3"]) == 2
 
 
+def test_runs_that_were_drawn_by_other_renderers_are_named() -> None:
+    run = _run(ALWAYS)
+
+    def drawn(**prints: str) -> StoredRun:
+        records = (
+            structs.replace(one, fingerprints={"substrate": "embedded", **prints}) for one in run.records
+        )
+        return replace(run, records=tuple(records))
+
+    old, new = drawn(gl_device="software"), drawn(gl_renderer="llvmpipe", gl_version="4.5 Mesa 22.3.6")
+    other = drawn(gl_renderer="llvmpipe", gl_version="4.5 Mesa 26.2.6")
+    [difference] = plain(compare_runs({"old": old, "new": new, "other": other}))["differences"]
+    assert difference == {
+        "field": "renderers",
+        "values": {
+            "old": None,
+            "new": "llvmpipe, OpenGL 4.5 Mesa 22.3.6",
+            "other": "llvmpipe, OpenGL 4.5 Mesa 26.2.6",
+        },
+    }
+    for pair in ({"old": old, "new": new}, {"one": new, "two": new}):
+        assert plain(compare_runs(pair))["differences"] == []  # not recorded is not another one
+
+
 def _with_scenes(*scenes: str) -> StoredRun:
     run = _run(ALWAYS)
     prints = [{"scene": scene, "start": "1"} if scene else {"assets": "1"} for scene in scenes]

@@ -287,6 +287,7 @@ def _runs(count: int, **provenance: Json) -> dict[str, RunOutcomes]:
             ),
             policy={**POLICY, "name": f"policy & {name}"},
             scenes=("",) * 64,
+            renderers=(),
         )
         for name in range(count)
     }  # fmt: skip
