@@ -315,6 +315,10 @@ processes were busy, pairs a second and delays are what was seen there, and not 
 At a load of 4, 256 workers that take a second for a pair were fed: 256 pairs a second, each stored 0.2 s
 after it ended; so were 64 with a quarter of a second. Ten times as many pairs cost as much processor time a
 pair: 80,000 by 2 workers, whose reports and end took 70 s and 5 GB.
+
+These 80,000 were measured before a run let go of its records when its summary is known. Until the process
+ended, pytest and Python looked through all of them a dozen times: for 20,000 pairs 25 s, and 4 s since
+then, at a load of 4 to 5; the most memory of such a run was 1.35 GB, and is 1.06.
 """
 
 _TAIL = """
